@@ -1,0 +1,46 @@
+# make demo   run the main job live: node, replayed recording, table, picture
+# make test   run every test
+# make lint   ruff and mypy
+# make clean  remove what make made
+#
+# With a sourced Jazzy (ROS_DISTRO=jazzy) the environment uses that; otherwise ROS 2 comes from PyPI. Never both.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+WORKERS ?= 4
+DATA ?=
+
+ifeq ($(ROS_DISTRO),jazzy)
+  VENV_OPTIONS := --system-site-packages
+  EXTRAS := dev
+else
+  VENV_OPTIONS :=
+  EXTRAS := ros,dev
+endif
+
+READY := $(VENV)/.ready-$(EXTRAS)
+
+.PHONY: environment demo test lint clean
+environment: $(READY)
+
+$(READY): setup.py
+	@echo "Making the environment in $(VENV) (once; downloads about 400 MB) ..."
+	@$(PYTHON) -m venv --clear $(VENV_OPTIONS) $(VENV)
+	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
+	@touch $@
+
+demo: $(READY)
+	$(BIN)/socialcircle demo $(DATA)
+
+test: $(READY)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+clean:
+	rm -rf $(VENV) build install log out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +

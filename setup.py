@@ -1,0 +1,75 @@
+"""The ament_python package: metadata, entry points and data files."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = 'socialcircle_ros'
+HERE = Path(__file__).resolve().parent
+
+# ROS 2 Jazzy's client library as wheels, for a machine without Jazzy's own packages.
+ROS = [
+    'ros-jazzy-rclpy==7.1.6',
+    'ros-jazzy-common-interfaces==5.3.6',
+    'ros-jazzy-rmw-fastrtps-cpp==8.4.3',
+    'ros-jazzy-ament-index-python==1.8.1',
+]
+PICTURES = ['matplotlib>=3.6']
+TEST = [
+    'pytest>=7.4',
+    'pytest-xdist>=3.4',
+    'hypothesis>=6.98',
+    'rosbags>=0.10',
+]
+LINT = ['ruff==0.17.6', 'mypy==2.4.1', 'types-PyYAML']
+
+
+def shared(folder: str, pattern: str) -> tuple[str, list[str]]:
+    """Files of `folder` to be installed under share/, as setuptools wants them: relative."""
+    files = sorted(path for path in (HERE / folder).glob(pattern) if path.is_file())
+    return f'share/{NAME}/{folder}', [str(path.relative_to(HERE)) for path in files]
+
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Outlier removal for organized point clouds of optical microscopes, in ROS 2',
+    long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    license='Apache-2.0',
+    maintainer='socialcircle_ros maintainers',
+    maintainer_email='maintainers@socialcircle.dev',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed', 'node/*.xml', 'recording/definitions/*']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        shared('launch', '*.launch.py'),
+        shared('config', '*'),
+        shared('bags', '*.mcap'),
+    ],
+    python_requires='>=3.10',
+    install_requires=[
+        'setuptools',
+        'numpy>=1.26',
+        'numba>=0.58',
+        'mcap>=1.2',
+        'mcap-ros2-support>=0.5',
+        'PyYAML>=6',
+        'click>=8.1',
+        'rich>=13',
+    ],
+    extras_require={
+        'ros': ROS,
+        'pictures': PICTURES,
+        'test': [*TEST, *PICTURES],
+        'dev': [*TEST, *PICTURES, *LINT],
+    },
+    zip_safe=True,
+    entry_points={
+        'console_scripts': [
+            'socialcircle = socialcircle_ros.commands.main:main',
+            'social_circle_node = socialcircle_ros.node.main:main',
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""The `socialcircle` command line."""

@@ -1,0 +1,1 @@
+"""Scores, experiments and benchmarks."""

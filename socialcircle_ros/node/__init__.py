@@ -1,0 +1,1 @@
+"""The only rclpy code: lifecycle node, parameters, worker, health."""

@@ -1,0 +1,1 @@
+"""A virtual focus-variation instrument: stacks and clouds with known truth."""
