@@ -247,6 +247,9 @@ def _within(name: str, number: float, limits: Limits) -> float:
     return number
 
 
+VOTERS = 40_000
+"""Most points that a vote region may have."""
+
 Mode = Literal['paper']
 
 
@@ -297,6 +300,11 @@ class CircleSettings(Settings):
             raise SettingError(
                 f'circle.vote_region {list(region)} is empty; give a height and a width of at least 1,'
                 ' better 60, or [0, 0, 0, 0] to have it chosen.'
+            )
+        if region is not None and region[2] * region[3] > VOTERS:
+            raise SettingError(
+                f'circle.vote_region {list(region)} has {region[2] * region[3]} points; at most {VOTERS} can'
+                ' vote, such as 200×200, since each votes for each.'
             )
         if self.radius == 0.0:
             raise SettingError('circle.radius must be above 0; None has it found by eq. 7.')
