@@ -6,8 +6,10 @@ A settings object is valid once it exists: making one checks each value, then th
 """
 
 import dataclasses
+import json
 import math
 import operator
+import textwrap
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -332,6 +334,16 @@ class NodeSettings(Settings):
         True,
         'Whether a change of parameters filters and publishes the last cloud again, to tune on a pause.',
     )
+    parameters_file: str = setting(
+        '', 'Where ~/save_parameters writes; empty: a file named after the node, in ~/.ros/socialcircle.'
+    )
+    silence: float = setting(
+        5.0,
+        'Time without a cloud from a publisher that is there, after which diagnostics say so; 0: never.',
+        unit='s',
+        minimum=0.0,
+        maximum=86400.0,
+    )
 
 
 GROUPS: tuple[type[Settings], ...] = (CircleSettings, OutputSettings, NodeSettings)
@@ -339,3 +351,29 @@ GROUPS: tuple[type[Settings], ...] = (CircleSettings, OutputSettings, NodeSettin
 
 PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in group.parameters()}
 """Every parameter of the node by its full name."""
+
+
+def yaml_text(values: Mapping[str, RosValue]) -> str:
+    """A parameter file that a node starts from, each parameter of the table under its sentence.
+
+    It applies to a node of any name in any namespace. Names beyond the table (such as qos_overrides) follow
+    at the end, without a sentence.
+
+    Args:
+        values: full names to values; a parameter of the table that is missing gets its default.
+    """
+    lines = ['/**:', '  ros__parameters:']
+    for name, row in PARAMETERS.items():
+        unit = f' [{row.unit}]' if row.unit else ''
+        comment = f'{row.sentence} Allowed: {row.allowed}.{unit}'
+        lines += textwrap.wrap(comment, 100, initial_indent='    # ', subsequent_indent='    # ')
+        lines += [f'    {name}: {_yaml_value(values.get(name, row.default))}', '']
+    for name in values:
+        if name not in PARAMETERS:
+            lines.append(f'    {name}: {_yaml_value(values[name])}')
+    return '\n'.join(lines).rstrip() + '\n'
+
+
+def _yaml_value(value: RosValue) -> str:
+    """One value as YAML; a float keeps its point, so that it is read as a float again."""
+    return json.dumps(value)
