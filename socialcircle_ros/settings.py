@@ -172,9 +172,7 @@ class Settings:
         Raises:
             SettingError: as on creation.
         """
-        return cls(
-            **{row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values}
-        )
+        return cls(**{row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values})
 
     def to_ros(self) -> dict[str, RosValue]:
         """These settings under their full ROS names."""

@@ -223,9 +223,7 @@ def choose_region(xyz: Cloud) -> Region:
     columns = _starts(measured.shape[1], width)
     counts = _measured_in(measured, rows, columns, height, width)
     if counts.max() == 0:
-        raise NoSeedError(
-            'Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.'
-        )
+        raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
     kept = np.flatnonzero(counts >= 0.95 * counts.max())
     if len(kept) > CANDIDATES:
         kept = kept[np.arange(CANDIDATES) * len(kept) // CANDIDATES]

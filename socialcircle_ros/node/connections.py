@@ -26,8 +26,7 @@ def complaints(topic: str, type_name: str, wanted: QoSProfile, publishers: Itera
         who = node_of(publisher)
         if publisher.topic_type != type_name:
             sentences.append(
-                f'Publisher {who} on {topic} sends {publisher.topic_type}, not'
-                f' {type_name}; remap one of them.'
+                f'Publisher {who} on {topic} sends {publisher.topic_type}, not {type_name}; remap one of them.'
             )
             continue
         compatibility, reason = qos_check_compatible(publisher.qos_profile, wanted)

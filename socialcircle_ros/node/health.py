@@ -52,9 +52,7 @@ class Health:
         """A cloud was overtaken by a newer one while it waited."""
         with self._lock:
             self.counts.dropped += 1
-            self.last_reason = (
-                'A cloud was dropped: a newer one arrived while the one before was being filtered.'
-            )
+            self.last_reason = 'A cloud was dropped: a newer one arrived while the one before was being filtered.'
             self._trouble_at = time.monotonic()
 
     def refused(self, reason: str) -> None:

@@ -19,9 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         import rclpy  # noqa: PLC0415 - after the environment is set, and with a sentence where it is missing
     except ImportError as error:
-        sys.stderr.write(
-            f'ROS 2 is not here ({error}): source Jazzy, or pip install "socialcircle_ros[ros]".\n'
-        )
+        sys.stderr.write(f'ROS 2 is not here ({error}): source Jazzy, or pip install "socialcircle_ros[ros]".\n')
         return 1
     from rclpy.exceptions import ParameterException  # noqa: PLC0415
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415

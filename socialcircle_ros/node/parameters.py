@@ -37,9 +37,7 @@ class Configuration:
         Raises:
             SettingError: a value that cannot be, or values that do not go together.
         """
-        return cls(
-            CircleSettings.from_ros(values), OutputSettings.from_ros(values), NodeSettings.from_ros(values)
-        )
+        return cls(CircleSettings.from_ros(values), OutputSettings.from_ros(values), NodeSettings.from_ros(values))
 
     def to_ros(self) -> dict[str, RosValue]:
         """Every parameter under its full name."""
@@ -74,9 +72,7 @@ class LiveParameters:
         """Names that the node was started with and does not have: most likely misspelled."""
         given = self._node._parameter_overrides  # noqa: SLF001 - rclpy has no other way to ask
         return sorted(
-            name
-            for name in given
-            if not self._node.has_parameter(name) and not name.startswith('qos_overrides.')
+            name for name in given if not self._node.has_parameter(name) and not name.startswith('qos_overrides.')
         )
 
     def save(self) -> Path:

@@ -190,9 +190,7 @@ class SocialCircleNode(LifecycleNode):
             except RCLError:
                 _, state = self._state_machine.current_state
                 wanted = request.transition.label or request.transition.id
-                self.get_logger().warning(
-                    f'Transition {wanted} is not possible from state {state}; nothing done.'
-                )
+                self.get_logger().warning(f'Transition {wanted} is not possible from state {state}; nothing done.')
                 response.success = False
                 return response
 
@@ -237,11 +235,7 @@ class SocialCircleNode(LifecycleNode):
 
     def _parameters_changed(self) -> None:
         last, worker = self._last, self._worker
-        if (
-            self._live_parameters.configuration.node.reprocess_last
-            and last is not None
-            and worker is not None
-        ):
+        if self._live_parameters.configuration.node.reprocess_last and last is not None and worker is not None:
             worker.put(last)
 
     def _warm_up(self) -> None:
@@ -267,9 +261,7 @@ class SocialCircleNode(LifecycleNode):
             path = self._live_parameters.save()
         except OSError as error:
             response.success = False
-            response.message = (
-                f'Cannot write {error.filename}: {error.strerror}; set parameters_file elsewhere.'
-            )
+            response.message = f'Cannot write {error.filename}: {error.strerror}; set parameters_file elsewhere.'
         else:
             response.success = True
             response.message = f'Saved to {path}; start with --ros-args --params-file {path}.'

@@ -61,14 +61,11 @@ def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> I
 def _height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
     arrays = _load_npz(path)
     if 'frames' in arrays:
-        raise ImportFileError(
-            f'{path} holds a focus stack, not a height map: simulate or play it as a stack.'
-        )
+        raise ImportFileError(f'{path} holds a focus stack, not a height map: simulate or play it as a stack.')
     for key in ('z', 'dx', 'dy'):
         if key not in arrays:
             raise ImportFileError(
-                f'{path} has no array {key!r}: a height map needs z (rows, columns), dx and dy, the '
-                'pitches in µm.'
+                f'{path} has no array {key!r}: a height map needs z (rows, columns), dx and dy, the pitches in µm.'
             )
     z = arrays.pop('z')
     if z.ndim != 2 or z.size == 0 or z.dtype.kind not in 'fiu':
@@ -105,9 +102,7 @@ def _load_npz(path: Path) -> dict[str, Array]:
 
 def _pitch(path: Path, key: str, value: Array) -> float:
     if value.size != 1 or value.dtype.kind not in 'fiu' or not 0 < value.item() < np.inf:
-        raise ImportFileError(
-            f'{path} has no usable {key!r}: it must be one positive number, the pitch in µm.'
-        )
+        raise ImportFileError(f'{path} has no usable {key!r}: it must be one positive number, the pitch in µm.')
     return float(value.item())
 
 
@@ -115,9 +110,7 @@ def _points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
     table = read_pcd(path) if path.suffix.lower() == '.pcd' else read_ply(path)
     for axis in 'xyz':
         if axis not in table.columns or table.columns[axis].ndim != 1:
-            raise ImportFileError(
-                f'{path} has no coordinate {axis!r} for its points: save it with x, y and z.'
-            )
+            raise ImportFileError(f'{path} has no coordinate {axis!r} for its points: save it with x, y and z.')
     grid = _Grid(path, table, shape)
     coordinates = [_as_coordinates(table.columns.pop(axis)) for axis in 'xyz']
     points = np.stack([grid.place(values, np.nan) for values in coordinates], axis=-1)
@@ -146,9 +139,7 @@ class _Grid:
         if table.places is None and found[0] * found[1] != count:
             raise ImportFileError(f'{path} has {count} points, which are not {found[0]} × {found[1]}.')
         if table.places is not None and table.places.max() >= count:
-            raise ImportFileError(
-                f'{path} has a range_grid that names points which are not there: save it again.'
-            )
+            raise ImportFileError(f'{path} has a range_grid that names points which are not there: save it again.')
         self.shape = found
         self.places = table.places
 

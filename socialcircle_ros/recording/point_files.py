@@ -85,8 +85,7 @@ def read_pcd(path: Path) -> PointTable:
         ) from None
     if points != width * height or points <= 0:
         raise ImportFileError(
-            f'{path} says {points} points, but {width} × {height} of them: save it again with matching '
-            'counts.'
+            f'{path} says {points} points, but {width} × {height} of them: save it again with matching counts.'
         )
     data = content[start:]
     if encoding == 'ascii':
@@ -132,9 +131,7 @@ def _pcd_compressed(path: Path, data: bytes, points: int, record: np.dtype[Any])
     """Decompress PCL's LZF block: field after field, each for all points."""
     packed, unpacked = (int(size) for size in np.frombuffer(_first(path, data, 8), '<u4'))
     if unpacked != points * record.itemsize:
-        raise ImportFileError(
-            f'{path} has compressed data that do not fit its header: save it again as binary.'
-        )
+        raise ImportFileError(f'{path} has compressed data that do not fit its header: save it again as binary.')
     out = np.empty(unpacked, np.uint8)
     if _lzf(np.frombuffer(_first(path, data[8:], packed), np.uint8), out) != unpacked:
         raise ImportFileError(f'{path} has damaged compressed data: save it again as binary.')
@@ -210,9 +207,7 @@ def read_ply(path: Path) -> PointTable:
         else:
             break  # faces follow the vertices, and are of no use here
     if not table.columns:
-        raise ImportFileError(
-            f'{path} has no vertices before its faces: save it again with the vertices first.'
-        )
+        raise ImportFileError(f'{path} has no vertices before its faces: save it again with the vertices first.')
     return table
 
 

@@ -154,9 +154,7 @@ class RecordingWriter:
                 'they must be ns since 1970.'
             )
         if not 0 <= sequence <= _LAST_SEQUENCE:
-            raise RecordingError(
-                f'{self.path} cannot hold the sequence number {sequence}: it must fit 32 bits.'
-            )
+            raise RecordingError(f'{self.path} cannot hold the sequence number {sequence}: it must fit 32 bits.')
         try:
             # The stub says bytes, but any buffer is copied as it is.
             payload = cast('bytes', data)
@@ -216,13 +214,10 @@ class RecordingWriter:
             read = Path(source).resolve()
             if target == read or target in read.parents or (read.is_dir() and read in target.parents):
                 raise RecordingError(
-                    f'{self.path} would be written into the recording that is read, {source}: give another '
-                    'name.'
+                    f'{self.path} would be written into the recording that is read, {source}: give another name.'
                 )
         if not target.parent.is_dir():
-            raise RecordingError(
-                f'{self.path} cannot be written: make the directory {self.path.parent} first.'
-            )
+            raise RecordingError(f'{self.path} cannot be written: make the directory {self.path.parent} first.')
         if not os.path.lexists(self.path):
             return
         if not self._overwrite:
@@ -302,9 +297,7 @@ def _load_qos(text: str) -> list[dict[str, Any]]:
         profiles: Any = yaml.safe_load(text)
     except yaml.YAMLError:
         return []
-    return (
-        [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
-    )
+    return [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
 
 
 def _qos_in_words(text: str) -> list[dict[str, Any]]:
