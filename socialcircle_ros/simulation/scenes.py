@@ -137,7 +137,7 @@ def _walls(form: Heights, grid: Grid) -> Heights:
 def _groove(grid: Grid, streams: Streams, wall_angle: float) -> Layout:
     """Ground lands, a milled groove whose walls and floor scatter the light: the paper's figures 1 and 7."""
     width = 0.4 * _extent(grid)[0]
-    depth = 0.3 * width
+    depth = min(0.3 * width, 60 * _pitch(grid))
     form = surfaces.groove(grid, width, depth, wall_angle, wander=0.5 * _pitch(grid), seed=streams[0])
     floor = -form / depth
     rough = surfaces.fractal(grid, 0.1 * _pitch(grid), streams[1], lay=4.0)

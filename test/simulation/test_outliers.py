@@ -61,6 +61,13 @@ def test_outliers_lie_where_the_weight_is():
     assert not add_outliers(FLAT, Contamination(), 0, nowhere).outlier[:, 80:].any()
 
 
+def test_no_area_is_more_contaminated_than_its_densest():
+    weight = np.where(np.arange(160) < 40, 50.0, 1.0) * np.ones_like(FLAT)
+    result = add_outliers(FLAT, Contamination(share=0.3, densest=0.6), 0, weight)
+    assert 0.45 < result.outlier[:, :36].mean() < 0.61
+    assert result.outlier.mean() == pytest.approx(0.3, abs=1e-4)
+
+
 def test_what_is_not_measured_stays_so():
     holes = FLAT.copy()
     holes[::3] = np.nan
@@ -80,6 +87,7 @@ def test_more_outliers_than_places_are_refused():
     ('change', 'message'),
     [
         ({'share': 1.0}, 'share of outliers of 1.0'),
+        ({'densest': 0.0}, 'densest share of 0.0'),
         ({'clustered': 1.5}, 'clustered share of 1.5'),
         ({'amplitude': (3.0, 9.0)}, 'both above the bound'),
         ({'radius': (4.0, 2.0)}, 'Cluster radii'),
