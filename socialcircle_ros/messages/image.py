@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .cdr import CdrWriter
+from socialcircle_ros.errors import MessageError
+
+from .cdr import CdrReader, CdrWriter
 from .header import Header
 
 TYPE = 'sensor_msgs/msg/Image'
@@ -34,3 +36,22 @@ def mask_pixels(inliers: npt.NDArray[np.bool_], outliers: npt.NDArray[np.bool_])
     pixels[inliers] = KEPT
     pixels[outliers] = OUTLIER
     return pixels
+
+
+def decode_mono8(message: bytes) -> npt.NDArray[np.uint8]:
+    """The pixels of a serialized mono8 image, (H, W) uint8, a view where rows have no padding.
+
+    Raises:
+        MessageError: not a mono8 image, or one that is cut short.
+    """
+    reader = CdrReader(message)
+    Header.read(reader)
+    height, width, encoding = reader.uint32(), reader.uint32(), reader.string()
+    reader.boolean()
+    step = reader.uint32()
+    start, length = reader.octets()
+    if encoding not in ('mono8', '8UC1'):
+        raise MessageError(f'The image is {encoding}; a mask is mono8.')
+    if step < width or length < step * height:
+        raise MessageError(f'The image is cut short: {length} bytes for {height} rows of {step}.')
+    return np.ndarray((height, width), np.uint8, message, offset=start, strides=(step, 1))

@@ -212,21 +212,36 @@ def encode_point_cloud(
     points = np.empty((height, width), layout)
     for name, array in values.items():
         points[name] = array
+    return encode_layout(header, points, points.view(np.uint8), is_dense=bool(np.isfinite(xyz).all()))
+
+
+def encode_layout(
+    header: Header, points: npt.NDArray[Any], data: npt.NDArray[np.uint8], *, is_dense: bool = False
+) -> bytes:
+    """A serialized PointCloud2 of any layout.
+
+    Args:
+        header: its header.
+        points: (H, W) of a structured little-endian type, as a view of `data`: its fields, their offsets and
+            the item size become those of the message.
+        data: (H, row_step) uint8, contiguous: the message's data, padding included.
+        is_dense: what the message says of itself.
+    """
+    codes = {code: number for number, code in DATATYPES.items()}
     writer = CdrWriter()
     header.write(writer)
-    writer.uint32(height)
-    writer.uint32(width)
-    writer.uint32(len(values))
-    offset = 0
-    for name, array in values.items():
+    writer.uint32(points.shape[0])
+    writer.uint32(points.shape[1])
+    fields: Any = points.dtype.fields or {}
+    writer.uint32(len(fields))
+    for name, (kind, offset, *_) in fields.items():
         writer.string(name)
         writer.uint32(offset)
-        writer.uint8(codes[array.dtype.str[1:]])
+        writer.uint8(codes[kind.str[1:]])
         writer.uint32(1)
-        offset += array.dtype.itemsize
     writer.boolean(False)
-    writer.uint32(layout.itemsize)
-    writer.uint32(layout.itemsize * width)
-    writer.octets(points.view(np.uint8).data.cast('B'))
-    writer.boolean(bool(np.isfinite(xyz).all()))
+    writer.uint32(points.dtype.itemsize)
+    writer.uint32(data.shape[1])
+    writer.octets(data.data.cast('B'))
+    writer.boolean(is_dense)
     return writer.finish()

@@ -63,9 +63,7 @@ class Contamination:
                 ' give smallest ≤ largest, both above the bound.'
             )
         if not 0.5 <= self.radius[0] <= self.radius[1]:
-            raise SettingError(
-                f'Cluster radii of {self.radius} are not possible; give 0.5 ≤ smallest ≤ largest.'
-            )
+            raise SettingError(f'Cluster radii of {self.radius} are not possible; give 0.5 ≤ smallest ≤ largest.')
 
 
 @dataclass(frozen=True)

@@ -142,9 +142,7 @@ def _groove(grid: Grid, streams: Streams, wall_angle: float) -> Layout:
     floor = -form / depth
     rough = surfaces.fractal(grid, 0.1 * _pitch(grid), streams[1], lay=4.0)
     rough_floor = surfaces.fractal(grid, 0.3 * _pitch(grid), streams[2])
-    marks = surfaces.milling_marks(
-        grid, 1.2 * _pitch(grid), 14 * _pitch(grid), 1.5 * _extent(grid)[0], streams[3]
-    )
+    marks = surfaces.milling_marks(grid, 1.2 * _pitch(grid), 14 * _pitch(grid), 1.5 * _extent(grid)[0], streams[3])
     return Layout(
         surface=form + rough + floor * (rough_floor + marks),
         weight=1 + 4 * floor + 15 * _walls(form, grid),

@@ -232,9 +232,7 @@ def steps(grid: Grid, heights: Sequence[float]) -> Heights:
     return np.broadcast_to(levels, grid.shape).copy()
 
 
-def pits(
-    grid: Grid, count: int, radius: tuple[float, float], depth: tuple[float, float], seed: Seed
-) -> Heights:
+def pits(grid: Grid, count: int, radius: tuple[float, float], depth: tuple[float, float], seed: Seed) -> Heights:
     """Round pits with the shape of a paraboloid, 0 elsewhere; where two meet, the deeper counts.
 
     Args:
