@@ -94,10 +94,12 @@ class Parameter:
         if self.kind is bool:
             return 'true, false'
         if self.kind is list:
-            return f'4 whole numbers ≥ {limits.minimum:g}'
+            return f'4 whole numbers, at least {limits.minimum:g}'
         words = 'odd, ' if limits.odd else ''
         if limits.minimum is not None and limits.maximum is not None:
             return f'{words}{limits.minimum:g} to {limits.maximum:g}'
+        if limits.minimum is not None:
+            return f'{words}at least {limits.minimum:g}'
         return words.rstrip(', ') or 'any'
 
     def to_ros(self, value: Any) -> RosValue:
@@ -370,6 +372,15 @@ def yaml_text(values: Mapping[str, RosValue]) -> str:
         if name not in PARAMETERS:
             lines.append(f'    {name}: {_yaml_value(values[name])}')
     return '\n'.join(lines).rstrip() + '\n'
+
+
+def markdown_table() -> str:
+    """The table of parameters for the README."""
+    lines = ['| parameter | default | allowed | unit | |', '|---|---|---|---|---|']
+    for name, row in PARAMETERS.items():
+        cells = (f'`{name}`', f'`{_yaml_value(row.default)}`', row.allowed, row.unit, row.sentence)
+        lines.append('| ' + ' | '.join(cell.replace('|', '/') for cell in cells) + ' |')
+    return '\n'.join(lines) + '\n'
 
 
 def _yaml_value(value: RosValue) -> str:
