@@ -110,7 +110,7 @@ def test_changed_bytes_never_raise_anything_but_our_error(data, layout, tmp_path
 def test_changed_bytes_in_a_chunk_are_found_by_its_checksum(data, tmp_path_factory):
     messages = some_messages(40)
     path = write_mcap(tmp_path_factory.mktemp('changed') / 'a.mcap', messages, topics=SMALL)
-    chunks = [span.offset + 60 for span in McapFile(path).spans]
+    chunks = [span.offset + 60 for span in McapFile(path).spans[:-1]]  # the last one is shorter
     place = data.draw(st.sampled_from(chunks)) + data.draw(st.integers(0, 150))
     content = bytearray(path.read_bytes())
     content[place] ^= 0xFF
