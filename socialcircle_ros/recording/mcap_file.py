@@ -145,8 +145,8 @@ class McapFile:
         """Say in one sentence in which part the file is damaged, how that shows, and what is read."""
         why = str(reason) if isinstance(reason, Damage) else 'its bytes make no sense'
         return (
-            f'{self.path} is damaged after byte {offset} of {self._size} ({why}): the messages before the damage '
-            'are read, what follows is lost.'
+            f'{self.path} is damaged after byte {offset} of {self._size} ({why}): the messages before the '
+            'damage are read, what follows is lost.'
         )
 
     def _check_magic(self) -> None:
@@ -311,7 +311,7 @@ def _open(path: Path) -> BinaryIO:
 
 
 def _split(data: bytes, complaint: str = _TOO_LONG) -> Iterator[tuple[int, memoryview]]:
-    """Give opcode and body of each record in a sequence of records; `complaint` if the last goes past its end."""
+    """Give opcode and body of each record in a sequence; `complaint` is for one that goes past the end."""
     view = memoryview(data)
     position = 0
     while position < len(view):

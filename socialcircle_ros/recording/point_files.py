@@ -194,6 +194,8 @@ def read_ply(path: Path) -> PointTable:
     body = content[start:]
     table = PointTable({}, shape)
     for element in elements:
+        if element.count > len(body):
+            raise _cut_off(path)  # before room is made for what a damaged header promises
         if element.list_type is None:
             values, body = _ply_rows(path, order, element, body)
             if element.name == 'vertex':
@@ -254,7 +256,7 @@ def _ply_rows(path: Path, order: str, element: _PlyElement, body: bytes) -> tupl
     lines = body.split(b'\n', element.count)
     values = _ascii_rows(path, b'\n'.join(lines[: element.count]), element.count, len(element.properties))
     columns = {name: values[:, place].astype(kind) for place, (name, kind) in enumerate(element.properties)}
-    return columns, lines[-1] if len(lines) > element.count else b''
+    return columns, b''.join(lines[element.count :])
 
 
 def _ply_places(path: Path, order: str, element: _PlyElement, body: bytes) -> tuple[Array, bytes]:
@@ -265,11 +267,11 @@ def _ply_places(path: Path, order: str, element: _PlyElement, body: bytes) -> tu
     try:
         if order == '=':
             lines = body.split(b'\n', element.count)
-            for place, line in enumerate(lines[: element.count]):
-                words = line.split()
+            for place in range(element.count):
+                words = lines[place].split()
                 if int(words[0]):
                     places[place] = int(words[1])
-            return places, lines[-1]
+            return places, b''.join(lines[element.count :])
         for place in range(element.count):
             count = int(np.frombuffer(body, counts, 1, position)[0])
             position += counts.itemsize
@@ -282,6 +284,8 @@ def _ply_places(path: Path, order: str, element: _PlyElement, body: bytes) -> tu
 
 
 def _ascii_rows(path: Path, text: bytes, rows: int, columns: int) -> Array:
+    if not text.strip():
+        raise _cut_off(path)  # NumPy would only warn
     try:
         table = np.loadtxt(BytesIO(text), np.float64, ndmin=2, comments=None)
     except ValueError:

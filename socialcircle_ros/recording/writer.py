@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, cast
@@ -68,6 +68,7 @@ class RecordingWriter:
         self.path = Path(path)
         self._is_file = self.path.suffix == '.mcap'
         self._overwrite = overwrite
+        self._compression = compression
         self._check_target(source)
         # Absolute, because the working directory may change while a long recording is written.
         target = self.path.absolute()
@@ -78,20 +79,17 @@ class RecordingWriter:
         self._channels: dict[str, int] = {}
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._topics: dict[str, Topic] = {}
+        self._waiting: list[Topic] = []  # to be written before the next message
         self._counts: dict[str, int] = {}
         self._start = _LAST_TIME
         self._end = 0
+        self._closing = ExitStack()
         try:
             if not self._is_file:
                 self._partial.mkdir()
             self._stream = (self._partial if self._is_file else self._partial / self._file_name).open('wb')
-            self._writer = Writer(
-                self._stream,
-                chunk_size=_CHUNK_SIZE,
-                compression=CompressionType[compression.upper()],
-                index_types=_INDEXES,
-            )
-            self._writer.start(profile='ros2', library='socialcircle_ros')
+            self._closing.callback(self._stream.close)
+            self._writer = self._begin(chunked=True)
         except OSError as error:
             raise self._failure(error) from error
 
@@ -110,18 +108,7 @@ class RecordingWriter:
                     f'{self.path} cannot hold two different topics named {topic.name}: rename one.'
                 )
             return
-        schema = (topic.type, topic.schema_encoding, topic.schema)
-        metadata = dict(topic.metadata)
-        if (profiles := _qos_in_words(topic.qos)) != _load_qos(topic.qos):
-            metadata['offered_qos_profiles'] = yaml.safe_dump(profiles, sort_keys=False)
-        try:
-            if topic.type and schema not in self._schemas:
-                self._schemas[schema] = self._writer.register_schema(*schema)
-            self._channels[topic.name] = self._writer.register_channel(
-                topic.name, topic.encoding, self._schemas.get(schema, 0), metadata
-            )
-        except OSError as error:
-            raise self._failure(error) from error
+        self._waiting.append(topic)
         self._topics[topic.name] = topic
         self._counts[topic.name] = 0
 
@@ -146,7 +133,7 @@ class RecordingWriter:
             RecordingError: The topic was not added, a number is out of range, or the disk is full.
         """
         publish_time = log_time if publish_time is None else publish_time
-        if topic not in self._channels:
+        if topic not in self._topics:
             raise RecordingError(f'{self.path} has no topic {topic}: add the topic before its messages.')
         if not (0 <= log_time <= _LAST_TIME and 0 <= publish_time <= _LAST_TIME):
             raise RecordingError(
@@ -156,6 +143,7 @@ class RecordingWriter:
         if not 0 <= sequence <= _LAST_SEQUENCE:
             raise RecordingError(f'{self.path} cannot hold the sequence number {sequence}: it must fit 32 bits.')
         try:
+            self._register_waiting()
             # The stub says bytes, but any buffer is copied as it is.
             payload = cast('bytes', data)
             self._writer.add_message(self._channels[topic], log_time, payload, publish_time, sequence)
@@ -173,6 +161,12 @@ class RecordingWriter:
         """
         information = self._information()
         try:
+            if information['message_count'] == 0:
+                # Chunks hold the topics, and without a message mcap writes no chunk but an index of chunks.
+                self._stream.seek(0)
+                self._stream.truncate()
+                self._writer = self._begin(chunked=False)
+                self._register_waiting()
             self._writer.add_metadata(
                 'rosbag2', {'serialized_metadata': yaml.safe_dump(information, sort_keys=False)}
             )
@@ -191,8 +185,12 @@ class RecordingWriter:
     def discard(self) -> None:
         """Give up the recording and remove what was written of it."""
         with suppress(OSError):  # a full disk refuses the last buffer; it is to be removed anyway
-            self._stream.close()
-        self._remove_partial()
+            self._closing.close()
+        with suppress(OSError):
+            if self._is_file:
+                self._partial.unlink()
+            else:
+                shutil.rmtree(self._partial)
 
     def __enter__(self) -> 'RecordingWriter':  # noqa: PYI034 - Self is not in Python 3.10
         return self
@@ -229,18 +227,40 @@ class RecordingWriter:
                 f'{self.path} is not a recording, so that it is not overwritten: give another name.'
             )
 
+    def _begin(self, *, chunked: bool) -> Writer:
+        writer = Writer(
+            self._stream,
+            chunk_size=_CHUNK_SIZE,
+            compression=CompressionType[self._compression.upper()],
+            index_types=_INDEXES if chunked else IndexType.METADATA,
+            use_chunking=chunked,
+        )
+        writer.start(profile='ros2', library='socialcircle_ros')
+        return writer
+
+    def _register_waiting(self) -> None:
+        """Write the topics that were added since the last message.
+
+        Not earlier, because mcap drops from a file's end what no message follows, and its index then names
+        what is not there. A topic that is added after the last message is therefore in metadata.yaml only.
+        """
+        for topic in self._waiting:
+            schema = (topic.type, topic.schema_encoding, topic.schema)
+            metadata = dict(topic.metadata)
+            if (profiles := _qos_in_words(topic.qos)) != _load_qos(topic.qos):
+                metadata['offered_qos_profiles'] = yaml.safe_dump(profiles, sort_keys=False)
+            if topic.type and schema not in self._schemas:
+                self._schemas[schema] = self._writer.register_schema(*schema)
+            self._channels[topic.name] = self._writer.register_channel(
+                topic.name, topic.encoding, self._schemas.get(schema, 0), metadata
+            )
+        self._waiting.clear()
+
     def _failure(self, error: OSError) -> RecordingError:
         self.discard()
         return RecordingError(
             f'{self.path} cannot be written ({error.strerror}): check the space and the permissions there.'
         )
-
-    def _remove_partial(self) -> None:
-        with suppress(OSError):
-            if self._is_file:
-                self._partial.unlink()
-            else:
-                shutil.rmtree(self._partial)
 
     def _information(self) -> dict[str, Any]:
         """Make rosbag2's metadata, version 9: its keys in its order."""
