@@ -34,9 +34,7 @@ def write_mcap(path, messages, *, chunk_size=200, compression='NONE', topics=(PO
     channels = {}
     for topic in topics:
         schema = writer.register_schema(topic.type, topic.schema_encoding, topic.schema)
-        channels[topic.name] = writer.register_channel(
-            topic.name, topic.encoding, schema, dict(topic.metadata)
-        )
+        channels[topic.name] = writer.register_channel(topic.name, topic.encoding, schema, dict(topic.metadata))
     for message in messages:
         writer.add_message(
             channels[message.topic], message.log_time, message.data, message.publish_time, message.sequence

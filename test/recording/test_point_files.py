@@ -156,9 +156,7 @@ def test_the_faces_of_a_ply_are_left_out(tmp_path):
 
 
 def test_a_comment_may_give_the_size_of_a_ply(tmp_path):
-    header = ply_header('ascii', info=False).replace(
-        b'element', b'comment width 4\ncomment Height: 3\nelement', 1
-    )
+    header = ply_header('ascii', info=False).replace(b'element', b'comment width 4\ncomment Height: 3\nelement', 1)
     assert read(tmp_path, header + lines(POINTS), 'ply').shape == (3, 4)
     assert read(tmp_path, ply_header('ascii', info=False) + lines(POINTS), 'ply').shape is None
 

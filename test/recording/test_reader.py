@@ -19,9 +19,7 @@ def split_bag(folder, messages, parts=3, *, metadata=True):
         write_mcap(folder / name, messages[i * size : (i + 1) * size], topics=SMALL)
     if metadata:
         listed = ''.join(f'    - {name}\n' for name in names)
-        (folder / 'metadata.yaml').write_text(
-            f'rosbag2_bagfile_information:\n  relative_file_paths:\n{listed}'
-        )
+        (folder / 'metadata.yaml').write_text(f'rosbag2_bagfile_information:\n  relative_file_paths:\n{listed}')
     return folder
 
 
@@ -129,12 +127,8 @@ def test_two_types_on_one_topic_are_refused(tmp_path):
 
 
 def test_a_recording_of_another_world_is_refused(tmp_path):
-    path = write_mcap(
-        tmp_path / 'a.mcap', [], topics=[small_topic('/a', encoding='ros1')], use_chunking=False
-    )
-    with pytest.raises(
-        RecordingError, match=r'encoding ros1: convert it first, for ROS 1 with `rosbags-convert`'
-    ):
+    path = write_mcap(tmp_path / 'a.mcap', [], topics=[small_topic('/a', encoding='ros1')], use_chunking=False)
+    with pytest.raises(RecordingError, match=r'encoding ros1: convert it first, for ROS 1 with `rosbags-convert`'):
         open_recording(path)
 
 

@@ -37,9 +37,7 @@ def test_a_type_that_is_contained_twice_is_given_once():
     assert text.index('MSG: diagnostic_msgs/DiagnosticStatus') < text.index('MSG: diagnostic_msgs/KeyValue')
 
 
-@pytest.mark.skipif(
-    not (INSTALLED / 'sensor_msgs').is_dir(), reason='ROS is not installed in this environment'
-)
+@pytest.mark.skipif(not (INSTALLED / 'sensor_msgs').is_dir(), reason='ROS is not installed in this environment')
 @pytest.mark.parametrize('path', sorted(SHIPPED.glob('*.msg')), ids=lambda path: path.name)
 def test_what_is_shipped_equals_what_ros_installs(path):
     package, name, _ = path.name.split('.')

@@ -246,9 +246,7 @@ def test_the_recording_that_is_read_is_not_written_into(target):
 
 
 def test_a_directory_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(
-        RecordingError, match=r'none/a\.mcap cannot be written: make the directory .*none first'
-    ):
+    with pytest.raises(RecordingError, match=r'none/a\.mcap cannot be written: make the directory .*none first'):
         RecordingWriter(tmp_path / 'none' / 'a.mcap')
 
 
