@@ -65,7 +65,7 @@ def test_a_signal_ends_it_cleanly_and_leaves_no_shared_memory(start_cell, number
     cell = start_cell()
     cell.clean(cloud())
     process = cell.node_process.process
-    segments = {path for path in Path('/dev/shm').glob('*fastrtps*') if path in mapped_by(process.pid)}  # noqa: S108
+    segments = {path for path in Path('/dev/shm').glob('*fastrtps*') if path in mapped_by(process.pid)}
     process.send_signal(number)
     assert process.wait(5) == 0
     assert segments
@@ -81,7 +81,7 @@ def mapped_by(process):
         with contextlib.suppress(OSError):
             found |= {
                 Path(line.split(maxsplit=5)[5]) for line in maps.read_text().splitlines() if '/dev/shm' in line
-            }  # noqa: S108
+            }
     return found
 
 
