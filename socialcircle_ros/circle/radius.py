@@ -14,7 +14,7 @@ def ring_limit(xyz: Cloud, seed: tuple[int, int], window: int) -> Any:
 
     The window of 2k+1 points a side is doubled to 4k+1; its outer ring has 16k points. The squared
     distances from the seed are sorted, and the one at index 8k is R²: outliers gather at the end, and do
-    not reach it. Where ring points are missing, the index is ⌊n/2⌋ of the n that are measured.
+    not reach it. Where ring points are missing it is the middle one of those that are measured.
 
     Args:
         xyz: (H, W, 3) organized cloud.
@@ -44,7 +44,7 @@ def ring_limit(xyz: Cloud, seed: tuple[int, int], window: int) -> Any:
     with np.errstate(over='ignore'):
         dx, dy, dz = (points - xyz[row, column]).T
         squared = np.sort((dx * dx + dy * dy) + dz * dz)
-    return squared[8 * k if len(squared) == 16 * k else len(squared) // 2]
+    return squared[len(squared) // 2]
 
 
 def circle_limit(xyz: Cloud, seed: tuple[int, int], window: int, radius: float | None, scale: float) -> Any:

@@ -54,9 +54,7 @@ def test_members_are_those_of_the_reference(recipe, window, pick, radius):
     st.sampled_from([1.2, 1.6, 2.3, 3.0, 4.5]),
 )
 @example(3, 'float64', 5, 0.5, 3.0)
-def test_members_of_a_community_full_of_gaps_are_those_of_the_reference(
-    random, dtype, window, missing, radius
-):
+def test_members_of_a_community_full_of_gaps_are_those_of_the_reference(random, dtype, window, missing, radius):
     # Gaps of this kind make windows above 3 depend on the order in which points join.
     recipe = Recipe(
         24, 19, dtype, 'noise', amplitude=0.8, jitter=0.3, missing=missing, layout='padded', random=random

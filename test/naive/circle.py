@@ -63,9 +63,7 @@ def measured_mask(xyz):
 def choose_region(xyz):
     """The smoothest of the best measured regions of 60×60 points, or of all there is."""
     height, width = min(SIDE, xyz.shape[0]), min(SIDE, xyz.shape[1])
-    corners = [
-        (row, column) for row in starts(xyz.shape[0], height) for column in starts(xyz.shape[1], width)
-    ]
+    corners = [(row, column) for row in starts(xyz.shape[0], height) for column in starts(xyz.shape[1], width)]
     # The count is all that looks at every point of every candidate; a loop would take minutes.
     mask = np.isfinite(xyz).all(axis=2)
     counts = [int(mask[row : row + height, column : column + width].sum()) for row, column in corners]
