@@ -26,12 +26,14 @@ class Material:
         gloss: k_s, the strength of the glossy lobe.
         lobe: m, root mean square slope of what the grid does not resolve.
         contrast: standard deviation of the reflectance from point to point.
-        grain: extent of the texture's spots, µm at a pitch of 1 µm; it scales with the pitch.
+        grain: extent of the texture's finest spots, in points; as much again is four times coarser.
         polished: share of the area without texture.
         polished_contrast: what contrast is left there.
         smeared: share of the contrast that is left where the scene expects outliers, as under clear resin.
         stained: share of the area under dark stains.
         stain: reflectance there, against 1.
+        burnished: share of the area that is so bright that it saturates.
+        burnish: reflectance there, against 1.
         glints: per 10 000 points; facets that throw the lamp straight back.
         glint_strength: median light of a glint, in points of full brightness.
     """
@@ -39,13 +41,15 @@ class Material:
     matte: float = 0.12
     gloss: float = 0.88
     lobe: float = 0.3
-    contrast: float = 0.25
+    contrast: float = 0.3
     grain: float = 1.2
     polished: float = 0.03
     polished_contrast: float = 0.004
     smeared: float = 1.0
     stained: float = 0.01
     stain: float = 0.06
+    burnished: float = 0.005
+    burnish: float = 2.5
     glints: float = 3.0
     glint_strength: float = 15.0
 
@@ -142,14 +146,19 @@ def _radiance(
     layout: Layout, grid: Grid, material: Material, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """What each point sends to the lens, (H, W) float32."""
-    texture_stream, polish_stream, stain_stream = rng.spawn(3)
+    streams = rng.spawn(5)
     pitch = grid.dx
-    texture = surfaces.gaussian(grid, 1.0, material.grain * pitch, texture_stream)
-    polished = surfaces.islands(grid, 1.0, 24 * pitch, material.polished, polish_stream)
+    fine, coarse = (
+        surfaces.gaussian(grid, np.sqrt(0.5), extent * material.grain * pitch, stream)
+        for extent, stream in ((1, streams[0]), (4, streams[1]))
+    )
+    polished = surfaces.islands(grid, 1.0, 24 * pitch, material.polished, streams[2])
+    stained = surfaces.islands(grid, 1.0, 16 * pitch, material.stained, streams[3])
+    burnished = surfaces.islands(grid, 1.0, 12 * pitch, material.burnished, streams[4])
     contrast = material.contrast + (material.polished_contrast - material.contrast) * polished
     contrast = np.where(layout.weight > 2, material.smeared, 1.0) * contrast
-    stained = surfaces.islands(grid, 1.0, 16 * pitch, material.stained, stain_stream)
-    reflectance = np.maximum(1 + contrast * texture, 0.05) * (1 + (material.stain - 1) * stained)
+    reflectance = np.maximum(1 + contrast * (fine + coarse), 0.05)
+    reflectance *= (1 + (material.stain - 1) * stained) * (1 + (material.burnish - 1) * burnished)
 
     slope = np.zeros(grid.shape)
     for axis, step in enumerate((grid.dy, grid.dx)):

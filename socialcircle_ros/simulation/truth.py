@@ -126,7 +126,7 @@ def causes(
 
     Returns:
         (H, W) uint8, flags of `Cause`. Glint: they throw more than three times what the texture varies by.
-        Saturated: without glints. Dark: below 0.15 of flat bright metal. Steep: above 35°. Low contrast:
+        Saturated: a quarter of the window, without glints. Dark: below 0.15 of flat bright metal. Steep: above 35°. Low contrast:
         the fine texture varies by less than twice the noise.
     """
     mean = _box_mean(sharp, reach)
@@ -138,7 +138,7 @@ def causes(
             slope += np.gradient(surface, step, axis=axis) ** 2
     found = {
         Cause.GLINT: _highest(glare, reach) > np.maximum(3 * texture, 0.02),
-        Cause.SATURATED: _highest(sharp, reach) >= camera.saturation,
+        Cause.SATURATED: _box_mean((sharp >= camera.saturation).astype(np.float64), reach) > 0.25,
         Cause.DARK: mean < 0.15,
         Cause.STEEP: _highest(slope, reach) > np.tan(np.deg2rad(35)) ** 2,
         Cause.LOW_CONTRAST: texture < 2 * camera.noise(mean.astype(np.float32)),

@@ -23,7 +23,7 @@ from socialcircle_ros.simulation.surfaces import Grid, steps
 
 OPTICS = INSTRUMENTS['10x']
 NO_GLINTS = Glints(np.zeros(0, int), np.zeros(0, int), np.zeros(0), np.zeros(0))
-CLEAN = Material(glints=0.0, stained=0.0, polished=0.0)
+CLEAN = Material(glints=0.0, stained=0.0, polished=0.0, burnished=0.0)
 INNER = (slice(4, -4), slice(4, -4))
 
 

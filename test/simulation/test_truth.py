@@ -62,7 +62,7 @@ def cause_of(*, light=1.0, texture=0.2, glare=0.0, surface=None):
 def test_each_cause_is_told_from_the_others():
     assert cause_of() is Cause.NONE
     assert cause_of(glare=2.0) is Cause.GLINT
-    assert cause_of(light=1.9, texture=0.05) is Cause.SATURATED
+    assert cause_of(light=2.2, texture=0.05) is Cause.SATURATED
     assert cause_of(light=0.1) is Cause.DARK
     assert cause_of(texture=0.005) is Cause.LOW_CONTRAST
     assert cause_of(surface=steps(Grid(*SHAPE), [0.0, 9.0])) is Cause.STEEP
