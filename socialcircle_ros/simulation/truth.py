@@ -126,8 +126,8 @@ def causes(
 
     Returns:
         (H, W) uint8, flags of `Cause`. Glint: they throw more than three times what the texture varies by.
-        Saturated: a quarter of the window, without glints. Dark: below 0.15 of flat bright metal. Steep: above 35°. Low contrast:
-        the fine texture varies by less than twice the noise.
+        Saturated: a quarter of the window, without glints. Dark: below 0.15 of flat bright metal. Steep:
+        above 35°. Low contrast: the fine texture varies by less than twice the noise.
     """
     mean = _box_mean(sharp, reach)
     detail = sharp - _box_mean(sharp, 1)  # what a Laplacian sees: shading is no texture

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from naive.plain_depth import depth_from_focus
+from naive.waves import Waves
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.simulation.camera import NOISELESS
@@ -19,7 +20,7 @@ from socialcircle_ros.simulation.optics import INSTRUMENTS
 from socialcircle_ros.simulation.rendering import LayeredRenderer, RayRenderer, aperture_openness
 from socialcircle_ros.simulation.specimen import Glints, Material, Specimen, make_specimen
 from socialcircle_ros.simulation.stage import Stage
-from socialcircle_ros.simulation.surfaces import Grid, steps
+from socialcircle_ros.simulation.surfaces import Grid, steps, tilt
 
 OPTICS = INSTRUMENTS['10x']
 NO_GLINTS = Glints(np.zeros(0, int), np.zeros(0, int), np.zeros(0), np.zeros(0))
@@ -47,6 +48,18 @@ def test_the_two_renderers_agree(name, bound):
         difference = (layered.render(z) - rays.render(z))[INNER]
         assert difference.std() < bound
         assert abs(difference.mean()) < bound / 2
+
+
+@pytest.mark.parametrize(('kind', 'bound'), [(LayeredRenderer, 0.002), (RayRenderer, 0.01)])
+def test_each_pixel_is_blurred_as_its_own_distance_asks(kind, bound):
+    waves = Waves(0)
+    surface = tilt(Grid(96, 128), 0.1, -0.05)
+    renderer = kind(field(surface, waves.radiance((96, 128))), OPTICS, -20, 20)
+    for z in (-7.0, 0.0, 0.31, 5.0):
+        image = renderer.render(z)
+        for row, column in np.random.default_rng(1).integers((24, 24), (72, 104), (40, 2)):
+            expected = waves.imaged(row, column, z - surface[row, column], OPTICS)
+            assert image[row, column] == pytest.approx(expected, abs=bound)
 
 
 def test_depths_found_in_the_images_of_either_renderer_agree_within_a_fiftieth_of_a_step():
