@@ -6,7 +6,6 @@ import threading
 import time
 from types import SimpleNamespace
 
-import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -20,9 +19,8 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 
 from socialcircle_ros.messages.diagnostics import Status
-from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import decode_mono8
-from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
+from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.node.process import NodeProcess
 
 PATIENCE = 60.0  # s: far longer than anything takes, also where everything is compiled for the first time
@@ -181,16 +179,3 @@ class Cell:
         self.thread.join()
         self.peer.destroy_node()
         return code
-
-
-def cloud(rows=70, columns=80, *, seed=0, stamp=1_000_000_000):
-    """A serialized cloud of a gentle surface with a spike, a cluster and a hole: 26 outliers, 6 not measured."""
-    return encode_point_cloud(Header.at(stamp, 'microscope'), surface(rows, columns, seed=seed))
-
-
-def surface(rows=70, columns=80, *, seed=0):
-    y, x = np.mgrid[:rows, :columns].astype(np.float32)
-    z = np.sin(x / 9) + 0.1 * np.random.default_rng(seed).random((rows, columns)).astype(np.float32)
-    z[10, 12], z[40:45, 50:55] = 30, -25
-    z[20:22, :3] = np.nan
-    return np.dstack([x, y, z])

@@ -30,17 +30,19 @@ def main(arguments: list[str] | None = None) -> int:
 
     node = None
     try:
-        rclpy.init(args=arguments)
-        node = SocialCircleNode()
+        try:
+            rclpy.init(args=arguments)
+            node = SocialCircleNode()
+        except (ParameterException, SocialCircleError, RuntimeError) as error:
+            # RuntimeError is what rclpy raises for arguments and files that it cannot read, on several lines.
+            sys.stderr.write(f'The node cannot start: {str(error).splitlines()[0]}\n')
+            return 1
         node.start()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
-    except (ParameterException, SocialCircleError) as error:
-        sys.stderr.write(f'The node cannot start: {error}\n')
-        return 1
     finally:
         # A second Ctrl-C must not cut the clean-up short: a worker left behind aborts the process.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

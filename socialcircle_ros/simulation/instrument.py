@@ -173,9 +173,7 @@ def simulate(
     if frames is None:
         frames = int(np.ceil(span / z_step)) + 1
     start = (low + high - (frames - 1) * z_step) / 2
-    moves = travel(
-        Stage() if stage is None else stage, start, z_step, frames, np.random.SeedSequence([seed, 0])
-    )
+    moves = travel(Stage() if stage is None else stage, start, z_step, frames, np.random.SeedSequence([seed, 0]))
     return Simulation(
         specimen=specimen,
         optics=optics,

@@ -39,9 +39,7 @@ class Optics:
             SettingError: one is out of its range.
         """
         if not 0 < self.numerical_aperture < 1:
-            raise SettingError(
-                f'A numerical aperture of {self.numerical_aperture} in air needs 0 to below 1.'
-            )
+            raise SettingError(f'A numerical aperture of {self.numerical_aperture} in air needs 0 to below 1.')
         if not (self.magnification > 0 and self.wavelength > 0 and self.pixel > 0):
             raise SettingError('Magnification, wavelength and pixel must all be above 0.')
 

@@ -236,9 +236,7 @@ class _Glare:
         middle = self._spots.shape[1] // 2
         most = self._spots.max(axis=0)
         reach = int(self._reach[-1])
-        for row, column, strength in zip(
-            self._glints.row, self._glints.column, self._glints.light, strict=True
-        ):
+        for row, column, strength in zip(self._glints.row, self._glints.column, self._glints.light, strict=True):
             top, left = max(row - reach, 0), max(column - reach, 0)
             part = light[top : row + reach + 1, left : column + reach + 1]
             down, right = middle + top - row, middle + left - column

@@ -142,9 +142,7 @@ def make_specimen(
     )
 
 
-def _radiance(
-    layout: Layout, grid: Grid, material: Material, rng: np.random.Generator
-) -> NDArray[np.float32]:
+def _radiance(layout: Layout, grid: Grid, material: Material, rng: np.random.Generator) -> NDArray[np.float32]:
     """What each point sends to the lens, (H, W) float32."""
     streams = rng.spawn(5)
     pitch = grid.dx

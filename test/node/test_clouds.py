@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from live import RESULTS, cloud, surface
+from examples import cloud, surface
+from live import RESULTS
 from sensor_msgs.msg import PointCloud2, PointField
 
 from socialcircle_ros import remove_outliers

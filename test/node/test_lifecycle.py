@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from examples import cloud
 from lifecycle_msgs.msg import Transition
-from live import RESULTS, cloud
+from live import RESULTS
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
 

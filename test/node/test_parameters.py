@@ -2,7 +2,8 @@
 
 import pytest
 import yaml
-from live import RESULTS, cloud
+from examples import cloud
+from live import RESULTS
 
 from socialcircle_ros.settings import PARAMETERS
 

@@ -89,8 +89,7 @@ def test_a_textured_plane_measures_well_but_for_its_polish_and_glints():
 
 def test_a_dimmer_camera_makes_more_outliers():
     good, poor = (
-        simulate('metal_groove', 96, 128, seed=1, camera=Camera(full_well=well))
-        for well in (30_000.0, 3000.0)
+        simulate('metal_groove', 96, 128, seed=1, camera=Camera(full_well=well)) for well in (30_000.0, 3000.0)
     )
     few, many = (scan.truth.classify(measured(scan)).bad.mean() for scan in (good, poor))
     assert many > 1.2 * few
