@@ -42,7 +42,7 @@ def before_and_after(
     figure.suptitle(title)
     axes = figure.subplots(1, 3, sharex=True, sharey=True)
     shown: dict[str, Any] = {'extent': extent, 'interpolation': 'nearest', 'vmin': low, 'vmax': high}
-    names = ('as measured', f'{np.count_nonzero(outliers)} outliers in red', 'cleaned')
+    names = ('as measured', f'{np.count_nonzero(outliers)} outliers in red', 'cleaned; orange: nothing there')
     for axis, values, colours, name in zip(
         axes, (heights, heights, kept), ('viridis', 'gray', 'viridis'), names, strict=True
     ):
@@ -54,9 +54,7 @@ def before_and_after(
     red = np.zeros((*_thinned(outliers).shape, 4))
     red[_any_in_tile(outliers)] = (1, 0, 0, 1)
     axes[1].imshow(red, extent=extent, interpolation='nearest')
-    figure.colorbar(
-        image, ax=axes, label=f'z [{unit}]; not measured or removed: orange' if unit else 'z', shrink=0.9
-    )
+    figure.colorbar(image, ax=axes, label=f'z [{unit}]' if unit else 'z', shrink=0.9)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
@@ -91,4 +89,4 @@ def _extent(xyz: npt.NDArray[Any], measured: npt.NDArray[np.bool_]) -> tuple[flo
 
 def _aspect(extent: tuple[float, float, float, float]) -> float:
     left, right, bottom, top = extent
-    return min(max((bottom - top) / (right - left), 0.3), 4.0)
+    return min(max((bottom - top) / (right - left), 0.3), 1.6)
