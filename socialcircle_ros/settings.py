@@ -9,6 +9,7 @@ import dataclasses
 import json
 import math
 import operator
+import re
 import textwrap
 import types
 import typing
@@ -384,5 +385,5 @@ def markdown_table() -> str:
 
 
 def _yaml_value(value: RosValue) -> str:
-    """One value as YAML; a float keeps its point, so that it is read as a float again."""
-    return json.dumps(value)
+    """One value as YAML; a float keeps its point, without which YAML 1.1 takes 1e-12 for a text."""
+    return re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(value))
