@@ -1,6 +1,7 @@
-"""Focus variation (section 3.1): the focus measure, the fit of its peak, and the stack that is measured as it arrives.
+"""Focus variation (section 3.1): the focus measure, the fit of its peak, and stacks measured as they arrive.
 
-Frames are gray here; colour and messages are turned into gray frames elsewhere, and the depth into a cloud.
+Frames are gray here; what turns messages and colour into gray frames, and the depth into a cloud, lives
+elsewhere.
 """
 
 from .fit import Reason

@@ -1,8 +1,12 @@
-"""What is kept of the focus curve of each pixel while the frames of a stack arrive: constant memory, any order.
+"""What is kept of the focus curve of each pixel while the frames of a stack arrive, in any order.
 
-Frames are known by their place: neighbours in z are neighbours in place, whichever came first. Of each pixel's
-curve the frames within ±REACH places of its sharpest frame are kept, in a ring (place modulo SLOTS), and of all the
-others the highest and the lowest value. F is kept as its logarithm, in which the fit works, in 16 bits.
+Frames are known by their place: neighbours in z are neighbours in place, whichever came first. Of each
+pixel's curve the frames within ±REACH places of its sharpest are kept, in a ring (place p in slot p modulo
+SLOTS), and of all frames the lowest value, of those outside the ring the highest. F is kept as its
+logarithm, in which the fit works, in 16 bits.
+
+Rows are worked on in plain loops over few arrays: each becomes vector instructions, and more arrays in one
+loop would not, as the compiler gives up proving that they do not overlap.
 """
 
 from dataclasses import dataclass
@@ -18,25 +22,33 @@ REACH = 8
 """Frames kept on either side of the sharpest."""
 
 SLOTS = 2 * REACH + 1
-PER_OCTAVE = 2048
-"""Levels per doubling of F: half a level is 0.017 % of F, far below the noise of any camera."""
+OCTAVE = 2048
+"""Codes per doubling of F: half of one is 0.017 % of F, far below the noise of any camera."""
 
 Codes = NDArray[np.uint16]
 
 
 @dataclass(frozen=True)
 class Curves:
-    """The curves of all pixels, 2 * SLOTS + 8 bytes each, and the all-in-focus image.
+    """The curves of all pixels, 42 bytes each, and the all-in-focus image.
 
-    The value of a curve is a code: 0 where F is 0 or the frame is not there, else 1 + 2048 log2 F.
+    A code is 0 where F is 0 or the frame is not there, else 1 + OCTAVE log2 F, rounded.
+
+    Attributes:
+        slots: (H, SLOTS, W) uint16, codes round the sharpest frame.
+        centre: (H, W) int16, place of the sharpest frame.
+        peak: (H, W) uint16, its code.
+        lowest: (H, W) uint16, lowest code of all frames.
+        outside: (H, W) uint16, highest code of the frames that are not in the slots.
+        image: (H, W), every pixel from its sharpest frame.
     """
 
-    slots: Codes  # (H, SLOTS, W): the codes round the sharpest frame, place p in slot p mod SLOTS
-    centre: NDArray[np.int16]  # (H, W): place of the sharpest frame
-    peak: Codes  # (H, W): its code
-    lowest: Codes  # (H, W): lowest code of all frames
-    outside: Codes  # (H, W): highest code of the frames that are not in the slots
-    image: Frame  # (H, W): every pixel from its sharpest frame
+    slots: Codes
+    centre: NDArray[np.int16]
+    peak: Codes
+    lowest: Codes
+    outside: Codes
+    image: Frame
 
     @classmethod
     def empty(cls, frame: Frame) -> 'Curves':
@@ -68,7 +80,12 @@ class Curves:
         )
 
     def make_room(self, place: int) -> None:
-        """Move the frames at this place and above one place up, for a frame that belongs in between."""
+        """Move the frames at this place and above one place up, for a frame that belongs in between.
+
+        What leaves the window is lost before it is known whether the new frame is the sharpest, and its
+        window reaches less far. So the outermost places may be missing in one order of the frames and not
+        in another; the fit does not use them.
+        """
         _make_room(place, self.slots, self.centre, self.outside)
 
 
@@ -86,7 +103,7 @@ def _add(
     outside: Codes,
     image: Frame,
 ) -> None:
-    """One pass over the frame: F of a row, its code, and what of it is kept, while the row is in the cache."""
+    """`Curves.add` in one pass: F of a row, its code, what is kept of it, while the row is in the cache."""
     height, width = frame.shape
     laplacians, columns = measure_buffers(width, half)
     measure = np.empty(width, np.int32)
@@ -120,8 +137,8 @@ def _encode(
 ) -> None:
     """Codes of a row of F; `bits` are those of `rounded`.
 
-    A float32 is 2^e (1 + t). log2(1 + t) = t + t (1 - t) q(t) is exact at both ends, so that codes rise with F; the
-    cubic q, least squares over [0, 1], leaves 2e-5, a twentieth of a level.
+    A float32 is 2^e (1 + t), and log2(1 + t) = t + t (1 - t) q(t), exact at both ends so that codes rise
+    with F. The cubic q, by least squares over [0, 1], leaves 2e-5 octaves, a twentieth of a level.
     """
     for x in range(measure.size):
         rounded[x] = measure[x]
@@ -132,7 +149,7 @@ def _encode(
         q = q * t + np.float32(-0.26602988)
         q = q * t + np.float32(0.4417403)
         octaves = np.float32(exponent) + (t + t * (np.float32(1) - t) * q)
-        code = np.int32(octaves * np.float32(PER_OCTAVE) + np.float32(1.5))
+        code = np.int32(octaves * np.float32(OCTAVE) + np.float32(1.5))
         codes[x] = max(code, np.int32(0))
 
 
@@ -140,9 +157,13 @@ def _encode(
 def _compare(
     codes: Codes, place: int, centre: NDArray[np.int16], peak: Codes, sharper: NDArray[np.bool_]
 ) -> tuple[int, int]:
-    """Mark in `sharper` the pixels of a row of which this frame is the sharpest yet; the range of their centres.
+    """Mark in `sharper` the pixels of a row of which this frame is the sharpest yet.
 
-    Of two frames equally sharp the lower one wins, whichever came first. The range is empty where no pixel is marked.
+    Of two frames equally sharp the lower one wins, whichever came first.
+
+    Returns:
+        The lowest and the highest centre that these pixels have so far; the other way round if there are
+        none.
     """
     here = np.int16(place)
     lowest, highest = np.int16(32767), np.int16(-32768)
@@ -151,7 +172,7 @@ def _compare(
         sharper[x] = marked
         lowest = min(lowest, centre[x] if marked else np.int16(32767))
         highest = max(highest, centre[x] if marked else np.int16(-32768))
-    return lowest, highest
+    return int(lowest), int(highest)
 
 
 @kernel
@@ -180,7 +201,7 @@ def _keep(
 def _empty(
     slot: Codes, held: int, centre: NDArray[np.int16], outside: Codes, sharper: NDArray[np.bool_]
 ) -> None:
-    """Empty a slot that will hold place `held`, where it held another with the centre before the sharper frame."""
+    """Empty the slot of place `held` where the pixel moves its centre and the slot has another place yet."""
     first, last = np.int16(held - REACH), np.int16(held + REACH)
     for x in range(slot.size):
         other = sharper[x] & ((centre[x] < first) | (centre[x] > last))
@@ -213,7 +234,7 @@ def _recentre(
 
 @kernel
 def _make_room(place: int, slots: Codes, centre: NDArray[np.int16], outside: Codes) -> None:
-    """`Curves.make_room`: codes move with their places, and the one that is pushed out of the window is given up."""
+    """`Curves.make_room`: codes move with their places, one is pushed out of the window."""
     height, _, width = slots.shape
     old = np.empty(SLOTS, np.uint16)
     for row in range(height):

@@ -37,7 +37,8 @@ def focus_measure(frame: Frame, settings: FocusSettings | None = None) -> Whole:
 def checked_frame(frame: Any) -> Frame:
     """`frame` as the kernels take it, or a StackError that says what a frame has to be.
 
-    Views and read-only frames are copied: it costs a tenth of the pass, and another compilation a hundred passes.
+    Views and read-only frames are copied: that costs a tenth of the pass, but a compilation of their own
+    costs a thousand passes.
     """
     array = np.asarray(frame)
     if array.ndim != 2 or array.size == 0:

@@ -14,7 +14,7 @@ from socialcircle_ros.errors import StackError
 from socialcircle_ros.settings import FocusSettings
 
 from .curve import REACH, Curves
-from .fit import Reason, fit_peaks
+from .fit import SATURATED, fit_peaks
 from .measure import Frame, checked_frame
 
 _MOST_PLACES = 32_767 - REACH
@@ -44,13 +44,14 @@ class FocusResult:
 class FocusStack:
     """Takes the frames of a focus stack one at a time, in constant memory, and measures the depth.
 
-    Each pixel costs 42 bytes and its pixel of the all-in-focus image, however many frames there are. Frames come in any
-    order. A frame at the z of an earlier one adds what it sees sharper; the very same frame again adds nothing.
+    Each pixel costs 42 bytes and its pixel of the all-in-focus image, however many frames there are. Frames
+    come in any order. Of two frames at the same z each pixel keeps the larger F, so that a frame that comes
+    twice changes nothing.
 
-    Of each pixel the seven frames on either side of its sharpest are used. In the order of z, up or down, they are always
-    there but for those before a sudden jump that are less sharp than what came earlier, and that a fit does not miss.
-    In any other order they are all there, and the result is the same bit for bit, where the curve rises to one peak;
-    elsewhere a few may be missing, never wrong.
+    Of each pixel the sharpest frame and seven on either side of it are used. Where the curve rises to one
+    peak they are always there, and the result is the same bit for bit in any order. Where it does not, a
+    frame is missing if it was outside the window round what was then the sharpest; the fit then has fewer
+    frames, never wrong ones.
 
     Example:
         >>> stack = FocusStack()
@@ -165,5 +166,5 @@ def _mark_saturated(
             if x - half - 1 >= 0:
                 count -= columns[x - half - 1]
             if x >= 0 and count * _SATURATED_SHARE > side * side:
-                reasons[row, x] |= 4
+                reasons[row, x] |= SATURATED
                 quality[row, x] = 0

@@ -39,7 +39,7 @@ def peak_of_three(z, f):
 
 
 def peak_of_curve(z, f, places):
-    """The peak of the weighted log-parabola round the sharpest frame, frames weighing (1 + ln(F / F_peak))²."""
+    """The peak of the log-parabola round the sharpest frame, frames weighing (1 + ln(F / F_peak))²."""
     order = np.argsort(z, kind='stable')
     z, f = np.asarray(z, float)[order], np.asarray(f, float)[order]
     best = int(np.argmax(f))
