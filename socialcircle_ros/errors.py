@@ -34,3 +34,7 @@ class RecordingError(SocialCircleError):
 
 class ImportFileError(SocialCircleError):
     """A file that is to become a recording cannot be used; the message names the file."""
+
+
+class StackError(SocialCircleError, ValueError):
+    """A frame cannot join the focus stack, or the stack is not enough to measure from."""

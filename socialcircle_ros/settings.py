@@ -347,6 +347,57 @@ class NodeSettings(Settings):
     )
 
 
+Fit = Literal['gauss', 'gauss3']
+
+
+@dataclass(frozen=True)
+class FocusSettings(Settings):
+    """From focus stack to depth (section 3.1 of the paper)."""
+
+    group: ClassVar[str] = 'focus'
+
+    step: int = setting(
+        2,
+        'Step s of the modified Laplacian (eq. 1): 1 sees the finest texture, 2 or 3 stand more noise.',
+        unit='pixels',
+        minimum=1,
+        maximum=8,
+    )
+    half_window: int = setting(
+        4,
+        'Half-window N of the focus measure (eq. 2): larger averages noise, smaller resolves finer steps.',
+        unit='pixels',
+        minimum=0,
+        maximum=15,
+    )
+    threshold: int = setting(
+        0,
+        'Threshold T on the modified Laplacian (eq. 3): what is below counts as 0; 0 keeps everything.',
+        unit='gray levels',
+        minimum=0,
+        maximum=262140,
+    )
+    fit: Fit = setting(
+        'gauss',
+        "How the peak is found between frames: 'gauss' uses as many frames as the curve is wide, 'gauss3'"
+        " is Nayar's fit through three.",
+        choices=('gauss', 'gauss3'),
+    )
+    saturation: int | None = setting(
+        None,
+        'Gray level from which a pixel counts as saturated; 0: the largest that its data type holds.'
+        ' A 12-bit camera that sends mono16 needs 4095.',
+        unit='gray levels',
+        minimum=0,
+        maximum=65535,
+        empty=0,
+    )
+
+    def _check_together(self) -> None:
+        if self.saturation == 0:
+            raise SettingError('focus.saturation must be above 0; None has it follow the data type.')
+
+
 GROUPS: tuple[type[Settings], ...] = (CircleSettings, OutputSettings, NodeSettings)
 """The groups that the node has, in the order in which they are shown."""
 

@@ -1,1 +1,11 @@
-"""Focus variation (section 3.1): focus measure, peak fit, and the assembly of a stack into a cloud."""
+"""Focus variation (section 3.1): the focus measure, the fit of its peak, and stacks measured as they arrive.
+
+Frames are gray here; what turns messages and colour into gray frames, and the depth into a cloud, lives
+elsewhere.
+"""
+
+from .fit import Reason
+from .measure import focus_measure
+from .stack import FocusResult, FocusStack, depth_from_focus
+
+__all__ = ['FocusResult', 'FocusStack', 'Reason', 'depth_from_focus', 'focus_measure']
