@@ -56,7 +56,7 @@ def write(name: str, scenes: list[Scene], *, padded: bool = False) -> None:
             truth = image.mask_pixels(surface, measured & scene.outlier)
             message = padded_cloud(header, points) if padded else point_cloud.encode_point_cloud(header, points)
             writer.write('/points', message, time)
-            writer.write('/truth/outlier_mask', image.encode_mono8(header, truth), time)
+            writer.write('/truth/outlier_mask', image.encode_image(header, truth), time)
 
 
 def holes(shape: tuple[int, ...], seed: int) -> npt.NDArray[np.bool_]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from .circle import remove_outliers
 from .messages import diagnostics
-from .messages.image import encode_mono8, mask_pixels
+from .messages.image import encode_image, mask_pixels
 from .messages.point_cloud import PointCloud
 from .settings import CircleSettings, OutputSettings
 
@@ -72,7 +72,7 @@ def clean(message: bytes, circle: CircleSettings, output: OutputSettings) -> Cle
     measured = outliers + int(np.count_nonzero(result.inliers))
     filtered = cloud.without(result.outliers, dense=measured == points and outliers == 0)
     clock.stage('cloud')
-    mask = encode_mono8(cloud.header, mask_pixels(result.inliers, result.outliers)) if output.mask else None
+    mask = encode_image(cloud.header, mask_pixels(result.inliers, result.outliers)) if output.mask else None
     clock.stage('mask')
     clock.times['total'] = sum(clock.times.values())
     return Cleaned(

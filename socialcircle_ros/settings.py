@@ -313,6 +313,54 @@ class CircleSettings(Settings):
             raise SettingError('circle.radius must be above 0; None has it found by eq. 7.')
 
 
+ZSource = Literal['step', 'joint_states']
+
+
+@dataclass(frozen=True)
+class StackSettings(Settings):
+    """How frames become a stack, and a stack a cloud in metres. A change takes effect with the next stack."""
+
+    group: ClassVar[str] = 'stack'
+
+    pitch_x: float = setting(
+        0.0,
+        'Distance of two pixels along x on the part; must be set before a stack can become a cloud.',
+        unit='m',
+        minimum=0.0,
+        maximum=1.0,
+    )
+    pitch_y: float = setting(
+        0.0, 'Distance of two pixels along y on the part; 0: as along x.', unit='m', minimum=0.0, maximum=1.0
+    )
+    z_source: ZSource = setting(
+        'step',
+        "Where a frame's z comes from: 'step' counts from z_start, 'joint_states' interpolates the stage's"
+        " position at the frame's stamp.",
+        choices=('step', 'joint_states'),
+    )
+    z_start: float = setting(0.0, 'z of the first frame, for z_source step.', unit='m')
+    z_step: float = setting(
+        0.0, 'z from frame to frame, negative downward; must be set for z_source step.', unit='m'
+    )
+    joint: str = setting('', 'Name of the joint whose position is z, for z_source joint_states; empty: the first.')
+    frames: int = setting(
+        0, 'A stack ends after so many frames; 0: not by their number.', unit='frames', minimum=0, maximum=30000
+    )
+    timeout: float = setting(
+        1.0, 'A stack ends after so long without a frame; 0: never.', unit='s', minimum=0.0, maximum=3600.0
+    )
+    end_at_turn: bool = setting(
+        False, 'Whether a stack ends when z turns round; the frame behind the turn begins the next one.'
+    )
+    preview: int = setting(
+        0,
+        'Every so many frames the cloud so far is published on stack/preview; 0: never.',
+        unit='frames',
+        minimum=0,
+        maximum=30000,
+    )
+
+
 @dataclass(frozen=True)
 class OutputSettings(Settings):
     """What the node publishes beside the filtered cloud."""
@@ -398,7 +446,7 @@ class FocusSettings(Settings):
             raise SettingError('focus.saturation must be above 0; None has it follow the data type.')
 
 
-GROUPS: tuple[type[Settings], ...] = (CircleSettings, OutputSettings, NodeSettings)
+GROUPS: tuple[type[Settings], ...] = (CircleSettings, FocusSettings, StackSettings, OutputSettings, NodeSettings)
 """The groups that the node has, in the order in which they are shown."""
 
 PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in group.parameters()}

@@ -16,7 +16,7 @@ PACKAGE = Path(socialcircle_ros.__file__).parent
 LEVELS = [
     {'commands'},
     {'node', 'recording', 'evaluation'},
-    {'pipeline'},
+    {'pipeline', 'stacking'},
     {'simulation', 'messages'},
     {'circle', 'focus', 'repair', 'baselines'},
     {'settings', 'errors', 'compiled'},

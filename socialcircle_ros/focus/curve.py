@@ -198,9 +198,7 @@ def _keep(
 
 
 @kernel
-def _empty(
-    slot: Codes, held: int, centre: NDArray[np.int16], outside: Codes, sharper: NDArray[np.bool_]
-) -> None:
+def _empty(slot: Codes, held: int, centre: NDArray[np.int16], outside: Codes, sharper: NDArray[np.bool_]) -> None:
     """Empty the slot of place `held` where the pixel moves its centre and the slot has another place yet."""
     first, last = np.int16(held - REACH), np.int16(held + REACH)
     for x in range(slot.size):

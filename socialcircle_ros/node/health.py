@@ -14,13 +14,17 @@ WINDOW = 10.0
 
 @dataclass
 class Counts:
-    """Clouds since the start or the last reset."""
+    """Clouds, frames and stacks since the start or the last reset."""
 
     received: int = 0
     published: int = 0
     dropped: int = 0
     refused: int = 0
     failed: int = 0
+    frames_received: int = 0
+    frames_dropped: int = 0
+    stack_refusals: int = 0
+    stacks: int = 0
 
 
 @dataclass
@@ -34,6 +38,7 @@ class Health:
     _latencies: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=10_000))
     _trouble_at: float = float('-inf')
     _last_was_refused: bool = False
+    _stack_latency: float | None = None
 
     def received(self) -> None:
         """A cloud arrived."""
@@ -67,6 +72,30 @@ class Health:
             self.counts.failed += 1
             self._trouble(reason)
 
+    def frame_received(self) -> None:
+        """A frame of a stack arrived."""
+        with self._lock:
+            self.counts.frames_received += 1
+
+    def frame_dropped(self) -> None:
+        """A frame found too many others waiting."""
+        with self._lock:
+            self.counts.frames_dropped += 1
+            self._trouble('A frame was dropped: frames come faster than their focus is measured.')
+
+    def frame_refused(self, reason: str) -> None:
+        """A frame, a joint state or a whole stack could not be used."""
+        with self._lock:
+            self.counts.stack_refusals += 1
+            self._trouble(reason)
+
+    def stack_finished(self, latency: float) -> None:
+        """A stack became a cloud, `latency` seconds after its last frame had arrived."""
+        with self._lock:
+            self.counts.stacks += 1
+            self._stack_latency = latency
+            self._last_was_refused = False
+
     def _trouble(self, reason: str) -> None:
         self.last_reason = reason
         self._trouble_at = time.monotonic()
@@ -79,6 +108,7 @@ class Health:
             self.last_reason = ''
             self._arrivals.clear()
             self._latencies.clear()
+            self._stack_latency = None
             self._trouble_at = float('-inf')
             self._last_was_refused = False
 
@@ -107,10 +137,16 @@ class Health:
                 'clouds_dropped': str(self.counts.dropped),
                 'clouds_refused': str(self.counts.refused),
                 'clouds_failed': str(self.counts.failed),
+                'frames_received': str(self.counts.frames_received),
+                'frames_dropped': str(self.counts.frames_dropped),
+                'stack_refusals': str(self.counts.stack_refusals),
+                'stacks_finished': str(self.counts.stacks),
                 'last_reason': self.last_reason,
                 'rate_hz': f'{arrivals / WINDOW:.1f}',
             }
             if latencies:
                 values['latency_median_ms'] = f'{latencies[len(latencies) // 2]:.1f}'
                 values['latency_max_ms'] = f'{latencies[-1]:.1f}'
+            if self._stack_latency is not None:
+                values['stack_latency_ms'] = f'{1e3 * self._stack_latency:.1f}'
             return values

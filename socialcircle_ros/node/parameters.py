@@ -14,10 +14,12 @@ from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import (
     PARAMETERS,
     CircleSettings,
+    FocusSettings,
     NodeSettings,
     OutputSettings,
     Parameter,
     RosValue,
+    StackSettings,
     yaml_text,
 )
 
@@ -27,6 +29,8 @@ class Configuration:
     """All settings of the node at one moment; a cloud is processed under one of these, never under two."""
 
     circle: CircleSettings
+    focus: FocusSettings
+    stack: StackSettings
     output: OutputSettings
     node: NodeSettings
 
@@ -37,11 +41,18 @@ class Configuration:
         Raises:
             SettingError: a value that cannot be, or values that do not go together.
         """
-        return cls(CircleSettings.from_ros(values), OutputSettings.from_ros(values), NodeSettings.from_ros(values))
+        return cls(
+            CircleSettings.from_ros(values),
+            FocusSettings.from_ros(values),
+            StackSettings.from_ros(values),
+            OutputSettings.from_ros(values),
+            NodeSettings.from_ros(values),
+        )
 
     def to_ros(self) -> dict[str, RosValue]:
         """Every parameter under its full name."""
-        return {**self.circle.to_ros(), **self.output.to_ros(), **self.node.to_ros()}
+        groups = (self.circle, self.focus, self.stack, self.output, self.node)
+        return {name: value for group in groups for name, value in group.to_ros().items()}
 
 
 class LiveParameters:

@@ -21,14 +21,18 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages import diagnostics, image, joint_state
 from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import encode_image
 from socialcircle_ros.messages.point_cloud import TYPE, encode_point_cloud
 from socialcircle_ros.pipeline import clean
+from socialcircle_ros.settings import StackSettings
+from socialcircle_ros.stacking import Refusal, StackAssembler, StackCloud
 
 from .connections import SILENT, complaints, node_of
 from .health import Health
 from .parameters import LiveParameters
+from .stack_input import StackInput
 from .transport import PROFILE
 from .worker import LatestWorker
 
@@ -40,6 +44,7 @@ _OVERRIDABLE = (
     QoSPolicyKind.RELIABILITY,
     QoSPolicyKind.DURABILITY,
 )
+STACK_TYPES = (image.TYPE, joint_state.TYPE)
 _LOG_PERIOD = 5.0  # seconds between two log lines of one kind
 
 
@@ -80,6 +85,7 @@ class SocialCircleNode(LifecycleNode):
         self._health = Health()
         self._worker: LatestWorker[_Arrival] | None = None
         self._clouds: Any = None
+        self._stack: StackInput | None = None
         self._last: _Arrival | None = None
         self._active_since = float('inf')
         self._live_parameters = LiveParameters(self, self._parameters_changed)
@@ -89,6 +95,7 @@ class SocialCircleNode(LifecycleNode):
         self._heartbeat = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._publish_diagnostics, clock=steady)
+        self.create_service(Trigger, '~/finish_stack', self._finish_stack)
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(Trigger, '~/save_parameters', self._save_parameters)
 
@@ -101,7 +108,7 @@ class SocialCircleNode(LifecycleNode):
 
     def close(self) -> None:
         """Stop the worker and free what the node holds."""
-        self._stop_worker()
+        self._stop_workers()
         self.destroy_node()
 
     # Lifecycle
@@ -116,6 +123,9 @@ class SocialCircleNode(LifecycleNode):
         self._warm_up()
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began:.1f} s).')
         self._worker = LatestWorker(self._process, self._overtaken)
+        self._stack = StackInput(
+            self, lambda: self._live_parameters.configuration, self._health, self._filter, _OVERRIDABLE
+        )
         return super().on_configure(state)
 
     @_reported
@@ -130,6 +140,8 @@ class SocialCircleNode(LifecycleNode):
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
             raw=True,
         )
+        if self._stack is not None:
+            self._stack.listen()
         self._active_since = time.monotonic()
         self.get_logger().info(f'Active: waiting for clouds on {self._clouds.topic_name}.')
         return result
@@ -137,8 +149,7 @@ class SocialCircleNode(LifecycleNode):
     @_reported
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen no more; the cloud at hand is still published."""
-        self.destroy_subscription(self._clouds)
-        self._clouds = None
+        self._ignore()
         if self._worker is not None:
             self._worker.drain()
         return super().on_deactivate(state)
@@ -152,21 +163,30 @@ class SocialCircleNode(LifecycleNode):
     @_reported
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """As cleanup, from any state."""
-        if self._clouds is not None:
-            self.destroy_subscription(self._clouds)
-            self._clouds = None
+        self._ignore()
         self._release()
         return super().on_shutdown(state)
 
+    def _ignore(self) -> None:
+        """Listen to clouds and frames no more."""
+        if self._clouds is not None:
+            self.destroy_subscription(self._clouds)
+            self._clouds = None
+        if self._stack is not None:
+            self._stack.ignore()
+
     def _release(self) -> None:
-        self._stop_worker()
+        self._stop_workers()
         self._last = None
         for name in ('_filtered', '_mask', '_measurement'):
             publisher = self.__dict__.pop(name, None)
             if publisher is not None:
                 self.destroy_lifecycle_publisher(publisher)
 
-    def _stop_worker(self) -> None:
+    def _stop_workers(self) -> None:
+        if self._stack is not None:
+            self._stack.close()
+            self._stack = None
         if self._worker is not None:
             self._worker.stop()
             self._worker = None
@@ -200,6 +220,10 @@ class SocialCircleNode(LifecycleNode):
 
     def _cloud_arrived(self, message: bytes) -> None:
         self._health.received()
+        self._filter(message)
+
+    def _filter(self, message: bytes) -> None:
+        """Hand a cloud to the worker: one that arrived, or one that a stack became."""
         if self._worker is not None:
             self._worker.put(_Arrival(message, time.monotonic()))
 
@@ -239,21 +263,43 @@ class SocialCircleNode(LifecycleNode):
             worker.put(last)
 
     def _warm_up(self) -> None:
-        """Compile what a cloud will need, for both types of coordinates, before the first one comes."""
+        """Compile what clouds and frames will need before the first one comes."""
         configuration = self._live_parameters.configuration
         rows, columns = np.mgrid[:8, :6]
         for kind in (np.float32, np.float64):
             xyz = np.dstack([columns, rows, rows % 2]).astype(kind)
             clean(encode_point_cloud(Header(), xyz), type(configuration.circle)(), configuration.output)
+        assembler = StackAssembler()
+        assembler.configure(configuration.focus, StackSettings(pitch_x=1.0, z_step=1.0, frames=3))
+        for pixels in (rows % 3).astype(np.uint8)[None] * np.array([[[1]], [[9]], [[2]]], np.uint8):
+            list(assembler.add_frame(encode_image(Header(), pixels)))
 
     # Services and diagnostics
 
+    def _finish_stack(self, _: Any, response: Any) -> Any:
+        events = self._stack.finish() if self._stack is not None else None
+        if events is None:
+            response.success, response.message = False, 'No stack is running.'
+            return response
+        refusals = [event.reason for event in events if isinstance(event, Refusal)]
+        clouds = [event for event in events if isinstance(event, StackCloud)]
+        response.success = bool(clouds)
+        response.message = ' '.join(
+            [*refusals, *(f'A cloud was made of {cloud.frames} frames.' for cloud in clouds)]
+        )
+        return response
+
     def _reset(self, _: Any, response: Any) -> Any:
+        if self._stack is not None:
+            self._stack.forget()
         if self._worker is not None:
             self._worker.drain()
         self._last = None
         self._health.reset()
-        response.success, response.message = True, 'Counters are zero; the last cloud is forgotten.'
+        response.success, response.message = (
+            True,
+            'Counters are zero; the last cloud and the stack that ran are forgotten.',
+        )
         return response
 
     def _save_parameters(self, _: Any, response: Any) -> Any:
@@ -291,6 +337,9 @@ class SocialCircleNode(LifecycleNode):
         publishers = self.get_publishers_info_by_topic(topic)
         values['publishers'] = str(len(publishers))
         unheard = complaints(topic, TYPE, self._clouds.qos_profile, publishers)
+        for heard, kind in zip(self._stack.subscriptions if self._stack else (), STACK_TYPES, strict=False):
+            name = heard.topic_name
+            unheard += complaints(name, kind, heard.qos_profile, self.get_publishers_info_by_topic(name))
         values['connections'] = ' '.join(unheard)
         silent = min(self._health.seconds_silent(), time.monotonic() - self._active_since)
         limit = self._live_parameters.configuration.node.silence

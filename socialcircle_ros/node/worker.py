@@ -1,5 +1,7 @@
-"""One thread that works on the newest job; a job that is overtaken while it waits is dropped. No rclpy."""
+"""Threads that work: one on the newest job only, one on every job in its order. No rclpy."""
 
+import contextlib
+import queue
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -61,3 +63,50 @@ class LatestWorker(Generic[Job]):
             with self._changed:
                 self._busy = False
                 self._changed.notify_all()
+
+
+class QueueWorker(Generic[Job]):
+    """Runs `work` on a thread of its own for every job, in the order in which they came.
+
+    Every frame of a stack counts, so that they wait for each other; only where too many wait is one dropped.
+
+    Args:
+        work: called with each job on the worker's thread; must not raise.
+        idle: called on the worker's thread whenever nothing came for `pause` seconds.
+        most: so many jobs may wait.
+        pause: seconds.
+    """
+
+    def __init__(self, work: Callable[[Job], None], idle: Callable[[], None], most: int, pause: float) -> None:
+        self._work = work
+        self._idle = idle
+        self._pause = pause
+        self._jobs: queue.Queue[Job | None] = queue.Queue(most)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='stack_worker')
+        self._thread.start()
+
+    def put(self, job: Job) -> bool:
+        """Hand over a job; False where too many wait, and it is dropped."""
+        try:
+            self._jobs.put_nowait(job)
+        except queue.Full:
+            return False
+        return True
+
+    def stop(self) -> None:
+        """Let the job at hand end, drop what waits, and join the thread; may be called twice."""
+        self._stopping.set()
+        with contextlib.suppress(queue.Full):
+            self._jobs.put_nowait(None)  # wakes the thread at once
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                job = self._jobs.get(timeout=self._pause)
+            except queue.Empty:
+                self._idle()
+                continue
+            if job is not None and not self._stopping.is_set():
+                self._work(job)
