@@ -14,6 +14,7 @@ COMMANDS = {
     'play': 'play',
     'record': 'record',
     'import': 'import_',
+    'simulate': 'simulate',
     'bench': 'bench',
 }
 

@@ -110,25 +110,30 @@ def _add(
     rounded = np.empty(width, np.float32)
     codes = np.empty(width, np.uint16)
     sharper = np.empty(width, np.bool_)
+    jumped = np.zeros((width + 7) // 8 * 8, np.bool_)
     for row in range(height):
         measure_row(frame, row, step, half, threshold, laplacians, columns, measure)
         _encode(measure, rounded, rounded.view(np.int32), codes)
-        lowest_centre, highest_centre = _compare(codes, place, centre[row], peak[row], sharper)
+        low, high = _compare(codes, place, centre[row], peak[row], sharper)
         _keep(codes, place, slots[row, place % SLOTS], centre[row], lowest[row], outside[row], sharper)
-        if lowest_centre <= highest_centre:
-            for held in range(place - REACH, place + REACH + 1):
-                if lowest_centre < held - REACH or highest_centre > held + REACH:
-                    _empty(slots[row, held % SLOTS], held, centre[row], outside[row], sharper)
-            _recentre(
-                codes,
-                frame[row],
-                place,
-                slots[row, place % SLOTS],
-                centre[row],
-                peak[row],
-                image[row],
-                sharper,
-            )
+        if low > high:
+            continue
+        if low < place - 1 or high > place + 1:
+            _empty_passed(place, slots[row], centre[row], outside[row], sharper, jumped)
+        if low < place:
+            _empty(slots[row, (place + REACH) % SLOTS], place - 1, centre[row], outside[row], sharper)
+        if high > place:
+            _empty(slots[row, (place - REACH) % SLOTS], place + 1, centre[row], outside[row], sharper)
+        _recentre(
+            codes,
+            frame[row],
+            place,
+            slots[row, place % SLOTS],
+            centre[row],
+            peak[row],
+            image[row],
+            sharper,
+        )
 
 
 @kernel
@@ -198,13 +203,48 @@ def _keep(
 
 
 @kernel
-def _empty(slot: Codes, held: int, centre: NDArray[np.int16], outside: Codes, sharper: NDArray[np.bool_]) -> None:
-    """Empty the slot of place `held` where the pixel moves its centre and the slot has another place yet."""
-    first, last = np.int16(held - REACH), np.int16(held + REACH)
+def _empty(
+    slot: Codes, neighbour: int, centre: NDArray[np.int16], outside: Codes, sharper: NDArray[np.bool_]
+) -> None:
+    """Empty the slot that goes to another place where the centre moves on from the neighbouring place."""
+    before = np.int16(neighbour)
     for x in range(slot.size):
-        other = sharper[x] & ((centre[x] < first) | (centre[x] > last))
-        outside[x] = max(outside[x], slot[x] if other else np.uint16(0))
-        slot[x] = np.uint16(0) if other else slot[x]
+        moves = sharper[x] & (centre[x] == before)
+        outside[x] = max(outside[x], slot[x] if moves else np.uint16(0))
+        slot[x] = np.uint16(0) if moves else slot[x]
+
+
+@kernel
+def _empty_passed(
+    place: int,
+    slots: Codes,
+    centre: NDArray[np.int16],
+    outside: Codes,
+    sharper: NDArray[np.bool_],
+    jumped: NDArray[np.bool_],
+) -> None:
+    """Empty the slots that go to other places where the centre moves by more than one place.
+
+    These pixels are few, mostly noise before the peak: eight at a time are passed over where there are none.
+    """
+    before, after = np.int16(place - 1), np.int16(place + 1)
+    for x in range(sharper.size):
+        jumped[x] = sharper[x] & ((centre[x] < before) | (centre[x] > after))
+    eights = jumped.view(np.uint64)
+    for eight in range(eights.size):
+        if eights[eight] == 0:
+            continue
+        for x in range(8 * eight, 8 * eight + 8):
+            if not jumped[x]:
+                continue
+            moved = place - centre[x]
+            # the first of the places that are left behind
+            left = centre[x] - REACH if moved > 0 else place + REACH + 1
+            slot = left % SLOTS
+            for _ in range(min(abs(moved), SLOTS)):
+                outside[x] = max(outside[x], slots[slot, x])
+                slots[slot, x] = 0
+                slot = slot + 1 if slot + 1 < SLOTS else 0
 
 
 @kernel

@@ -148,6 +148,8 @@ def _fit(
                 residue[x] = centres[x] % SLOTS
                 entry[x] = centres[x] - first + REACH
                 origin[x] = steps[entry[x]]
+            lowest_entry, highest_entry = entry[: centres.size].min(), entry[: centres.size].max()
+            entry[centres.size :] = lowest_entry  # the rest of a tile at the border weighs nothing
             sums[:] = 0
             weights[:] = 0
             batched = 0
@@ -158,11 +160,9 @@ def _fit(
                 codes = slots[row, place % SLOTS, tile]
                 if not _weigh(codes, peaks, distance, three, weights[batch], logs[batch]):
                     continue
-                position = t[batch]
+                _find_position(entry, distance, steps, lowest_entry, highest_entry, t[batch])
                 for x in range(centres.size):
-                    position[x] = steps[np.uintp(entry[x] + distance[x])]
-                for x in range(centres.size):
-                    position[x] -= origin[x]
+                    t[batched * _TILE + x] -= origin[x]
                 batched += 1
                 if batched == _BATCH:
                     _accumulate(t, weights, logs, sums)
@@ -191,6 +191,33 @@ def _find_distance(slot: int, residue: NDArray[np.int32], distance: NDArray[np.i
         places = np.int32(slot) - residue[x]
         places = places + SLOTS if places < -REACH else places
         distance[x] = places - SLOTS if places > REACH else places
+
+
+@kernel
+def _find_position(
+    entry: NDArray[np.int32],
+    distance: NDArray[np.int32],
+    steps: Row,
+    lowest: int,
+    highest: int,
+    position: Row,
+) -> None:
+    """The steps at entry + distance, where the entries are from lowest to highest.
+
+    The places of one slot are SLOTS apart, so that a tile of a smooth surface has one or two of them: it is
+    quicker to choose between these than to look each up, which the compiler does one by one.
+    """
+    if highest - lowest > 8 * SLOTS:
+        for x in range(position.size):
+            position[x] = steps[np.uintp(entry[x] + distance[x])]
+        return
+    place = entry[0] + distance[0]
+    place -= (place - (lowest - REACH)) // SLOTS * SLOTS
+    position[:] = steps[place]
+    for other in range(place + SLOTS, highest + REACH + 1, SLOTS):
+        here, step = np.int32(other), steps[other]
+        for x in range(position.size):
+            position[x] = step if entry[x] + distance[x] >= here else position[x]
 
 
 @kernel

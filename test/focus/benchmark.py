@@ -1,0 +1,77 @@
+"""How long a frame and the fit take, beside OpenCV's filters; a script, as OpenCV is no dependency.
+
+    python test/focus/benchmark.py
+
+OpenCV does two filters with the kernel [-1 2 -1], spread by the step, and one box sum, on one thread. All is
+timed in turn on the same frames, in this thread's own time.
+"""
+
+import time
+
+import cv2
+import numpy as np
+
+from socialcircle_ros.focus import FocusStack, focus_measure
+from socialcircle_ros.settings import FocusSettings
+
+
+def make_frames(count=40, shape=(960, 1280), seed=1):
+    """A tilted, rough surface through a scan: texture of eight degrees of blur, noise of 2 gray levels."""
+    rng = np.random.default_rng(seed)
+    texture = rng.standard_normal(shape).astype(np.float32)
+    blurred = np.stack([cv2.GaussianBlur(texture, (0, 0), s) for s in (0.9, 1.1, 1.4, 1.9, 2.5, 3.2, 4, 6)])
+    rough = cv2.GaussianBlur(rng.standard_normal(shape).astype(np.float32), (0, 0), 12) * 20
+    surface = 8 + (count - 16) * np.arange(shape[1]) / shape[1] + rough
+    for z in range(count):
+        level = np.minimum(np.abs(z - surface).astype(int), 7)
+        seen = 110 + 60 * np.take_along_axis(blurred, level[None], 0)[0] + 2 * rng.standard_normal(shape)
+        yield np.clip(seen, 0, 255).astype(np.uint8)
+
+
+def two_filters_and_box_sum(frame, settings):
+    """What OpenCV needs for the same."""
+    taps = np.zeros((1, 2 * settings.step + 1), np.float32)
+    taps[0, 0] = taps[0, -1] = -1
+    taps[0, settings.step] = 2
+    across, along = cv2.filter2D(frame, cv2.CV_16S, taps), cv2.filter2D(frame, cv2.CV_16S, taps.T)
+    laplacian = cv2.add(np.abs(across, out=across), np.abs(along, out=along))
+    side = 2 * settings.half_window + 1
+    return cv2.boxFilter(laplacian, cv2.CV_32F, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+
+
+def run():
+    """Times in ms: medians, and the median of the ratios."""
+    cv2.setNumThreads(1)
+    settings = FocusSettings()
+    stack, times = FocusStack(settings), []
+    for z, frame in enumerate(make_frames()):
+        row = []
+        for job in (
+            lambda frame=frame: two_filters_and_box_sum(frame, settings),
+            lambda frame=frame: focus_measure(frame, settings),
+            lambda frame=frame, z=z: stack.add(frame, z),
+        ):
+            start = time.thread_time()
+            job()
+            row.append(1e3 * (time.thread_time() - start))
+        times.append(row)
+    times = np.array(times[2:])  # the first compiles
+    finish = []
+    for _ in range(9):
+        start = time.thread_time()
+        stack.finish()
+        finish.append(1e3 * (time.thread_time() - start))
+    opencv, measure, add = np.median(times, 0)
+    return {
+        'opencv': opencv,
+        'focus_measure': measure,
+        'add': add,
+        'add, slowest': times[:, 2].max(),
+        'add / opencv': np.median(times[:, 2] / times[:, 0]),
+        'finish': np.median(finish[1:]),
+    }
+
+
+if __name__ == '__main__':
+    for name, value in run().items():
+        print(f'{name:16} {value:6.2f}')  # noqa: T201
