@@ -28,18 +28,24 @@ def command(
     """Filter a RECORDING offline, exactly as the node does live; the same input gives the same bytes.
 
     Everything in the recording is kept byte for byte; beside each topic of clouds come points_filtered,
-    outlier_mask and social_circle/measurement.
+    outlier_mask and social_circle/measurement. Frames on stack/image become clouds on stack/points first: give
+    the stack's parameters (stack.pitch_x ...) with -p or --params-file.
     """
     from rich.console import Console
     from rich.progress import Progress
 
     from socialcircle_ros.pipeline import Cleaned
     from socialcircle_ros.recording import Message, open_recording
-    from socialcircle_ros.recording.offline import filter_recording
-    from socialcircle_ros.settings import CircleSettings, OutputSettings
+    from socialcircle_ros.recording.offline import Job, filter_recording
+    from socialcircle_ros.settings import CircleSettings, FocusSettings, OutputSettings, StackSettings
 
     values = parameter_values(params_file, parameters)
-    circle, wanted = CircleSettings.from_ros(values), OutputSettings.from_ros(values)
+    job = Job(
+        CircleSettings.from_ros(values),
+        FocusSettings.from_ros(values),
+        StackSettings.from_ros(values),
+        OutputSettings.from_ros(values),
+    )
     console = Console(stderr=True)
     with open_recording(recording) as reader:
         total = reader.message_count
@@ -47,30 +53,29 @@ def command(
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(f'filtering {recording.name}', total=total)
 
-        def seen(_: Message, cleaned: Cleaned | None) -> None:
+        def seen(_: Message, cleaned: list[Cleaned]) -> None:
             nonlocal points, outliers
-            if cleaned is not None:
-                points += cleaned.measured
-                outliers += cleaned.outliers
+            points += sum(result.measured for result in cleaned)
+            outliers += sum(result.outliers for result in cleaned)
             progress.advance(task)
 
         summary = filter_recording(
             recording,
             output,
-            circle,
-            wanted,
+            job,
             topics=topics,
             compression=compression,  # type: ignore[arg-type]
             overwrite=overwrite,
             seen=seen,
         )
     share = f' ({100 * outliers / points:.2f} %)' if points else ''
+    stacks = f'{summary.stacks} stacks became clouds; ' if summary.stacks else ''
     click.echo(
-        f'{summary.clouds} clouds filtered, {outliers} of {points} measured points are outliers{share}; '
+        f'{stacks}{summary.clouds} clouds filtered, {outliers} of {points} measured points are outliers{share}; '
         f'{summary.passed} other messages kept; written to {output}.'
     )
     for reason, count in summary.refused.items():
-        click.echo(f'Refused {count} cloud{"s" if count > 1 else ""}: {reason}', err=True)
+        click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
     if summary.replaced:
         click.echo(f'Results of an earlier run were replaced: {", ".join(summary.replaced)}.', err=True)
     if summary.damage:

@@ -18,7 +18,7 @@ JOINT = 'stage_z'
 TOPICS = {
     'stack/image': image.TYPE,
     'stack/joint_states': joint_state.TYPE,
-    'truth/points': point_cloud.TYPE,
+    'truth/surface': point_cloud.TYPE,
     'truth/description': diagnostics.TYPE,
 }
 
@@ -28,7 +28,7 @@ def write_simulation(
 ) -> None:
     """Write a stack with its joint states in the order of their times, and what is true of it.
 
-    `truth/points` is the cloud that a perfect measurement would give: x, y, z in metres, and the field
+    `truth/surface` is the cloud that a perfect measurement would give: x, y, z in metres, and the field
     `cause` with the trouble that lies in wait there. `truth/description` names the bounds of good and bad.
 
     Args:
@@ -39,7 +39,7 @@ def write_simulation(
     for name, kind in TOPICS.items():
         writer.add_topic(ros_topic(f'/{name}', kind))
     travel = simulation.travel
-    writer.write('/truth/points', _true_points(simulation), START)
+    writer.write('/truth/surface', _true_surface(simulation), START)
     writer.write('/truth/description', _description(simulation).encode(), START)
     joints = list(zip(travel.joint_stamps, travel.joint_z, strict=True))
     for frame in simulation.frames():
@@ -76,7 +76,7 @@ def _write_joint_state(writer: RecordingWriter, stamp: np.int64, z: np.float64) 
     writer.write('/stack/joint_states', state.encode(), at)
 
 
-def _true_points(simulation: Simulation) -> bytes:
+def _true_surface(simulation: Simulation) -> bytes:
     truth = simulation.truth
     pitch_x, pitch_y = _pitch(simulation)
     rows, columns = np.indices(truth.depth.shape)

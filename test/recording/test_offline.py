@@ -14,7 +14,7 @@ from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
 from socialcircle_ros.pipeline import clean
 from socialcircle_ros.recording import RecordingWriter, Topic, open_recording, ros_topic
-from socialcircle_ros.recording.offline import filter_recording
+from socialcircle_ros.recording.offline import Job, filter_recording
 from socialcircle_ros.settings import OutputSettings
 
 OTHER = Topic('/cell/notes', 'odd_msgs/msg/Note', b'string text\n', 'ros2msg', 'cdr', {'by': 'someone'})
@@ -38,7 +38,8 @@ def night(path, clouds=3, topic='/cell/points'):
 
 
 def run(source, target, circle=None, output=None, **options):
-    return filter_recording(source, target, circle or CircleSettings(), output or OutputSettings(), **options)
+    job = Job(circle=circle or CircleSettings(), output=output or OutputSettings())
+    return filter_recording(source, target, job, **options)
 
 
 def contents(path):
@@ -134,7 +135,11 @@ def test_the_only_topic_of_clouds_is_filtered_whatever_its_name(tmp_path):
 @pytest.mark.parametrize(
     ('names', 'chosen', 'sentence'),
     [
-        ([], (), r'has no clouds \(sensor_msgs/msg/PointCloud2\); it has: /cell/notes'),
+        (
+            [],
+            (),
+            r'has neither clouds \(sensor_msgs/msg/PointCloud2\) nor frames \(stack/image\); it has: /cell/notes',
+        ),
         (['/a/raw', '/b/raw'], (), 'several topics of clouds; choose with --topic: /a/raw, /b/raw'),
         (['/points'], ('/cell/notes',), 'has no topic /cell/notes of clouds'),
         (['/points'], ('/nowhere',), 'has no topic /nowhere of clouds'),
