@@ -46,6 +46,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         shared('launch', '*.launch.py'),
         shared('config', '*.yaml'),
+        shared('bags', 'stack.yaml'),
         shared('bags', '*.mcap'),
     ],
     python_requires='>=3.10',

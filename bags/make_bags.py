@@ -3,7 +3,8 @@
     python bags/make_bags.py
 
 The clouds are simulated, so that the outliers are known: each cloud on /points has its truth beside it on
-/truth/outlier_mask (0 surface, 255 outlier, 127 not measured or too close to call).
+/truth/outlier_mask (0 surface, 255 outlier, 127 not measured or too close to call). The stack has the surface
+that it was made from on /truth/surface.
 """
 
 from pathlib import Path
@@ -14,7 +15,9 @@ import numpy.typing as npt
 from socialcircle_ros.messages import image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import RecordingWriter, ros_topic
-from socialcircle_ros.simulation.scenes import Scene, make_scene
+from socialcircle_ros.recording.simulated import node_parameters, write_simulation
+from socialcircle_ros.settings import yaml_text
+from socialcircle_ros.simulation import Scene, Simulation, make_scene, simulate
 
 HERE = Path(__file__).resolve().parent
 START = 1_700_000_000_000_000_000  # ns; any fixed time
@@ -27,6 +30,7 @@ def main() -> None:
     write('metal_groove', [groove(0, 480, 640)])
     write('parts', [groove(seed, 120, 160) for seed in range(1, 9)])
     write('padded', [composite(seed) for seed in range(2)], padded=True)
+    write_stack('stack', simulate('ball', 160, 200, seed=1))
 
 
 def groove(seed: int, rows: int, columns: int) -> Scene:
@@ -57,6 +61,13 @@ def write(name: str, scenes: list[Scene], *, padded: bool = False) -> None:
             message = padded_cloud(header, points) if padded else point_cloud.encode_point_cloud(header, points)
             writer.write('/points', message, time)
             writer.write('/truth/outlier_mask', image.encode_image(header, truth), time)
+
+
+def write_stack(name: str, simulation: Simulation) -> None:
+    """Write a focus stack with joint states and truth, and the parameters that measure it."""
+    with RecordingWriter(HERE / f'{name}.mcap', compression='zstd', overwrite=True) as writer:
+        write_simulation(simulation, writer)
+    (HERE / f'{name}.yaml').write_text(yaml_text(node_parameters(simulation)), encoding='utf-8')
 
 
 def holes(shape: tuple[int, ...], seed: int) -> npt.NDArray[np.bool_]:

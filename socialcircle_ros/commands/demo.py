@@ -1,5 +1,6 @@
 """`socialcircle demo`."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,14 +9,16 @@ import click
 from .options import require_ros
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from rich.table import Table
 
     from socialcircle_ros.node.process import Answer, Client
-    from socialcircle_ros.recording import Message
+    from socialcircle_ros.recording import RecordingReader
 
 NAMESPACE = '/socialcircle_demo'
-TRUTH = 'truth/outlier_mask'
-SHIPPED = ('metal_groove.mcap', 'parts.mcap', 'padded.mcap')
+SHIPPED = ('metal_groove.mcap', 'parts.mcap', 'padded.mcap', 'stack.mcap')
+STACK_PARAMETERS = 'stack.yaml'
 
 
 @click.command('demo', epilog='Example: socialcircle demo measurement.npz')
@@ -24,7 +27,12 @@ SHIPPED = ('metal_groove.mcap', 'parts.mcap', 'padded.mcap')
     '-o', '--output', type=click.Path(path_type=Path), default=Path('out/demo'), show_default=True,
     help='Directory of the results.',
 )  # fmt: skip
-def command(files: tuple[Path, ...], output: Path) -> None:
+@click.option(
+    '--params-file',
+    type=click.Path(path_type=Path),
+    help='Parameters of the node, such as those of a focus stack.',
+)
+def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> None:
     """See it work: the node as its own process, a recording played into it over DDS, and what it answers.
 
     FILES are recordings, or measurements as .npz, .ply or .pcd; without any, simulated clouds of known truth
@@ -54,7 +62,10 @@ def command(files: tuple[Path, ...], output: Path) -> None:
     recordings = [_as_recording(path, output) for path in files or _shipped()]
     table = _table()
     written: list[Path] = []
-    with NodeProcess(NAMESPACE, output / 'node.log') as process, Client(NAMESPACE) as client:
+    given = ('--params-file', str(_share('bags') / STACK_PARAMETERS)) if not files else ()
+    if params_file is not None:
+        given = ('--params-file', str(params_file))
+    with NodeProcess(NAMESPACE, output / 'node.log', arguments=given) as process, Client(NAMESPACE) as client:
         with console.status('Starting the node (the very first start compiles the filter: about 20 s) ...'):
             client.wait_for_node(process, 180.0)
         for recording in recordings:
@@ -68,10 +79,15 @@ def command(files: tuple[Path, ...], output: Path) -> None:
 
 
 def _shipped() -> list[Path]:
-    """The recordings of the package: in a checkout, or installed under share/.
+    """The recordings of the package."""
+    return [_share('bags') / name for name in SHIPPED]
+
+
+def _share(folder: str) -> Path:
+    """A folder of the package: in a checkout, or installed under share/.
 
     Raises:
-        SocialCircleError: they are not there.
+        SocialCircleError: it is not there.
     """
     import os
     import sys
@@ -79,11 +95,11 @@ def _shipped() -> list[Path]:
     from socialcircle_ros.errors import SocialCircleError
 
     prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
-    folders = [Path(__file__).resolve().parents[2] / 'bags']
-    folders += [Path(prefix) / 'share/socialcircle_ros/bags' for prefix in prefixes if prefix]
-    for folder in folders:
-        if all((folder / name).is_file() for name in SHIPPED):
-            return [folder / name for name in SHIPPED]
+    places = [Path(__file__).resolve().parents[2] / folder]
+    places += [Path(prefix) / 'share/socialcircle_ros' / folder for prefix in prefixes if prefix]
+    for place in places:
+        if (place / SHIPPED[0]).is_file():
+            return place
     raise SocialCircleError('The recordings of the package are not installed here; name a recording of your own.')
 
 
@@ -106,41 +122,83 @@ def _as_recording(path: Path, output: Path) -> Path:
 
 
 def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> list[Path]:
-    """Play one recording cloud by cloud; the files that were written."""
+    """Play one recording, cloud by cloud and stack by stack; the files that were written."""
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.messages import diagnostics, image, point_cloud
-    from socialcircle_ros.node.process import stamp_of
     from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
-    from socialcircle_ros.recording.offline import FILTERED, MASK, MEASUREMENT, clouds_of
+    from socialcircle_ros.recording.offline import (
+        FILTERED,
+        FRAMES,
+        JOINT_STATES,
+        MASK,
+        MEASUREMENT,
+        STACK_IMAGE,
+        STACK_POINTS,
+        clouds_of,
+        stacks_of,
+    )
 
-    cleaned = output / f'{recording.stem}_cleaned.mcap'
-    picture: list[Path] = []
-    with open_recording(recording) as reader:
-        (topic, *_) = clouds_of(reader)
-        namespace = topic.rpartition('/')[0]
-        truths = {stamp_of(message.data): message.data for message in reader.messages([f'{namespace}/{TRUTH}'])}
-        results = {FILTERED: point_cloud.TYPE, MASK: image.TYPE, MEASUREMENT: diagnostics.TYPE}
-        with RecordingWriter(cleaned, compression='zstd', overwrite=True, source=recording) as writer:
+    kinds = {
+        FILTERED: point_cloud.TYPE,
+        MASK: image.TYPE,
+        MEASUREMENT: diagnostics.TYPE,
+        STACK_POINTS: point_cloud.TYPE,
+        STACK_IMAGE: image.TYPE,
+    }
+    cleaned, picture = output / f'{recording.stem}_cleaned.mcap', output / f'{recording.stem}.png'
+    drawn = False
+    with (
+        open_recording(recording) as reader,
+        RecordingWriter(cleaned, compression='zstd', overwrite=True, source=recording) as writer,
+    ):
+        truth = _truth(reader)
+
+        def keep(name: str, namespace: str, time: int, cloud: bytes | None, answer: 'Answer') -> None:
+            nonlocal drawn
+            before = cloud or answer.stack_points or b''
+            results = (
+                answer.filtered,
+                answer.mask,
+                answer.measurement.encode(),
+                answer.stack_points,
+                answer.stack_image,
+            )
+            for (result, kind), data in zip(kinds.items(), results, strict=True):
+                if data is not None:
+                    writer.add_topic(ros_topic(f'{namespace}/{result}', kind))
+                    writer.write(f'{namespace}/{result}', data, time)
+            table.add_row(*_row(name, before, answer, truth))
+            if not drawn:
+                _draw(picture, recording.stem, before, answer)
+                drawn = True
+
+        for topic in clouds_of(reader):
             writer.add_topic(reader.topics[topic])
-            for name, kind in results.items():
-                writer.add_topic(ros_topic(f'{namespace}/{name}', kind))
             for number, message in enumerate(reader.messages([topic])):
                 writer.write(*message)
+                name = f'{recording.stem} {number}'
                 try:
                     answer = client.clean(message.data)
                 except SocialCircleError as refusal:
-                    table.add_row(f'{recording.stem} {number}', f'refused: {refusal}')
+                    table.add_row(name, f'refused: {refusal}')
                     continue
-                for name, data in zip(
-                    results, (answer.filtered, answer.mask, answer.measurement.encode()), strict=True
-                ):
-                    writer.write(f'{namespace}/{name}', data, message.log_time, message.publish_time)
-                table.add_row(*_row(f'{recording.stem} {number}', message, answer, truths))
-                if not picture:
-                    picture = _draw(output / f'{recording.stem}.png', recording.stem, message, answer)
+                keep(name, topic.rpartition('/')[0], message.log_time, message.data, answer)
+        for namespace in stacks_of(reader):
+            names = [
+                name for name in (f'{namespace}/{FRAMES}', f'{namespace}/{JOINT_STATES}') if name in reader.topics
+            ]
+            player = client.player([reader.topics[name] for name in names])
+            player.wait_for_listeners(names, 30.0)
+            messages = list(reader.messages(names))
+            try:
+                answer = client.measure(player, messages)
+            except SocialCircleError as refusal:
+                table.add_row(f'{recording.stem} (stack)', f'refused: {refusal}')
+                continue
+            keep(f'{recording.stem} (stack)', namespace, messages[-1].log_time, None, answer)
         if reader.damage:
             click.echo(f'Warning: {reader.damage}', err=True)
-    return [cleaned, *picture]
+    return [cleaned, picture] if drawn else [cleaned]
 
 
 def _table() -> 'Table':
@@ -164,23 +222,57 @@ def _table() -> 'Table':
         table.add_column(name, justify='right')
     table.caption = (
         'vote, radius, grow: the steps of the filter, total: all that the node does with a cloud, trip: from'
-        ' publishing it to receiving the filtered one; all in ms'
+        ' publishing it (of a stack: the last frame) to receiving the filtered one; all in ms'
     )
     return table
 
 
-def _row(name: str, message: 'Message', answer: 'Answer', truths: dict[int, bytes]) -> list[str]:
+Truth = Callable[[bytes], 'tuple[NDArray[np.bool_], NDArray[np.bool_]] | None']
+"""From a cloud to its true outliers and the points whose truth is certain; None where nothing is known."""
+
+
+def _truth(reader: 'RecordingReader') -> Truth:
+    """What a recording knows of the truth: masks beside clouds, or the surface that a stack was made from."""
+    from socialcircle_ros.messages.diagnostics import Status
+    from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
+    from socialcircle_ros.messages.point_cloud import PointCloud
+    from socialcircle_ros.node.process import stamp_of
+    from socialcircle_ros.simulation import Truth as StackTruth
+
+    masks = {
+        stamp_of(message.data): decode_mono8(message.data) for message in reader.messages(['/truth/outlier_mask'])
+    }
+    surface = next((message.data for message in reader.messages(['/truth/surface'])), None)
+    description = next((message.data for message in reader.messages(['/truth/description'])), None)
+
+    def of_cloud(cloud: bytes) -> Any:
+        mask = masks.get(stamp_of(cloud))
+        if mask is not None:
+            return mask == OUTLIER, mask != NOT_MEASURED
+        if surface is None or description is None:
+            return None
+        values = Status.decode(description).values
+        true = PointCloud.decode(surface).xyz()[..., 2]
+        good, bad = (float(values[f'{name}_bound_m']) for name in ('good', 'bad'))
+        # The cause plays no part in what is bad.
+        verdict = StackTruth(true * 1e6, true.astype('u1'), good * 1e6, bad * 1e6).classify(
+            PointCloud.decode(cloud).xyz()[..., 2] * 1e6
+        )
+        return verdict.bad, verdict.good | verdict.bad
+
+    return of_cloud
+
+
+def _row(name: str, cloud: bytes, answer: 'Answer', truth: Truth) -> list[str]:
     """One line of the table; precision and recall where the recording knows the truth."""
     from socialcircle_ros.evaluation.scores import score
-    from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
-    from socialcircle_ros.node.process import stamp_of
+    from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 
     values: dict[str, Any] = dict(answer.measurement.values)
     known = ['', '']
-    truth = truths.get(stamp_of(message.data))
-    if truth is not None:
-        true = decode_mono8(truth)
-        scores = score(decode_mono8(answer.mask) == OUTLIER, true == OUTLIER, true != NOT_MEASURED)
+    true = truth(cloud)
+    if true is not None:
+        scores = score(decode_mono8(answer.mask) == OUTLIER, *true)
         known = [f'{scores.precision:.3f}', f'{scores.recall:.3f}']
     return [
         name,
@@ -194,14 +286,11 @@ def _row(name: str, message: 'Message', answer: 'Answer', truths: dict[int, byte
     ]
 
 
-def _draw(path: Path, name: str, message: 'Message', answer: 'Answer') -> list[Path]:
+def _draw(path: Path, name: str, cloud: bytes, answer: 'Answer') -> None:
     """The picture of one cloud, before and after."""
     from socialcircle_ros.evaluation.pictures import before_and_after
     from socialcircle_ros.messages.image import OUTLIER, decode_mono8
     from socialcircle_ros.messages.point_cloud import PointCloud
 
-    cloud = PointCloud.decode(message.data)
-    before_and_after(
-        path, cloud.xyz(), decode_mono8(answer.mask) == OUTLIER, f'{name}: {answer.measurement.message}'
-    )
-    return [path]
+    xyz = PointCloud.decode(cloud).xyz()
+    before_and_after(path, xyz, decode_mono8(answer.mask) == OUTLIER, f'{name}: {answer.measurement.message}')

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +22,12 @@ from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages.cdr import CdrReader
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.header import Header
+from socialcircle_ros.recording import Message, Topic
+
+from .replay import Player
+
+_CLOUD = ('points_filtered', 'outlier_mask', 'social_circle/measurement')
+_STACK = (*_CLOUD, 'stack/points', 'stack/image_in_focus')
 
 
 class NodeProcess:
@@ -73,7 +80,10 @@ class Answer:
     mask: bytes
     measurement: Status
     latency: float
-    """Seconds from publishing the cloud to receiving the filtered one."""
+    """Seconds from publishing the cloud, or the last frame, to receiving the filtered one."""
+    stack_points: bytes | None
+    """The cloud that was made of a stack, before filtering."""
+    stack_image: bytes | None
 
 
 class Client:
@@ -96,6 +106,8 @@ class Client:
             (PointCloud2, 'points_filtered'),
             (Image, 'outlier_mask'),
             (DiagnosticStatus, 'social_circle/measurement'),
+            (PointCloud2, 'stack/points'),
+            (Image, 'stack/image_in_focus'),
         ):
             self._node.create_subscription(kind, topic, self._keeping(topic), reliable, raw=True)
         self._name = f'{self._node.get_namespace().rstrip("/")}/social_circle'
@@ -125,21 +137,57 @@ class Client:
         Raises:
             SocialCircleError: the node refused it, or did not answer in time.
         """
+
+        def publish() -> float:
+            began = time.monotonic()
+            self._clouds.publish(cloud)
+            return began
+
+        return self._answer(publish, _CLOUD, timeout)
+
+    def measure(self, player: Player, messages: Iterable[Message], timeout: float = 60.0) -> Answer:
+        """Play the frames of one stack with their joint states, and wait for what becomes of it.
+
+        Raises:
+            SocialCircleError: the node refused it, or did not answer in time.
+        """
+
+        def publish() -> float:
+            player.play(messages)
+            return time.monotonic()
+
+        return self._answer(publish, _STACK, timeout)
+
+    def player(self, topics: Iterable[Topic]) -> Player:
+        """A player into this client's namespace."""
+        return Player(topics, self._node.get_namespace(), context=self._context)
+
+    def _answer(self, publish: Callable[[], float], wanted: tuple[str, ...], timeout: float) -> Answer:
+        """Publish, which gives when the last message went out, and wait for `wanted`."""
         with self._changed:
             self._answers.clear()
             refused, _ = self._refusals
-            began = time.monotonic()
-            self._clouds.publish(cloud)
-            self._changed.wait_for(lambda: len(self._answers) == 3 or (0 <= refused < self._refusals[0]), timeout)
-            if len(self._answers) < 3:
+        began = publish()
+        with self._changed:
+            self._changed.wait_for(
+                lambda: all(topic in self._answers for topic in wanted) or (0 <= refused < self._refusals[0]),
+                timeout,
+            )
+            if any(topic not in self._answers for topic in wanted):
                 count, reason = self._refusals
                 if 0 <= refused < count:
                     raise SocialCircleError(reason)
                 raise SocialCircleError(f'The node did not answer within {timeout:.0f} s.')
-            (filtered, at), (mask, _), (measurement, _) = (
-                self._answers[topic] for topic in ('points_filtered', 'outlier_mask', 'social_circle/measurement')
-            )
-        return Answer(filtered, mask, Status.decode(measurement), at - began)
+            answers = {topic: message for topic, (message, _) in self._answers.items()}
+            _, at = self._answers['points_filtered']
+        return Answer(
+            answers['points_filtered'],
+            answers['outlier_mask'],
+            Status.decode(answers['social_circle/measurement']),
+            at - began,
+            answers.get('stack/points'),
+            answers.get('stack/image_in_focus'),
+        )
 
     def close(self) -> None:
         """Leave the graph."""
@@ -174,7 +222,8 @@ class Client:
             if status.hardware_id == self._name:
                 values = {pair.key: pair.value for pair in status.values}
                 with self._changed:
-                    count = int(values['clouds_refused']) + int(values['clouds_failed'])
+                    kinds = ('clouds_refused', 'clouds_failed', 'stack_refusals', 'frames_dropped')
+                    count = sum(int(values[kind]) for kind in kinds)
                     self._refusals = (count, values['last_reason'])
                     self._changed.notify_all()
 
