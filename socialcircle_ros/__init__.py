@@ -9,14 +9,28 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .circle import CircleResult, remove_outliers
     from .errors import SocialCircleError
-    from .settings import CircleSettings
+    from .focus import FocusResult, FocusStack, depth_from_focus
+    from .settings import CircleSettings, FocusSettings
 
-__all__ = ['CircleResult', 'CircleSettings', 'SocialCircleError', 'remove_outliers']
+__all__ = [
+    'CircleResult',
+    'CircleSettings',
+    'FocusResult',
+    'FocusSettings',
+    'FocusStack',
+    'SocialCircleError',
+    'depth_from_focus',
+    'remove_outliers',
+]
 
 _ROOMS = {
     'CircleResult': 'circle',
     'CircleSettings': 'settings',
+    'FocusResult': 'focus',
+    'FocusSettings': 'settings',
+    'FocusStack': 'focus',
     'SocialCircleError': 'errors',
+    'depth_from_focus': 'focus',
     'remove_outliers': 'circle',
 }
 

@@ -4,6 +4,7 @@ import os
 import zlib
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 
@@ -17,6 +18,11 @@ def _own_domain() -> str:
 # Before anything starts rclpy, here or in a process that a test starts.
 os.environ['ROS_DOMAIN_ID'] = _own_domain()
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+
+# The first call of a kernel compiles it, which no deadline of an example allows for.
+hypothesis.settings.register_profile('socialcircle', deadline=None)
+hypothesis.settings.load_profile('socialcircle')
 
 
 @pytest.fixture(scope='session')

@@ -20,7 +20,7 @@ from .health import Health
 from .parameters import Configuration
 from .worker import QueueWorker
 
-DEPTH = 50
+FRAME_DEPTH, JOINT_DEPTH = 50, 500
 """Frames and joint states that DDS keeps for us: unlike clouds, each one counts."""
 
 WAITING = 100
@@ -75,15 +75,15 @@ class StackInput:
 
     def listen(self) -> None:
         """Subscribe."""
-        for kind, topic, arrived in (
-            (Image, 'stack/image', self._frame_arrived),
-            (JointState, 'stack/joint_states', self._joint_state_arrived),
+        for kind, topic, depth, arrived in (
+            (Image, 'stack/image', FRAME_DEPTH, self._frame_arrived),
+            (JointState, 'stack/joint_states', JOINT_DEPTH, self._joint_state_arrived),
         ):
             subscription = self._node.create_subscription(
                 kind,
                 topic,
                 arrived,
-                QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE),
+                QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE),
                 qos_overriding_options=QoSOverridingOptions(self._overridable),
                 raw=True,
             )

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 
 from socialcircle_ros.errors import MessageError
+from socialcircle_ros.messages.cdr import CdrWriter
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.image import decode_mono8, encode_image, mask_pixels
+from socialcircle_ros.messages.image import Image, decode_mono8, encode_image, mask_pixels
 from socialcircle_ros.recording import schema_text
 
 DECODE = generate_dynamic('sensor_msgs/Image', schema_text('sensor_msgs/msg/Image'))['sensor_msgs/Image']
@@ -35,3 +38,78 @@ def test_an_image_of_colours_is_no_mask():
     message = encode_image(Header(), np.zeros((2, 2), np.uint8)).replace(b'mono8', b'bgra8')
     with pytest.raises(MessageError, match='The image is bgra8; a mask is mono8'):
         decode_mono8(message)
+
+
+def message(encoding, pixels, *, step=0, bigendian=False):
+    """A serialized image with padding behind each row."""
+    rows = [np.ascontiguousarray(row).tobytes() for row in pixels]
+    step = step or len(rows[0]) + 5
+    writer = CdrWriter()
+    Header(1, 2, 'camera').write(writer)
+    writer.uint32(pixels.shape[0])
+    writer.uint32(pixels.shape[1])
+    writer.string(encoding)
+    writer.boolean(bigendian)
+    writer.uint32(step)
+    writer.octets(b''.join(row + bytes(step - len(row)) for row in rows))
+    return writer.finish()
+
+
+SHAPES = st.tuples(st.integers(2, 6), st.integers(2, 7))
+
+
+@given(SHAPES, st.integers(0, 2**32))
+def test_gray_frames_are_read_with_padding_and_both_byte_orders(shape, seed):
+    rng = np.random.default_rng(seed)
+    small, large = rng.integers(0, 256, shape, np.uint8), rng.integers(0, 65536, shape, np.uint16)
+    np.testing.assert_array_equal(Image.decode(message('mono8', small)).gray(), small)
+    np.testing.assert_array_equal(Image.decode(message('mono16', large.astype('<u2'))).gray(), large)
+    swapped = Image.decode(message('mono16', large.astype('>u2'), bigendian=True)).gray()
+    np.testing.assert_array_equal(swapped, large)
+    assert swapped.dtype.isnative
+
+
+@given(SHAPES, st.integers(0, 2**32))
+def test_colour_becomes_luma(shape, seed):
+    rgb = np.random.default_rng(seed).integers(0, 256, (*shape, 3), np.uint8)
+    expected = [[(77 * int(r) + 150 * int(g) + 29 * int(b) + 128) // 256 for r, g, b in row] for row in rgb]
+    np.testing.assert_array_equal(Image.decode(message('rgb8', rgb)).gray(), expected)
+    np.testing.assert_array_equal(Image.decode(message('bgr8', rgb[..., ::-1])).gray(), expected)
+
+
+@given(SHAPES, st.integers(0, 2**32), st.sampled_from(['rggb', 'bggr', 'gbrg', 'grbg']))
+def test_a_mosaic_becomes_the_mean_of_each_two_by_two_window(shape, seed, pattern):
+    mosaic = np.random.default_rng(seed).integers(0, 256, shape, np.uint8)
+    rows, columns = shape
+    expected = np.empty(shape, int)
+    for row in range(rows):
+        for column in range(columns):
+            r, c = min(row, rows - 2), min(column, columns - 2)
+            expected[row, column] = (int(mosaic[r : r + 2, c : c + 2].astype(int).sum()) + 2) // 4
+    np.testing.assert_array_equal(Image.decode(message(f'bayer_{pattern}8', mosaic)).gray(), expected)
+
+
+def test_a_mosaic_of_one_colour_has_no_texture():
+    mosaic = np.empty((6, 8), np.uint8)
+    mosaic[::2, ::2], mosaic[::2, 1::2], mosaic[1::2, ::2], mosaic[1::2, 1::2] = 200, 120, 120, 40
+    assert len(np.unique(Image.decode(message('bayer_rggb8', mosaic)).gray())) == 1
+
+
+@pytest.mark.parametrize(
+    ('data', 'sentence'),
+    [
+        (message('yuv422', np.zeros((3, 4), np.uint8)), "'yuv422'; send mono8, mono16"),
+        (message('mono8', np.zeros((3, 4), np.uint8))[:-3], 'ends early|more bytes follow'),
+        (message('mono16', np.zeros((3, 4), np.uint8), step=7), 'contradicts itself: step is 7'),
+        (message('rgb8', np.zeros((3, 4), np.uint8), step=11), 'contradicts itself: step is 11'),
+        (message('bayer_rggb8', np.zeros((1, 4), np.uint8)), 'at least 2×2 pixels'),
+    ],
+)
+def test_a_frame_that_cannot_be_used_is_refused_with_the_reason(data, sentence):
+    with pytest.raises(MessageError, match=sentence):
+        Image.decode(data).gray()
+
+
+def test_a_mono_frame_is_not_copied():
+    data = message('mono8', np.zeros((3, 4), np.uint8))
+    assert np.shares_memory(Image.decode(data).gray(), np.frombuffer(data, np.uint8))
