@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.compiled import kernel
 
-from .curve import OCTAVE, REACH, SLOTS, Codes, Curves
+from .curve import OCTAVE, REACH, SLOTS, Codes, Curves, Places
 
 Row = NDArray[np.float32]
 
@@ -99,6 +99,8 @@ def fit_peaks(
     _fit(
         curves.slots,
         curves.centre,
+        curves.since,
+        curves.until,
         curves.peak,
         curves.lowest,
         curves.outside,
@@ -117,7 +119,9 @@ def fit_peaks(
 @kernel
 def _fit(
     slots: Codes,
-    centre: NDArray[np.int16],
+    centre: Places,
+    since: Places,
+    until: Places,
     peak: Codes,
     lowest: Codes,
     outside: Codes,
@@ -134,6 +138,8 @@ def _fit(
     height, _, width = slots.shape
     residue = np.empty(_TILE, np.int32)
     entry = np.empty(_TILE, np.int32)
+    nearest = np.empty(_TILE, np.int32)
+    farthest = np.empty(_TILE, np.int32)
     origin = np.empty(_TILE, np.float32)
     distance = np.empty(_TILE, np.int32)
     t = np.zeros(_BATCH * _TILE, np.float32)
@@ -148,6 +154,12 @@ def _fit(
                 residue[x] = centres[x] % SLOTS
                 entry[x] = centres[x] - first + REACH
                 origin[x] = steps[entry[x]]
+                nearest[x] = max(since[row, start + x], first) - centres[x]
+                farthest[x] = min(until[row, start + x], first + z.size - 1) - centres[x]
+            reach = 1 if three else _USED
+            for x in range(centres.size):
+                nearest[x] = max(nearest[x], -reach)
+                farthest[x] = min(farthest[x], reach)
             lowest_entry, highest_entry = entry[: centres.size].min(), entry[: centres.size].max()
             entry[centres.size :] = lowest_entry  # the rest of a tile at the border weighs nothing
             sums[:] = 0
@@ -158,7 +170,7 @@ def _fit(
                 batch = slice(batched * _TILE, (batched + 1) * _TILE)
                 _find_distance(place % SLOTS, residue, distance)
                 codes = slots[row, place % SLOTS, tile]
-                if not _weigh(codes, peaks, distance, three, weights[batch], logs[batch]):
+                if not _weigh(codes, peaks, distance, nearest, farthest, three, weights[batch], logs[batch]):
                     continue
                 _find_position(entry, distance, steps, lowest_entry, highest_entry, t[batch])
                 for x in range(centres.size):
@@ -217,16 +229,22 @@ def _find_position(
     for other in range(place + SLOTS, highest + REACH + 1, SLOTS):
         here, step = np.int32(other), steps[other]
         for x in range(position.size):
-            position[x] = step if entry[x] + distance[x] >= here else position[x]
+            lower = position[x]
+            position[x] = step if np.int32(entry[x] + distance[x]) >= here else lower
 
 
 @kernel
 def _weigh(
-    codes: Codes, peaks: Codes, distance: NDArray[np.int32], three: bool, weights: Row, logs: Row
+    codes: Codes,
+    peaks: Codes,
+    distance: NDArray[np.int32],
+    nearest: NDArray[np.int32],
+    farthest: NDArray[np.int32],
+    three: bool,
+    weights: Row,
+    logs: Row,
 ) -> bool:
-    """ln(F / F_peak) and weight of one slot; whether any pixel gives it a weight."""
-    last = np.int32(1) if three else np.int32(_USED)
-    first = np.int32(-last)
+    """ln(F / F_peak) and weight of one slot, 0 outside nearest to farthest; whether any pixel has one."""
     slope = np.float32(0) if three else np.float32(1)
     least = np.float32(1) if three else np.float32(_NEAREST)
     for x in range(codes.size):
@@ -234,9 +252,11 @@ def _weigh(
     for x in range(codes.size):
         above = max(np.float32(1) + slope * logs[x], np.float32(0))
         beside = (distance[x] >= np.int32(-1)) & (distance[x] <= np.int32(1))
-        near = (distance[x] >= first) & (distance[x] <= last) & (codes[x] > np.uint16(0))
-        weight = max(above * above, least if beside else np.float32(0))
-        weights[x] = weight if near else np.float32(0)
+        weights[x] = max(above * above, least if beside else np.float32(0))
+    for x in range(codes.size):
+        used = (distance[x] >= nearest[x]) & (distance[x] <= farthest[x]) & (codes[x] > np.uint16(0))
+        weight = weights[x]
+        weights[x] = weight if used else np.float32(0)
     some = np.int32(0)
     for x in range(codes.size):
         some |= np.int32(weights[x] > np.float32(0))
