@@ -6,8 +6,11 @@ A settings object is valid once it exists: making one checks each value, then th
 """
 
 import dataclasses
+import json
 import math
 import operator
+import re
+import textwrap
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -92,10 +95,12 @@ class Parameter:
         if self.kind is bool:
             return 'true, false'
         if self.kind is list:
-            return f'4 whole numbers ≥ {limits.minimum:g}'
+            return f'4 whole numbers, at least {limits.minimum:g}'
         words = 'odd, ' if limits.odd else ''
         if limits.minimum is not None and limits.maximum is not None:
             return f'{words}{limits.minimum:g} to {limits.maximum:g}'
+        if limits.minimum is not None:
+            return f'{words}at least {limits.minimum:g}'
         return words.rstrip(', ') or 'any'
 
     def to_ros(self, value: Any) -> RosValue:
@@ -170,9 +175,7 @@ class Settings:
         Raises:
             SettingError: as on creation.
         """
-        return cls(
-            **{row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values}
-        )
+        return cls(**{row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values})
 
     def to_ros(self) -> dict[str, RosValue]:
         """These settings under their full ROS names."""
@@ -247,6 +250,9 @@ def _within(name: str, number: float, limits: Limits) -> float:
     return number
 
 
+VOTERS = 40_000
+"""Most points that a vote region may have."""
+
 Mode = Literal['paper']
 
 
@@ -298,8 +304,61 @@ class CircleSettings(Settings):
                 f'circle.vote_region {list(region)} is empty; give a height and a width of at least 1,'
                 ' better 60, or [0, 0, 0, 0] to have it chosen.'
             )
+        if region is not None and region[2] * region[3] > VOTERS:
+            raise SettingError(
+                f'circle.vote_region {list(region)} has {region[2] * region[3]} points; at most {VOTERS} can'
+                ' vote, such as 200×200, since each votes for each.'
+            )
         if self.radius == 0.0:
             raise SettingError('circle.radius must be above 0; None has it found by eq. 7.')
+
+
+ZSource = Literal['step', 'joint_states']
+
+
+@dataclass(frozen=True)
+class StackSettings(Settings):
+    """How frames become a stack, and a stack a cloud in metres. A change takes effect with the next stack."""
+
+    group: ClassVar[str] = 'stack'
+
+    pitch_x: float = setting(
+        0.0,
+        'Distance of two pixels along x on the part; must be set before a stack can become a cloud.',
+        unit='m',
+        minimum=0.0,
+        maximum=1.0,
+    )
+    pitch_y: float = setting(
+        0.0, 'Distance of two pixels along y on the part; 0: as along x.', unit='m', minimum=0.0, maximum=1.0
+    )
+    z_source: ZSource = setting(
+        'step',
+        "Where a frame's z comes from: 'step' counts from z_start, 'joint_states' interpolates the stage's"
+        " position at the frame's stamp.",
+        choices=('step', 'joint_states'),
+    )
+    z_start: float = setting(0.0, 'z of the first frame, for z_source step.', unit='m')
+    z_step: float = setting(
+        0.0, 'z from frame to frame, negative downward; must be set for z_source step.', unit='m'
+    )
+    joint: str = setting('', 'Name of the joint whose position is z, for z_source joint_states; empty: the first.')
+    frames: int = setting(
+        0, 'A stack ends after so many frames; 0: not by their number.', unit='frames', minimum=0, maximum=30000
+    )
+    timeout: float = setting(
+        1.0, 'A stack ends after so long without a frame; 0: never.', unit='s', minimum=0.0, maximum=3600.0
+    )
+    end_at_turn: bool = setting(
+        False, 'Whether a stack ends when z turns round; the frame behind the turn begins the next one.'
+    )
+    preview: int = setting(
+        0,
+        'Every so many frames the cloud so far is published on stack/preview; 0: never.',
+        unit='frames',
+        minimum=0,
+        maximum=30000,
+    )
 
 
 @dataclass(frozen=True)
@@ -323,6 +382,16 @@ class NodeSettings(Settings):
     reprocess_last: bool = setting(
         True,
         'Whether a change of parameters filters and publishes the last cloud again, to tune on a pause.',
+    )
+    parameters_file: str = setting(
+        '', 'Where ~/save_parameters writes; empty: a file named after the node, in ~/.ros/socialcircle.'
+    )
+    silence: float = setting(
+        5.0,
+        'Time without a cloud from a publisher that is there, after which diagnostics say so; 0: never.',
+        unit='s',
+        minimum=0.0,
+        maximum=86400.0,
     )
 
 
@@ -377,8 +446,43 @@ class FocusSettings(Settings):
             raise SettingError('focus.saturation must be above 0; None has it follow the data type.')
 
 
-GROUPS: tuple[type[Settings], ...] = (CircleSettings, OutputSettings, NodeSettings)
+GROUPS: tuple[type[Settings], ...] = (CircleSettings, FocusSettings, StackSettings, OutputSettings, NodeSettings)
 """The groups that the node has, in the order in which they are shown."""
 
 PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in group.parameters()}
 """Every parameter of the node by its full name."""
+
+
+def yaml_text(values: Mapping[str, RosValue]) -> str:
+    """A parameter file that a node starts from, each parameter of the table under its sentence.
+
+    It applies to a node of any name in any namespace. Names beyond the table (such as qos_overrides) follow
+    at the end, without a sentence.
+
+    Args:
+        values: full names to values; a parameter of the table that is missing gets its default.
+    """
+    lines = ['/**:', '  ros__parameters:']
+    for name, row in PARAMETERS.items():
+        unit = f' [{row.unit}]' if row.unit else ''
+        comment = f'{row.sentence} Allowed: {row.allowed}.{unit}'
+        lines += textwrap.wrap(comment, 100, initial_indent='    # ', subsequent_indent='    # ')
+        lines += [f'    {name}: {_yaml_value(values.get(name, row.default))}', '']
+    for name in values:
+        if name not in PARAMETERS:
+            lines.append(f'    {name}: {_yaml_value(values[name])}')
+    return '\n'.join(lines).rstrip() + '\n'
+
+
+def markdown_table() -> str:
+    """The table of parameters for the README."""
+    lines = ['| parameter | default | allowed | unit | |', '|---|---|---|---|---|']
+    for name, row in PARAMETERS.items():
+        cells = (f'`{name}`', f'`{_yaml_value(row.default)}`', row.allowed, row.unit, row.sentence)
+        lines.append('| ' + ' | '.join(cell.replace('|', '/') for cell in cells) + ' |')
+    return '\n'.join(lines) + '\n'
+
+
+def _yaml_value(value: RosValue) -> str:
+    """One value as YAML; a float keeps its point, without which YAML 1.1 takes 1e-12 for a text."""
+    return re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(value))

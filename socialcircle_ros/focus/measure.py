@@ -44,9 +44,7 @@ def checked_frame(frame: Any) -> Frame:
     if array.ndim != 2 or array.size == 0:
         raise StackError(f'A frame must be a gray image of shape (H, W), not {array.shape}.')
     if array.dtype not in (np.uint8, np.uint16):
-        raise StackError(
-            f'A frame must be uint8 or uint16 in the byte order of this machine, not {array.dtype}.'
-        )
+        raise StackError(f'A frame must be uint8 or uint16 in the byte order of this machine, not {array.dtype}.')
     return np.require(array, requirements=['C', 'W'])
 
 

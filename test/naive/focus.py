@@ -46,8 +46,6 @@ def peak_of_curve(z, f, places):
     near = [k for k in range(best - places, best + places + 1) if 0 <= k < len(f) and f[k] > 0]
     y = np.array([math.log(f[k] / f[best]) for k in near])
     weights = np.maximum(1 + y, 0) ** 2
-    weights = np.array(
-        [max(w, 0.01) if abs(k - best) <= 1 else w for w, k in zip(weights, near, strict=True)]
-    )
+    weights = np.array([max(w, 0.01) if abs(k - best) <= 1 else w for w, k in zip(weights, near, strict=True)])
     c, b, _ = np.polyfit(z[near] - z[best], y, 2, w=np.sqrt(weights))
     return z[best] - b / (2 * c)

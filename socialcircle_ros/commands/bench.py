@@ -1,0 +1,67 @@
+"""`socialcircle bench`."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command('bench', epilog='Example: socialcircle bench --json bench.json')
+@click.option('--repeats', default=20, show_default=True, help='How often each figure is taken.')
+@click.option('--json', 'path', type=click.Path(path_type=Path), help='Write the figures here as well.')
+def command(repeats: int, path: Path | None) -> None:
+    """Measure how long the filter takes on this machine: medians after warm-up, in ms.
+
+    Other work on the machine makes figures worse; compare ratios of one run.
+    """
+    if repeats < 1:
+        raise click.BadParameter('must be at least 1.', param_hint='--repeats')
+    import dataclasses
+    import json
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from socialcircle_ros.errors import SocialCircleError
+    from socialcircle_ros.evaluation.benchmarks import SIZES, hardware, time_filter
+
+    console = Console()
+    table = Table(
+        title='Simulated metal groove, float32, 9.55 % outliers; medians in ms', box=None, padding=(0, 2, 0, 0)
+    )
+    columns = (
+        'points',
+        'vote',
+        'radius + expansion',
+        'ns/point',
+        'whole cloud',
+        'copying it',
+        'of 5 ms + 25 ns/point',
+    )
+    for name in columns:
+        table.add_column(name, justify='right')
+    timings = []
+    with console.status('measuring ...') as status:
+        for timing in time_filter(repeats):
+            timings.append(timing)
+            status.update(f'measured {len(timings)} of {len(SIZES)} sizes ...')
+            table.add_row(
+                f'{timing.columns}×{timing.rows}',
+                f'{timing.vote:.1f}',
+                f'{timing.radius_and_expansion:.2f}',
+                f'{1e6 * timing.radius_and_expansion / timing.points:.1f}',
+                f'{timing.radius_and_expansion / timing.allowed:.2f}',
+                f'{timing.pipeline:.1f}',
+                f'{timing.copy:.2f}',
+            )
+    console.print(table)
+    console.print(f'{hardware()}; {repeats} times each', highlight=False)
+    if path is not None:
+        figures = {
+            'hardware': hardware(),
+            'repeats': repeats,
+            'ms': [dataclasses.asdict(timing) for timing in timings],
+        }
+        try:
+            path.write_text(json.dumps(figures, indent=1), encoding='utf-8')
+        except OSError as error:
+            raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None

@@ -1,0 +1,61 @@
+"""Gray frames from camera images: what the focus is measured on."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.compiled import kernel
+
+
+def gray_of_colour(pixels: npt.NDArray[np.uint8], *, blue_first: bool) -> npt.NDArray[np.uint8]:
+    """Luma by ITU-R BT.601, rounded, in whole numbers: (77 R + 150 G + 29 B + 128) / 256.
+
+    Args:
+        pixels: (H, W, 3) uint8, any strides.
+        blue_first: whether the channels are B, G, R.
+
+    Returns:
+        (H, W) uint8.
+    """
+    gray: npt.NDArray[np.uint8] = _luma(pixels[..., ::-1] if blue_first else pixels)
+    return gray
+
+
+@kernel
+def _luma(pixels: Any) -> Any:
+    height, width = pixels.shape[:2]
+    gray = np.empty((height, width), np.uint8)
+    for row in range(height):
+        for column in range(width):
+            red = np.int32(pixels[row, column, 0])
+            green = np.int32(pixels[row, column, 1])
+            blue = np.int32(pixels[row, column, 2])
+            gray[row, column] = (77 * red + 150 * green + 29 * blue + 128) >> 8
+    return gray
+
+
+@kernel
+def gray_of_mosaic(pixels: Any) -> Any:
+    """The mean of each pixel and its neighbours to the right, below and diagonally below, rounded.
+
+    Each 2×2 window of a Bayer mosaic holds one red, two green and one blue pixel, whatever the pattern, so
+    that the mosaic itself, which a focus measure would take for texture, vanishes. The last row and column
+    look back instead; the image stands half a pixel to the lower right.
+
+    Args:
+        pixels: (H, W) uint8, H and W at least 2.
+
+    Returns:
+        (H, W) uint8.
+    """
+    height, width = pixels.shape
+    gray = np.empty((height, width), np.uint8)
+    for row in range(height):
+        r = min(row, height - 2)
+        for column in range(width):
+            c = min(column, width - 2)
+            above = np.int32(pixels[r, c]) + np.int32(pixels[r, c + 1])
+            below = np.int32(pixels[r + 1, c]) + np.int32(pixels[r + 1, c + 1])
+            gray[row, column] = (above + below + 2) >> 2
+    return gray

@@ -1,0 +1,190 @@
+"""Focus stacks in the node: frames and stage positions in, clouds out to be filtered.
+
+Frames are taken by the executor, and measured in their order on a thread of their own, so that a cloud that
+is being filtered loses no frame.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import Image, JointState, PointCloud2
+
+from socialcircle_ros.stacking import Event, Refusal, StackAssembler, StackCloud
+
+from .health import Health
+from .parameters import Configuration
+from .worker import QueueWorker
+
+DEPTH = 50
+"""Frames and joint states that DDS keeps for us: unlike clouds, each one counts."""
+
+WAITING = 100
+"""Jobs that may wait for the worker: two seconds at 50 frames per second."""
+
+PAUSE = 0.02
+"""Seconds between two looks whether a stack has fallen silent."""
+
+_FINISHING = 30.0  # s that a caller of finish waits; the fit takes a hundredth of it
+
+
+@dataclass(frozen=True)
+class _Job:
+    """Something to do on the worker's thread."""
+
+    act: Callable[[StackAssembler], Iterator[Event]]
+    done: threading.Event | None = None
+    events: list[Event] | None = None
+
+
+class StackInput:
+    """What the node does with `stack/image` and `stack/joint_states`.
+
+    Args:
+        node: the lifecycle node, unconfigured or inactive.
+        configuration: gives the settings in force.
+        health: where arrivals, refusals and latencies are counted.
+        publish: called with each cloud of a finished stack, to be filtered.
+        overridable: the QoS policies that qos_overrides may change.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        configuration: Callable[[], Configuration],
+        health: Health,
+        publish: Callable[[bytes], None],
+        overridable: tuple[Any, ...],
+    ) -> None:
+        self._node = node
+        self._configuration = configuration
+        self._health = health
+        self._filter = publish
+        self._overridable = overridable
+        self._assembler = StackAssembler()
+        self._last_frame = float('-inf')
+        self._subscriptions: list[Any] = []
+        self._points = self._publisher(PointCloud2, 'stack/points')
+        self._image = self._publisher(Image, 'stack/image_in_focus')
+        self._preview = self._publisher(PointCloud2, 'stack/preview')
+        self._worker = QueueWorker[_Job](self._work, self._look_for_silence, WAITING, PAUSE)
+
+    def listen(self) -> None:
+        """Subscribe."""
+        for kind, topic, arrived in (
+            (Image, 'stack/image', self._frame_arrived),
+            (JointState, 'stack/joint_states', self._joint_state_arrived),
+        ):
+            subscription = self._node.create_subscription(
+                kind,
+                topic,
+                arrived,
+                QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE),
+                qos_overriding_options=QoSOverridingOptions(self._overridable),
+                raw=True,
+            )
+            self._subscriptions.append(subscription)
+
+    @property
+    def subscriptions(self) -> list[Any]:
+        """What is being listened to."""
+        return self._subscriptions
+
+    def ignore(self) -> None:
+        """Subscribe no more, and forget the stack that runs."""
+        while self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop())
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget the stack that runs."""
+        self._ask(self._forget)
+
+    def finish(self) -> list[Event] | None:
+        """Close the stack that runs, and wait for what comes of it; None where none runs."""
+        if not self._assembler.running:
+            return None
+        return self._ask(StackAssembler.finish)
+
+    def close(self) -> None:
+        """Stop the worker, give subscriptions and publishers back."""
+        while self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop())
+        self._worker.stop()
+        for publisher in (self._points, self._image, self._preview):
+            self._node.destroy_lifecycle_publisher(publisher)
+
+    def _publisher(self, kind: Any, topic: str) -> Any:
+        return self._node.create_lifecycle_publisher(
+            kind,
+            topic,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
+            qos_overriding_options=QoSOverridingOptions(self._overridable),
+        )
+
+    def _frame_arrived(self, message: bytes) -> None:
+        self._health.frame_received()
+        arrived = time.monotonic()
+
+        def add(assembler: StackAssembler) -> Iterator[Event]:
+            self._last_frame = arrived
+            return assembler.add_frame(message)
+
+        if not self._worker.put(_Job(add)):
+            self._health.frame_dropped()
+
+    def _joint_state_arrived(self, message: bytes) -> None:
+        self._worker.put(_Job(lambda assembler: assembler.add_joint_state(message)))
+
+    def _ask(self, act: Callable[[StackAssembler], Iterator[Event]]) -> list[Event] | None:
+        """Have something done after what waits, and wait for it."""
+        job = _Job(act, threading.Event(), [])
+        if not self._worker.put(job) or job.done is None or not job.done.wait(_FINISHING):
+            return None
+        return job.events
+
+    def _forget(self, _: StackAssembler) -> Iterator[Event]:
+        self._assembler = StackAssembler()
+        return iter(())
+
+    def _work(self, job: _Job) -> None:
+        """Do a job and publish what comes of it; on the worker's thread, so nothing may escape."""
+        configuration = self._configuration()
+        self._assembler.configure(configuration.focus, configuration.stack)
+        try:
+            for event in job.act(self._assembler):
+                self._handle(event)
+                if job.events is not None:
+                    job.events.append(event)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the next frame must be taken
+            self._health.failed(f'{type(error).__name__}: {error}')
+            self._node.get_logger().error(
+                f'A frame could not be used: {type(error).__name__}: {error}', throttle_duration_sec=5.0
+            )
+        finally:
+            if job.done is not None:
+                job.done.set()
+
+    def _look_for_silence(self) -> None:
+        timeout = self._configuration().stack.timeout
+        if self._assembler.running and timeout and time.monotonic() - self._last_frame > timeout:
+            self._work(_Job(StackAssembler.finish))
+
+    def _handle(self, event: Event) -> None:
+        if isinstance(event, Refusal):
+            self._health.frame_refused(event.reason)
+            self._node.get_logger().warning(event.reason, throttle_duration_sec=5.0)
+        elif event.preview:
+            self._preview.publish(event.points)
+        else:
+            self._publish(event)
+
+    def _publish(self, cloud: StackCloud) -> None:
+        self._points.publish(cloud.points)
+        self._health.stack_finished(time.monotonic() - self._last_frame)
+        self._filter(cloud.points)
+        self._image.publish(cloud.image)

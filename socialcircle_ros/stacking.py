@@ -1,0 +1,306 @@
+"""Frames and stage positions in, clouds out: the job that the node does live and `socialcircle filter` offline.
+
+A stack is closed at its end, or broken off where what comes cannot belong to it; either way the next frame
+finds everything ready for the next stack.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .errors import MessageError, SocialCircleError, StackError
+from .focus import FocusResult, FocusStack
+from .messages.header import Header
+from .messages.image import Image, encode_image
+from .messages.joint_state import JointState
+from .messages.point_cloud import encode_point_cloud
+from .settings import FocusSettings, StackSettings
+
+WAITING = 64
+"""So many frames may wait for a joint state; then the first ones are given up."""
+
+GAP = 500_000_000
+"""Joint states further apart than this (ns) say nothing of what was between them."""
+
+
+@dataclass(frozen=True)
+class StackCloud:
+    """A stack that has become a cloud, both serialized, or what is to be seen of one that still runs."""
+
+    points: bytes
+    """PointCloud2 in metres: x, y, z, intensity, quality."""
+    image: bytes
+    """Image: every pixel from its sharpest frame."""
+    frames: int
+    preview: bool
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Something that was not taken, and why."""
+
+    reason: str
+
+
+Event = StackCloud | Refusal
+
+
+@dataclass
+class _Stack:
+    """The stack that runs, under the settings with which it began."""
+
+    focus: FocusStack
+    settings: StackSettings
+    shape: tuple[int, ...]
+    encoding: str
+    header: Header
+    frames: int = 0
+    offered: int = 0
+    first_z: float = math.nan
+    furthest_z: float = math.nan
+
+
+class StackAssembler:
+    """Makes clouds from serialized frames and joint states, one stack after the other.
+
+    Each call gives the events that it led to, in their order. No clock is asked: who calls knows the time.
+    """
+
+    def __init__(self) -> None:
+        self._focus, self._settings = FocusSettings(), StackSettings()
+        self._stack: _Stack | None = None
+        self._waiting: deque[Image] = deque()
+        self._track: deque[tuple[int, float]] = deque()  # stamp, z of the stage; ascending stamps
+        self._last_stamp = -(2**63)
+
+    def configure(self, focus: FocusSettings, settings: StackSettings) -> None:
+        """Set what the next stack is measured with; the one that runs keeps what it began with."""
+        self._focus, self._settings = focus, settings
+
+    @property
+    def running(self) -> bool:
+        """Whether a stack has begun."""
+        return self._stack is not None or bool(self._waiting)
+
+    def add_frame(self, message: bytes) -> Iterator[Event]:
+        """Take in a serialized Image."""
+        try:
+            frame = Image.decode(message)
+            frame.pixels()
+        except MessageError as error:
+            yield Refusal(f'A frame was refused: {error}')
+            return
+        stamp = frame.header.stamp
+        if stamp < self._last_stamp:
+            yield from self._go_back(stamp)
+        self._last_stamp = stamp
+        if self._settings_now.z_source == 'joint_states':
+            self._waiting.append(frame)
+            yield from self._place_waiting()
+            if len(self._waiting) > WAITING:
+                self._waiting.popleft()
+                yield Refusal(
+                    f'A frame was refused: after {WAITING} more frames still no joint state covers its stamp; see'
+                    ' that stack/joint_states is published with the clock of the frames, or set stack.z_source.'
+                )
+        else:
+            yield from self._take(frame, None)
+
+    def add_joint_state(self, message: bytes) -> Iterator[Event]:
+        """Take in a serialized JointState."""
+        try:
+            state = JointState.decode(message)
+            z = _position(state, self._settings_now.joint)
+        except MessageError as error:
+            yield Refusal(f'A joint state was refused: {error}')
+            return
+        stamp = state.header.stamp
+        if self._track and stamp < self._track[-1][0]:
+            self._track.clear()  # a replay that began again, or a stage that was switched on anew
+        self._track.append((stamp, z))
+        # Behind the frames that wait only the nearest state is needed.
+        oldest = self._waiting[0].header.stamp if self._waiting else stamp - 10 * GAP
+        while len(self._track) > 2 and self._track[1][0] < oldest:
+            self._track.popleft()
+        yield from self._place_waiting()
+
+    def finish(self) -> Iterator[Event]:
+        """Close the stack that runs: by request, or after silence."""
+        if self._waiting:
+            count = len(self._waiting)
+            self._waiting.clear()
+            yield Refusal(f'{count} frames were refused: no joint state covers their stamps.')
+        stack, self._stack = self._stack, None
+        if stack is None:
+            return
+        try:
+            yield _cloud(stack, preview=False)
+        except StackError as error:
+            yield Refusal(f'A stack of {stack.frames} frames broke off: {error}')
+
+    @property
+    def _settings_now(self) -> StackSettings:
+        return self._stack.settings if self._stack is not None else self._settings
+
+    def _go_back(self, stamp: int) -> Iterator[Event]:
+        """Begin anew where time went backwards: a replay in a loop, or a clock that was set."""
+        if self.running:
+            back = (self._last_stamp - stamp) / 1e9
+            yield Refusal(f'Time went backwards by {back:.3f} s: the stack that ran was given up.')
+        self._stack = None
+        self._waiting.clear()
+        if self._track and self._track[0][0] > stamp:
+            self._track.clear()
+
+    def _place_waiting(self) -> Iterator[Event]:
+        """Take the frames whose stamps the joint states cover by now."""
+        while self._waiting and self._track and self._track[-1][0] >= self._waiting[0].header.stamp:
+            frame = self._waiting.popleft()
+            try:
+                z = _interpolated(self._track, frame.header.stamp)
+            except StackError as error:
+                yield Refusal(str(error))
+            else:
+                yield from self._take(frame, z)
+
+    def _take(self, frame: Image, z: float | None) -> Iterator[Event]:
+        """Add a frame to the stack that runs, or begin one; close it where it ends.
+
+        Args:
+            frame: the frame.
+            z: where the stage was, m; None: counted.
+        """
+        try:
+            pixels = frame.gray()
+        except MessageError as error:
+            yield Refusal(f'A frame was refused: {error}')
+            return
+        stack = self._stack
+        if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):
+            yield Refusal(
+                f'A stack of {stack.frames} frames broke off: a frame of {pixels.shape} {frame.encoding} came'
+                f' after {stack.shape} {stack.encoding}.'
+            )
+            stack = self._stack = None
+        if stack is not None and z is not None and _turned(stack, z):
+            yield from self.finish()
+            stack = None
+        if stack is None:
+            try:
+                stack = self._begin(frame, pixels.shape)
+            except SocialCircleError as error:
+                yield Refusal(f'A frame was refused: {error}')
+                return
+        settings = stack.settings
+        if z is None:
+            z = settings.z_start + settings.z_step * stack.offered
+        stack.offered += 1
+        try:
+            stack.focus.add(pixels, z)
+        except StackError as error:
+            yield Refusal(f'A frame was refused: {error}')
+            return
+        stack.header = frame.header
+        stack.frames += 1
+        _note_direction(stack, z)
+        if settings.frames and stack.frames >= settings.frames:
+            yield from self.finish()
+        elif settings.preview and stack.frames % settings.preview == 0 and stack.focus.places >= 3:
+            yield _cloud(stack, preview=True)
+
+    def _begin(self, frame: Image, shape: tuple[int, ...]) -> _Stack:
+        settings = self._settings
+        if settings.pitch_x == 0:
+            raise StackError(
+                'stack.pitch_x is not set; set it to the distance of two pixels on the part, in metres.'
+            )
+        if settings.z_source == 'step' and settings.z_step == 0:
+            raise StackError('stack.z_step is not set; set it to the distance of two frames, in metres.')
+        self._stack = _Stack(FocusStack(self._focus), settings, shape, frame.encoding, frame.header)
+        return self._stack
+
+
+def _position(state: JointState, joint: str) -> float:
+    """The position of the joint that moves the stage.
+
+    Raises:
+        MessageError: it is not there, or not a finite number.
+    """
+    names = list(state.names)
+    if joint and joint not in names:
+        raise MessageError(f'it has no joint {joint!r}; it has: {", ".join(names) or "none"}. See stack.joint.')
+    index = names.index(joint) if joint else 0
+    if index >= len(state.positions) or not math.isfinite(state.positions[index]):
+        raise MessageError(f'joint {joint or "0"} has no finite position.')
+    return state.positions[index]
+
+
+def _interpolated(track: deque[tuple[int, float]], stamp: int) -> float:
+    """Z of the stage at a stamp that is not behind the track's end.
+
+    Raises:
+        StackError: it is before the track, or falls in a gap.
+    """
+    before = after = None
+    for state in reversed(track):
+        if state[0] > stamp:
+            after = state
+        else:
+            before = state
+            break
+    if before is None:
+        raise StackError('A frame was refused: its stamp is before the first joint state.')
+    if after is None or before[0] == stamp:
+        return before[1]
+    if after[0] - before[0] > GAP:
+        gap = (after[0] - before[0]) / 1e9
+        raise StackError(f'A frame was refused: the joint states round its stamp are {gap:.1f} s apart.')
+    share = (stamp - before[0]) / (after[0] - before[0])
+    return before[1] + share * (after[1] - before[1])
+
+
+def _turned(stack: _Stack, z: float) -> bool:
+    """Whether the stage comes back: by more than half a mean step, which jitter does not do."""
+    if not stack.settings.end_at_turn or stack.frames < 3 or stack.furthest_z == stack.first_z:
+        return False
+    step = (stack.furthest_z - stack.first_z) / (stack.frames - 1)
+    return (stack.furthest_z - z) / step > 0.5
+
+
+def _note_direction(stack: _Stack, z: float) -> None:
+    if stack.frames == 1:
+        stack.first_z = stack.furthest_z = z
+    elif abs(z - stack.first_z) > abs(stack.furthest_z - stack.first_z):
+        stack.furthest_z = z
+
+
+def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
+    """The stack so far as messages.
+
+    Raises:
+        StackError: there are too few different z.
+    """
+    result = stack.focus.finish()
+    pitch_x = stack.settings.pitch_x
+    xyz = _coordinates(result, pitch_x, stack.settings.pitch_y or pitch_x)
+    extra: dict[str, Any] = {'intensity': result.image.astype(np.float32), 'quality': result.quality}
+    return StackCloud(
+        points=encode_point_cloud(stack.header, xyz, extra),
+        image=encode_image(stack.header, result.image),
+        frames=stack.frames,
+        preview=preview,
+    )
+
+
+def _coordinates(result: FocusResult, pitch_x: float, pitch_y: float) -> Any:
+    """x, y and z in metres, (H, W, 3) float32; z NaN where there is no depth."""
+    height, width = result.depth.shape
+    xyz = np.empty((height, width, 3), np.float32)
+    xyz[..., 0] = np.arange(width) * pitch_x
+    xyz[..., 1] = (np.arange(height) * pitch_y)[:, None]
+    xyz[..., 2] = result.depth
+    return xyz
