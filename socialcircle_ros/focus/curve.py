@@ -130,9 +130,7 @@ class Curves:
         window reaches less far. So the outermost places may be missing in one order of the frames and not
         in another; the fit does not use them.
         """
-        _make_room(
-            place, places[0], places[-1], self.slots, self.centre, self.since, self.until, self.outside
-        )
+        _make_room(place, places[0], places[-1], self.slots, self.centre, self.since, self.until, self.outside)
 
 
 @kernel
@@ -175,14 +173,10 @@ def _add(
             continue
         if low < place and place - 1 - REACH >= first:
             behind = slots[row, (place + REACH) % SLOTS]
-            _leave(
-                behind, place - 1, place - 1 - REACH, centres, since[row], until[row], outside[row], sharper
-            )
+            _leave(behind, place - 1, place - 1 - REACH, centres, since[row], until[row], outside[row], sharper)
         if high > place and place + 1 + REACH <= last:
             behind = slots[row, (place - REACH) % SLOTS]
-            _leave(
-                behind, place + 1, place + 1 + REACH, centres, since[row], until[row], outside[row], sharper
-            )
+            _leave(behind, place + 1, place + 1 + REACH, centres, since[row], until[row], outside[row], sharper)
         _bound(place, first, last, centres, since[row], until[row], peak[row], outside[row], sharper, kept)
         _recentre(codes, frame[row], place, slot, centres, peak[row], image[row], sharper)
 
@@ -210,9 +204,7 @@ def _encode(
 
 
 @kernel
-def _compare(
-    codes: Codes, place: int, centre: Places, peak: Codes, sharper: NDArray[np.bool_]
-) -> tuple[int, int]:
+def _compare(codes: Codes, place: int, centre: Places, peak: Codes, sharper: NDArray[np.bool_]) -> tuple[int, int]:
     """Mark in `sharper` the pixels of a row of which this frame is the sharpest yet.
 
     Of two frames equally sharp the lower one wins, whichever came first.

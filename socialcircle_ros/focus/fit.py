@@ -332,7 +332,7 @@ def _judge(sums: Row, peaks: Codes, lowest: Codes, outside: Codes) -> None:
         odds = np.divide(np.float32(_ODDS) * beyond_noise * np.sqrt(beyond_noise), root * np.sqrt(root))
         quality = np.divide(odds, np.float32(1) + odds)
         other = np.float32(np.int32(outside[x]) - np.int32(peaks[x])) * _PER_CODE
-        beyond = np.float32(REACH) - abs(peak)  # there the peak itself is down to a quarter or less, if two_peaks
+        beyond = np.float32(REACH) - abs(peak)  # from the peak to where the slots end
         two_peaks = (other > np.float32(_HALF)) & (bend * beyond * beyond < np.float32(2 * _HALF))
         is_peak = (bend < np.float32(0)) & (abs(peak) <= np.float32(_USED))
         is_peak &= quality >= np.float32(_LEAST_QUALITY)
