@@ -118,13 +118,13 @@ def _laplacian_row(frame: Frame, row: int, step: int, threshold: int, laplacian:
         laplacian[step : width - step],
     )
     for x in range(inner.size):
-        twice = np.uint32(2 * centre[x])
+        twice = np.uint32(np.uint32(2) * centre[x])
         beside = np.uint32(np.uint32(left[x]) + right[x])
         inner[x] = max(twice, beside) - min(twice, beside)
     if step <= row < height - step:
         above, below = frame[row - step], frame[row + step]
         for x in range(width):
-            twice = np.uint32(2 * here[x])
+            twice = np.uint32(np.uint32(2) * here[x])
             beside = np.uint32(np.uint32(above[x]) + below[x])
             laplacian[x] += max(twice, beside) - min(twice, beside)
     if threshold > 0:
