@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.compiled import kernel
 
-from .curve import OCTAVE, REACH, SLOTS, Codes, Curves
+from .curve import OCTAVE, REACH, SLOTS, Codes, Curves, Places
 
 Row = NDArray[np.float32]
 
@@ -99,6 +99,8 @@ def fit_peaks(
     _fit(
         curves.slots,
         curves.centre,
+        curves.since,
+        curves.until,
         curves.peak,
         curves.lowest,
         curves.outside,
@@ -117,7 +119,9 @@ def fit_peaks(
 @kernel
 def _fit(
     slots: Codes,
-    centre: NDArray[np.int16],
+    centre: Places,
+    since: Places,
+    until: Places,
     peak: Codes,
     lowest: Codes,
     outside: Codes,
@@ -133,7 +137,9 @@ def _fit(
     """`fit_peaks`, tile by tile: weights of each slot, their sums, and from these the peaks."""
     height, _, width = slots.shape
     residue = np.empty(_TILE, np.int32)
-    entry = np.empty(_TILE, np.int32)
+    index = np.empty(_TILE, np.int32)
+    nearest = np.empty(_TILE, np.int32)
+    farthest = np.empty(_TILE, np.int32)
     origin = np.empty(_TILE, np.float32)
     distance = np.empty(_TILE, np.int32)
     t = np.zeros(_BATCH * _TILE, np.float32)
@@ -144,25 +150,31 @@ def _fit(
         for start in range(0, width, _TILE):
             tile = slice(start, min(start + _TILE, width))
             centres, peaks = centre[row, tile], peak[row, tile]
-            for x in range(centres.size):
-                residue[x] = centres[x] % SLOTS
-                entry[x] = centres[x] - first + REACH
-                origin[x] = steps[entry[x]]
-            lowest_entry, highest_entry = entry[: centres.size].min(), entry[: centres.size].max()
-            entry[centres.size :] = lowest_entry  # the rest of a tile at the border weighs nothing
+            low, high = _locate(
+                centres,
+                since[row, tile],
+                until[row, tile],
+                first,
+                z.size,
+                three,
+                index,
+                residue,
+                nearest,
+                farthest,
+            )
+            for x in range(_TILE):
+                origin[x] = steps[np.uintp(index[x] + REACH)]
             sums[:] = 0
             weights[:] = 0
             batched = 0
             # In the order of the places, so that rounding does not depend on which frame came first.
-            for place in range(first, first + SLOTS):
+            for turn in range(SLOTS):
                 batch = slice(batched * _TILE, (batched + 1) * _TILE)
-                _find_distance(place % SLOTS, residue, distance)
-                codes = slots[row, place % SLOTS, tile]
-                if not _weigh(codes, peaks, distance, three, weights[batch], logs[batch]):
+                _find_distance(turn, residue, distance)
+                codes = slots[row, (first + turn) % SLOTS, tile]
+                if not _weigh(codes, peaks, distance, nearest, farthest, three, weights[batch], logs[batch]):
                     continue
-                _find_position(entry, distance, steps, lowest_entry, highest_entry, t[batch])
-                for x in range(centres.size):
-                    t[batched * _TILE + x] -= origin[x]
+                _find_position(index, distance, origin, steps, low, high, t[batch])
                 batched += 1
                 if batched == _BATCH:
                     _accumulate(t, weights, logs, sums)
@@ -172,73 +184,113 @@ def _fit(
                 _accumulate(t, weights, logs, sums)
             _solve(sums)
             _judge(sums, peaks, lowest[row, tile], outside[row, tile])
-            for x in range(centres.size):
-                place = centres[x] - first
-                found = z[place] + sums[x] * scale
-                reason = np.int32(sums[2 * _TILE + x])
-                if place == 0 or place == z.size - 1 or found < z[0] or found > z[-1]:
-                    reason |= _SCAN_END
-                lost = reason & (_NO_PEAK | _SCAN_END)
-                depth[row, start + x] = np.nan if lost else found
-                quality[row, start + x] = np.float32(0) if lost else sums[_TILE + x]
-                reasons[row, start + x] = reason
+            _store(sums, index, z, scale, depth[row, tile], quality[row, tile], reasons[row, tile])
 
 
 @kernel
-def _find_distance(slot: int, residue: NDArray[np.int32], distance: NDArray[np.int32]) -> None:
-    """How many places a slot is from the centre, of which place modulo SLOTS is the residue."""
+def _locate(
+    centre: Places,
+    since: Places,
+    until: Places,
+    first: int,
+    count: int,
+    three: bool,
+    index: NDArray[np.int32],
+    residue: NDArray[np.int32],
+    nearest: NDArray[np.int32],
+    farthest: NDArray[np.int32],
+) -> tuple[int, int]:
+    """Of each pixel: index of its centre in z, that modulo SLOTS, how far below and above there are frames.
+
+    Returns:
+        The lowest and the highest index; what is left of a tile at the border has that of the first pixel.
+    """
+    lowest, highest = np.int32(first), np.int32(first + count - 1)
+    reach = np.int32(1) if three else np.int32(_USED)
+    below = np.int32(-reach)
+    index[centre.size :] = centre[0] - first
+    for x in range(centre.size):
+        index[x] = np.int32(centre[x]) - lowest
+    for x in range(index.size):
+        residue[x] = np.uint32(index[x]) % np.uint32(SLOTS)
+    for x in range(centre.size):
+        nearest[x] = max(np.int32(max(np.int32(since[x]), lowest) - centre[x]), below)
+    for x in range(centre.size):
+        farthest[x] = min(np.int32(min(np.int32(until[x]), highest) - centre[x]), reach)
+    low, high = index[0], index[0]
+    for x in range(index.size):
+        low = min(low, index[x])
+        high = max(high, index[x])
+    return int(low), int(high)
+
+
+@kernel
+def _find_distance(turn: int, residue: NDArray[np.int32], distance: NDArray[np.int32]) -> None:
+    """How many places the slot whose indices leave the residue `turn` is from the centre."""
+    slot = np.int32(turn)
     for x in range(residue.size):
-        places = np.int32(slot) - residue[x]
-        places = places + SLOTS if places < -REACH else places
-        distance[x] = places - SLOTS if places > REACH else places
+        places = np.int32(slot - residue[x])
+        places = np.int32(places + SLOTS) if places < -REACH else places
+        distance[x] = np.int32(places - SLOTS) if places > REACH else places
 
 
 @kernel
 def _find_position(
-    entry: NDArray[np.int32],
+    index: NDArray[np.int32],
     distance: NDArray[np.int32],
+    origin: Row,
     steps: Row,
-    lowest: int,
-    highest: int,
+    low: int,
+    high: int,
     position: Row,
 ) -> None:
-    """The steps at entry + distance, where the entries are from lowest to highest.
+    """The steps from the centre to the frame at index + distance; indices are from low to high.
 
-    The places of one slot are SLOTS apart, so that a tile of a smooth surface has one or two of them: it is
-    quicker to choose between these than to look each up, which the compiler does one by one.
+    The places of one slot are SLOTS apart, so that a tile of a smooth surface has one or two of them: to choose
+    between these is quicker than to look each up, which the compiler does one by one.
     """
-    if highest - lowest > 8 * SLOTS:
+    if high - low > 8 * SLOTS:
         for x in range(position.size):
-            position[x] = steps[np.uintp(entry[x] + distance[x])]
-        return
-    place = entry[0] + distance[0]
-    place -= (place - (lowest - REACH)) // SLOTS * SLOTS
-    position[:] = steps[place]
-    for other in range(place + SLOTS, highest + REACH + 1, SLOTS):
-        here, step = np.int32(other), steps[other]
-        for x in range(position.size):
-            position[x] = step if entry[x] + distance[x] >= here else position[x]
+            position[x] = steps[np.uintp(index[x] + distance[x] + REACH)]
+    else:
+        found = index[0] + distance[0]
+        found -= (found - (low - REACH)) // SLOTS * SLOTS
+        position[:] = steps[found + REACH]
+        for other in range(found + SLOTS, high + REACH + 1, SLOTS):
+            here, step = np.int32(other), steps[other + REACH]
+            for x in range(position.size):
+                lower = position[x]
+                position[x] = step if np.int32(index[x] + distance[x]) >= here else lower
+    for x in range(position.size):
+        position[x] -= origin[x]
 
 
 @kernel
-def _weigh(codes: Codes, peaks: Codes, distance: NDArray[np.int32], three: bool, weights: Row, logs: Row) -> bool:
-    """ln(F / F_peak) and weight of one slot; whether any pixel gives it a weight."""
-    last = np.int32(1) if three else np.int32(_USED)
-    first = np.int32(-last)
+def _weigh(
+    codes: Codes,
+    peaks: Codes,
+    distance: NDArray[np.int32],
+    nearest: NDArray[np.int32],
+    farthest: NDArray[np.int32],
+    three: bool,
+    weights: Row,
+    logs: Row,
+) -> bool:
+    """ln(F / F_peak) and weight of one slot, 0 outside nearest to farthest; whether any pixel has one."""
     slope = np.float32(0) if three else np.float32(1)
     least = np.float32(1) if three else np.float32(_NEAREST)
     for x in range(codes.size):
-        logs[x] = np.float32(np.int32(codes[x]) - np.int32(peaks[x])) * _PER_CODE
+        logs[x] = (np.float32(codes[x]) - np.float32(peaks[x])) * _PER_CODE
     for x in range(codes.size):
         above = max(np.float32(1) + slope * logs[x], np.float32(0))
         beside = (distance[x] >= np.int32(-1)) & (distance[x] <= np.int32(1))
-        near = (distance[x] >= first) & (distance[x] <= last) & (codes[x] > np.uint16(0))
+        used = (distance[x] >= nearest[x]) & (distance[x] <= farthest[x]) & (codes[x] > np.uint16(0))
         weight = max(above * above, least if beside else np.float32(0))
-        weights[x] = weight if near else np.float32(0)
-    some = np.int32(0)
+        weights[x] = weight if used else np.float32(0)
+    count = np.int32(0)
     for x in range(codes.size):
-        some |= np.int32(weights[x] > np.float32(0))
-    return bool(some > 0)
+        count = np.int32(count + np.int32(weights[x] > np.float32(0)))
+    return bool(count > 0)
 
 
 @kernel
@@ -310,7 +362,7 @@ def _judge(sums: Row, peaks: Codes, lowest: Codes, outside: Codes) -> None:
         odds = np.divide(np.float32(_ODDS) * beyond_noise * np.sqrt(beyond_noise), root * np.sqrt(root))
         quality = np.divide(odds, np.float32(1) + odds)
         other = np.float32(np.int32(outside[x]) - np.int32(peaks[x])) * _PER_CODE
-        beyond = np.float32(REACH) - abs(peak)  # there the peak itself is down to a quarter or less, if two_peaks
+        beyond = np.float32(REACH) - abs(peak)  # from the peak to where the slots end
         two_peaks = (other > np.float32(_HALF)) & (bend * beyond * beyond < np.float32(2 * _HALF))
         is_peak = (bend < np.float32(0)) & (abs(peak) <= np.float32(_USED))
         is_peak &= quality >= np.float32(_LEAST_QUALITY)
@@ -319,3 +371,29 @@ def _judge(sums: Row, peaks: Codes, lowest: Codes, outside: Codes) -> None:
         reason |= np.int32(_LOW_CONTRAST) if contrast < np.float32(_LEAST_CONTRAST) else np.int32(0)
         sums[_TILE + x] = quality
         sums[2 * _TILE + x] = np.float32(reason)
+
+
+@kernel
+def _store(
+    sums: Row,
+    index: NDArray[np.int32],
+    z: NDArray[np.float64],
+    scale: float,
+    depth: NDArray[np.float64],
+    quality: Row,
+    reasons: NDArray[np.uint8],
+) -> None:
+    """Hand out what `_solve` and `_judge` left in `sums`; no depth without a peak, or beyond the scan."""
+    lowest, highest, last = z[0], z[-1], np.int32(z.size - 1)
+    for x in range(depth.size):
+        depth[x] = z[np.uintp(index[x])] + sums[x] * scale
+    for x in range(depth.size):
+        at_end = (index[x] == np.int32(0)) | (index[x] == last) | (depth[x] < lowest) | (depth[x] > highest)
+        reason = np.int32(sums[2 * _TILE + x])
+        reasons[x] = reason | np.int32(_SCAN_END) if at_end else reason
+    for x in range(depth.size):
+        found = depth[x]
+        depth[x] = found if reasons[x] & np.uint8(_NO_PEAK | _SCAN_END) == 0 else np.nan
+    for x in range(depth.size):
+        likely = sums[_TILE + x]
+        quality[x] = likely if reasons[x] & np.uint8(_NO_PEAK | _SCAN_END) == 0 else np.float32(0)

@@ -44,7 +44,7 @@ class FocusResult:
 class FocusStack:
     """Takes the frames of a focus stack one at a time, in constant memory, and measures the depth.
 
-    Each pixel costs 42 bytes and its pixel of the all-in-focus image, however many frames there are. Frames
+    Each pixel costs 46 bytes and its pixel of the all-in-focus image, however many frames there are. Frames
     come in any order. Of two frames at the same z each pixel keeps the larger F, so that a frame that comes
     twice changes nothing.
 
@@ -67,6 +67,10 @@ class FocusStack:
         self._curves: Curves | None = None
 
     @property
+    def _places(self) -> range:
+        return range(self._first, self._first + len(self._z))
+
+    @property
     def places(self) -> int:
         """How many different z have been taken in."""
         return len(self._z)
@@ -84,8 +88,10 @@ class FocusStack:
         frame = checked_frame(frame)
         if not math.isfinite(z):
             raise StackError(f'A frame needs a finite z, not {z}.')
-        curves = self._curves or Curves.empty(frame)
-        if (frame.shape, frame.dtype) != (curves.image.shape, curves.image.dtype):
+        curves = self._curves
+        if curves is None or (not self._z and _kind(frame) != _kind(curves.image)):
+            curves = Curves.like(frame)
+        if _kind(frame) != _kind(curves.image):
             raise StackError(
                 f'A frame of {frame.shape} {frame.dtype} cannot join a stack of {curves.image.shape}'
                 f' {curves.image.dtype}: start a new stack.'
@@ -95,14 +101,29 @@ class FocusStack:
         if not known and len(self._z) == _MOST_PLACES:
             raise StackError(f'A stack holds at most {_MOST_PLACES} frames: finish it and start another.')
         if not known:
-            if self._z and index == 0:
+            if not self._z:
+                curves.begin(frame)
+            elif index == 0:
                 self._first -= 1
             elif index < len(self._z):
-                curves.make_room(self._first + index)
+                curves.make_room(self._first + index, self._places)
             self._z.insert(index, float(z))
         settings = self._settings
-        curves.add(frame, self._first + index, settings.step, settings.half_window, settings.threshold)
+        curves.add(
+            frame,
+            self._places[index],
+            self._places,
+            settings.step,
+            settings.half_window,
+            settings.threshold,
+            known=known,
+        )
         self._curves = curves
+
+    def reset(self) -> None:
+        """Forget all frames and keep the memory, so that the next stack does not wait for it."""
+        self._z = []
+        self._first = 0
 
     def finish(self) -> FocusResult:
         """Measure from the frames so far; more may follow.
@@ -118,6 +139,10 @@ class FocusStack:
         level = self._settings.saturation or np.iinfo(image.dtype).max
         _mark_saturated(image, level, self._settings.half_window, reasons, quality)
         return FocusResult(depth, quality, image, reasons)
+
+
+def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    return frame.shape, frame.dtype
 
 
 def depth_from_focus(

@@ -135,6 +135,17 @@ def test_finishing_midway_shows_what_is_there_and_disturbs_nothing(noisy):
     assert same(stack.finish(), depth_from_focus(noisy.frames, noisy.z))
 
 
+def test_a_stack_in_used_memory_is_as_a_new_one(clean, noisy, fine):
+    stack = FocusStack()
+    for measured in (clean, fine, noisy):  # other kinds of frames, then one that leaves its traces
+        for frame, z in zip(measured.frames, measured.z, strict=True):
+            stack.add(frame, z)
+        last = stack.finish()
+        stack.reset()
+        assert stack.places == 0
+    assert same(last, depth_from_focus(noisy.frames, noisy.z))
+
+
 def test_depth_far_from_zero_in_small_steps_is_as_good(clean):
     """10 mm of offset, steps of 1 µm, in metres."""
     result = depth_from_focus(clean.frames, 0.01 + clean.z * 1e-6)
@@ -149,7 +160,7 @@ def test_memory_does_not_grow_with_the_number_of_frames(frames):
     for place in range(frames):
         stack.add(rng.integers(0, 65535, (40, 50), np.uint16), place)
     held = sum(array.nbytes for array in vars(stack._curves).values())
-    assert held == 44 * 40 * 50
+    assert held == 48 * 40 * 50
 
 
 def test_threshold_takes_noise_out_of_the_curve(noisy):
@@ -266,12 +277,13 @@ class TestBadInput:
 
 
 def test_a_pass_is_fast_enough_for_fifty_frames_a_second():
-    rng = np.random.default_rng(0)
-    frames = rng.integers(0, 255, (12, 960, 1280), np.uint8)
-    stack = FocusStack()
-    took = []
-    for z, frame in enumerate(frames):
-        start = time.perf_counter()
-        stack.add(frame, z)
-        took.append(time.perf_counter() - start)
+    frames = np.random.default_rng(0).integers(0, 255, (12, 960, 1280), np.uint8)
+    stack, took = FocusStack(), []
+    for _ in range(2):  # the first stack takes its memory from the system
+        stack.reset()
+        took.clear()
+        for z, frame in enumerate(frames):
+            start = time.perf_counter()
+            stack.add(frame, z)
+            took.append(time.perf_counter() - start)
     assert np.median(took) < 0.02
