@@ -33,12 +33,17 @@ def radius_filter(xyz: Any, settings: RadiusSettings | None = None) -> FilterRes
     """
     settings = settings or RadiusSettings()
     cloud = organized(xyz)
-    radius = cloud.dtype.type(_PITCHES * _pitch(cloud) if settings.radius is None else settings.radius)
+    radius = cloud.dtype.type(radius_of(cloud, settings))
     with np.errstate(over='ignore'):
         limit = radius * radius
     score = np.empty(cloud.shape[:2], cloud.dtype)
     _count_missing(cloud, settings.window // 2, limit, score)
     return judge(score, float(settings.window**2 - 1 - settings.min_neighbours))
+
+
+def radius_of(xyz: Cloud, settings: RadiusSettings) -> float:
+    """The radius in force: given by the user, or found from the pitch; raises CloudError where that fails."""
+    return _PITCHES * _pitch(xyz) if settings.radius is None else settings.radius
 
 
 def _pitch(xyz: Cloud) -> float:

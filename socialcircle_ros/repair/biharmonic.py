@@ -15,7 +15,7 @@ _STEP = 1.5
 
 _BEND = 0.5
 """Where a step meets the rim of a hole, the smoothest surface is left with a difference of more than this
-part of the step: 0.8 to 1.4 for a sharp step in discs of 1 to 9841 points, 0 for a plane that is seen on two sides."""
+part of the step: 0.8 to 1.4 for a sharp step in discs of 1 to 9841 points, 0 for a plane."""
 
 _MARGIN = 0.5
 """Filled heights stay within the span of those round the hole, widened by this part of it on both sides."""
