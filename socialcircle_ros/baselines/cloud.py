@@ -30,7 +30,7 @@ def organized(xyz: Any) -> Cloud:
     if cloud.dtype.kind != 'f' or cloud.dtype.itemsize not in (4, 8):
         raise CloudError(f'Coordinates must be float32 or float64, not {cloud.dtype}.')
     if cloud.size == 0:
-        raise CloudError(f'The cloud is empty: it has {cloud.shape[0]} rows and {cloud.shape[1]} columns.')
+        raise CloudError(f'The cloud has no point: its shape is {cloud.shape}.')
     if not cloud.dtype.isnative or not cloud.flags.aligned:
         cloud = cloud.astype(cloud.dtype.newbyteorder('='), order='C')
     return cloud  # type: ignore[no-any-return]

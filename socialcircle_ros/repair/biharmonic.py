@@ -6,9 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..compiled import kernel
-from .holes import MEASURED, PADDING, UNUSABLE, Index
-
-Reals = npt.NDArray[np.float64]
+from .holes import MEASURED, PADDING, UNUSABLE, Index, Reals
 
 _STEP = 1.5
 """A step is a gap in the heights round a hole of more than this times the span of either level."""

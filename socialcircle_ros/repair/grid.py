@@ -3,9 +3,8 @@
 import numpy as np
 
 from ..compiled import kernel
-from .biharmonic import Reals
 from .cloud import Cloud, Mask
-from .holes import Index
+from .holes import Index, Reals
 
 
 @kernel

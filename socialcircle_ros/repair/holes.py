@@ -9,6 +9,7 @@ from ..compiled import kernel
 from .cloud import Mask
 
 Index = npt.NDArray[np.int32]
+Reals = npt.NDArray[np.float64]
 
 MEASURED, UNUSABLE = -1, -2
 """In a map of unknowns: a height to go by; a place without any. From 0 on it is the number of an unknown."""

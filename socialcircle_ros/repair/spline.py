@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..compiled import kernel
-from .biharmonic import Reals
-from .holes import MEASURED, PADDING, Index
+from .holes import MEASURED, PADDING, Index, Reals
 
 
 def spline_heights(z: npt.NDArray[Any], unknowns: Index, rims: Index) -> Reals:
