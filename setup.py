@@ -45,7 +45,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         shared('launch', '*.launch.py'),
-        shared('config', '*'),
+        shared('config', '*.yaml'),
         shared('bags', '*.mcap'),
     ],
     python_requires='>=3.10',

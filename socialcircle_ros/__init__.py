@@ -1,1 +1,33 @@
-"""Outlier removal for organized point clouds of optical microscopes, by the social circle method."""
+"""Outlier removal for organized point clouds of optical microscopes, by the social circle method.
+
+The names below load what they need on first use, so that the command line answers at once.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .circle import CircleResult, remove_outliers
+    from .errors import SocialCircleError
+    from .settings import CircleSettings
+
+__all__ = ['CircleResult', 'CircleSettings', 'SocialCircleError', 'remove_outliers']
+
+_ROOMS = {
+    'CircleResult': 'circle',
+    'CircleSettings': 'settings',
+    'SocialCircleError': 'errors',
+    'remove_outliers': 'circle',
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name from its room."""
+    if name not in _ROOMS:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(importlib.import_module(f'.{_ROOMS[name]}', __name__), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

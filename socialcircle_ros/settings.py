@@ -6,8 +6,10 @@ A settings object is valid once it exists: making one checks each value, then th
 """
 
 import dataclasses
+import json
 import math
 import operator
+import textwrap
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -92,10 +94,12 @@ class Parameter:
         if self.kind is bool:
             return 'true, false'
         if self.kind is list:
-            return f'4 whole numbers ≥ {limits.minimum:g}'
+            return f'4 whole numbers, at least {limits.minimum:g}'
         words = 'odd, ' if limits.odd else ''
         if limits.minimum is not None and limits.maximum is not None:
             return f'{words}{limits.minimum:g} to {limits.maximum:g}'
+        if limits.minimum is not None:
+            return f'{words}at least {limits.minimum:g}'
         return words.rstrip(', ') or 'any'
 
     def to_ros(self, value: Any) -> RosValue:
@@ -170,9 +174,7 @@ class Settings:
         Raises:
             SettingError: as on creation.
         """
-        return cls(
-            **{row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values}
-        )
+        return cls(**{row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values})
 
     def to_ros(self) -> dict[str, RosValue]:
         """These settings under their full ROS names."""
@@ -247,6 +249,9 @@ def _within(name: str, number: float, limits: Limits) -> float:
     return number
 
 
+VOTERS = 40_000
+"""Most points that a vote region may have."""
+
 Mode = Literal['paper']
 
 
@@ -298,6 +303,11 @@ class CircleSettings(Settings):
                 f'circle.vote_region {list(region)} is empty; give a height and a width of at least 1,'
                 ' better 60, or [0, 0, 0, 0] to have it chosen.'
             )
+        if region is not None and region[2] * region[3] > VOTERS:
+            raise SettingError(
+                f'circle.vote_region {list(region)} has {region[2] * region[3]} points; at most {VOTERS} can'
+                ' vote, such as 200×200, since each votes for each.'
+            )
         if self.radius == 0.0:
             raise SettingError('circle.radius must be above 0; None has it found by eq. 7.')
 
@@ -323,6 +333,16 @@ class NodeSettings(Settings):
     reprocess_last: bool = setting(
         True,
         'Whether a change of parameters filters and publishes the last cloud again, to tune on a pause.',
+    )
+    parameters_file: str = setting(
+        '', 'Where ~/save_parameters writes; empty: a file named after the node, in ~/.ros/socialcircle.'
+    )
+    silence: float = setting(
+        5.0,
+        'Time without a cloud from a publisher that is there, after which diagnostics say so; 0: never.',
+        unit='s',
+        minimum=0.0,
+        maximum=86400.0,
     )
 
 
@@ -469,3 +489,38 @@ GROUPS: tuple[type[Settings], ...] = (CircleSettings, OutputSettings, NodeSettin
 
 PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in group.parameters()}
 """Every parameter of the node by its full name."""
+
+
+def yaml_text(values: Mapping[str, RosValue]) -> str:
+    """A parameter file that a node starts from, each parameter of the table under its sentence.
+
+    It applies to a node of any name in any namespace. Names beyond the table (such as qos_overrides) follow
+    at the end, without a sentence.
+
+    Args:
+        values: full names to values; a parameter of the table that is missing gets its default.
+    """
+    lines = ['/**:', '  ros__parameters:']
+    for name, row in PARAMETERS.items():
+        unit = f' [{row.unit}]' if row.unit else ''
+        comment = f'{row.sentence} Allowed: {row.allowed}.{unit}'
+        lines += textwrap.wrap(comment, 100, initial_indent='    # ', subsequent_indent='    # ')
+        lines += [f'    {name}: {_yaml_value(values.get(name, row.default))}', '']
+    for name in values:
+        if name not in PARAMETERS:
+            lines.append(f'    {name}: {_yaml_value(values[name])}')
+    return '\n'.join(lines).rstrip() + '\n'
+
+
+def markdown_table() -> str:
+    """The table of parameters for the README."""
+    lines = ['| parameter | default | allowed | unit | |', '|---|---|---|---|---|']
+    for name, row in PARAMETERS.items():
+        cells = (f'`{name}`', f'`{_yaml_value(row.default)}`', row.allowed, row.unit, row.sentence)
+        lines.append('| ' + ' | '.join(cell.replace('|', '/') for cell in cells) + ' |')
+    return '\n'.join(lines) + '\n'
+
+
+def _yaml_value(value: RosValue) -> str:
+    """One value as YAML; a float keeps its point, so that it is read as a float again."""
+    return json.dumps(value)

@@ -1,0 +1,1 @@
+"""Slow, obvious references, each to be read beside the paper; every compiled kernel is compared with one."""

@@ -1,0 +1,93 @@
+"""Makes the recordings in this folder; the same program makes the same bytes.
+
+    python bags/make_bags.py
+
+The clouds are simulated, so that the outliers are known: each cloud on /points has its truth beside it on
+/truth/outlier_mask (0 surface, 255 outlier, 127 not measured or too close to call).
+"""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.messages import image, point_cloud
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.recording import RecordingWriter, ros_topic
+from socialcircle_ros.simulation.scenes import Scene, make_scene
+
+HERE = Path(__file__).resolve().parent
+START = 1_700_000_000_000_000_000  # ns; any fixed time
+PERIOD = 500_000_000  # ns between two clouds
+GRAIN = 1 / 64  # µm: heights are rounded to this, as instruments do; it also halves the files
+
+
+def main() -> None:
+    """Write every recording."""
+    write('metal_groove', [groove(0, 480, 640)])
+    write('parts', [groove(seed, 120, 160) for seed in range(1, 9)])
+    write('padded', [composite(seed) for seed in range(2)], padded=True)
+
+
+def groove(seed: int, rows: int, columns: int) -> Scene:
+    """A milled metal groove with isolated outliers and dense clusters, most of them on its walls."""
+    return make_scene('metal_groove', rows, columns, seed=seed)
+
+
+def composite(seed: int) -> Scene:
+    """Woven fibres, the pitch along y twice that along x."""
+    return make_scene('composite', 90, 120, seed=seed, pitch=(1.0, 2.0))
+
+
+def write(name: str, scenes: list[Scene], *, padded: bool = False) -> None:
+    """Write one recording, one cloud after the other."""
+    with RecordingWriter(HERE / f'{name}.mcap', compression='zstd', overwrite=True) as writer:
+        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        writer.add_topic(ros_topic('/truth/outlier_mask', image.TYPE))
+        for number, scene in enumerate(scenes):
+            time = START + number * PERIOD
+            header = Header.at(time, 'microscope')
+            points = scene.points.copy()
+            points[..., 2] = np.round(points[..., 2] / GRAIN) * GRAIN
+            if padded:
+                points[holes(points.shape[:2], number)] = np.nan
+            measured = np.isfinite(points).all(axis=2)
+            surface = measured & ~scene.outlier & ~scene.ambiguous
+            truth = image.mask_pixels(surface, measured & scene.outlier)
+            message = padded_cloud(header, points) if padded else point_cloud.encode_point_cloud(header, points)
+            writer.write('/points', message, time)
+            writer.write('/truth/outlier_mask', image.encode_mono8(header, truth), time)
+
+
+def holes(shape: tuple[int, ...], seed: int) -> npt.NDArray[np.bool_]:
+    """Points that were not measured: a sliver along one side, and one in fifty anywhere."""
+    mask = np.random.default_rng(seed).random(shape) < 0.02
+    mask[:, : 3 + seed] = True
+    return mask
+
+
+def padded_cloud(header: Header, points: npt.NDArray[np.float32]) -> bytes:
+    """A cloud as awkward as drivers make them: more fields, gaps in each point, and bytes behind each row."""
+    rows, columns = points.shape[:2]
+    layout = np.dtype(
+        {
+            'names': ['intensity', 'x', 'y', 'z', 'quality', 'ring'],
+            'formats': ['<f4', '<f4', '<f4', '<f4', '<f8', '<u2'],
+            'offsets': [0, 4, 8, 12, 24, 34],
+            'itemsize': 40,
+        }
+    )
+    padding = 24
+    rng = np.random.default_rng(rows)
+    data = rng.integers(0, 256, (rows, columns * layout.itemsize + padding), np.uint8)
+    grid = np.ndarray((rows, columns), layout, data, strides=(data.strides[0], layout.itemsize))
+    for axis, field in enumerate('xyz'):
+        grid[field] = points[..., axis]
+    grid['intensity'] = np.nan_to_num(points[..., 2])
+    grid['quality'] = rng.random((rows, columns))
+    grid['ring'] = np.arange(rows)[:, None]
+    return point_cloud.encode_layout(header, grid, data)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,79 @@
+"""`socialcircle filter`."""
+
+from pathlib import Path
+
+import click
+
+from .options import parameter_options, parameter_values
+
+
+@click.command('filter', epilog='Example: socialcircle filter bags/metal_groove.mcap -o cleaned.mcap')
+@click.argument('recording', type=click.Path(path_type=Path))
+@click.option(
+    '-o', '--output', required=True, type=click.Path(path_type=Path), help='Where to: NAME.mcap, or a directory.'
+)
+@click.option('--topic', 'topics', multiple=True, help='A topic of clouds; default: those named points.')
+@click.option('--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='none', show_default=True)
+@click.option('--overwrite', is_flag=True, help='Replace a recording that is there.')
+@parameter_options
+def command(
+    recording: Path,
+    output: Path,
+    topics: tuple[str, ...],
+    compression: str,
+    overwrite: bool,
+    params_file: Path | None,
+    parameters: tuple[str, ...],
+) -> None:
+    """Filter a RECORDING offline, exactly as the node does live; the same input gives the same bytes.
+
+    Everything in the recording is kept byte for byte; beside each topic of clouds come points_filtered,
+    outlier_mask and social_circle/measurement.
+    """
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from socialcircle_ros.pipeline import Cleaned
+    from socialcircle_ros.recording import Message, open_recording
+    from socialcircle_ros.recording.offline import filter_recording
+    from socialcircle_ros.settings import CircleSettings, OutputSettings
+
+    values = parameter_values(params_file, parameters)
+    circle, wanted = CircleSettings.from_ros(values), OutputSettings.from_ros(values)
+    console = Console(stderr=True)
+    with open_recording(recording) as reader:
+        total = reader.message_count
+    points = outliers = 0
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task(f'filtering {recording.name}', total=total)
+
+        def seen(_: Message, cleaned: Cleaned | None) -> None:
+            nonlocal points, outliers
+            if cleaned is not None:
+                points += cleaned.measured
+                outliers += cleaned.outliers
+            progress.advance(task)
+
+        summary = filter_recording(
+            recording,
+            output,
+            circle,
+            wanted,
+            topics=topics,
+            compression=compression,  # type: ignore[arg-type]
+            overwrite=overwrite,
+            seen=seen,
+        )
+    share = f' ({100 * outliers / points:.2f} %)' if points else ''
+    click.echo(
+        f'{summary.clouds} clouds filtered, {outliers} of {points} measured points are outliers{share}; '
+        f'{summary.passed} other messages kept; written to {output}.'
+    )
+    for reason, count in summary.refused.items():
+        click.echo(f'Refused {count} cloud{"s" if count > 1 else ""}: {reason}', err=True)
+    if summary.replaced:
+        click.echo(f'Results of an earlier run were replaced: {", ".join(summary.replaced)}.', err=True)
+    if summary.damage:
+        click.echo(f'Warning: {summary.damage}', err=True)
+    if summary.clouds == 0:
+        raise click.exceptions.Exit(1)

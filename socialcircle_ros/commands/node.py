@@ -1,0 +1,22 @@
+"""`socialcircle node`."""
+
+import click
+
+
+@click.command(
+    'node',
+    context_settings={'ignore_unknown_options': True, 'help_option_names': ['-h', '--help']},
+    epilog='Example: socialcircle node --ros-args -r __ns:=/cell1 --params-file config/social_circle.yaml',
+)
+@click.argument('ros_arguments', nargs=-1, type=click.UNPROCESSED, metavar='[--ros-args ...]')
+def command(ros_arguments: tuple[str, ...]) -> None:
+    """Run the filter as a ROS 2 node until Ctrl-C.
+
+    The same as `ros2 run socialcircle_ros social_circle_node`. It filters each cloud on `points`, and publishes
+    `points_filtered`, `outlier_mask`, `~/measurement` and `/diagnostics`. Arguments go to ROS as they are.
+    """
+    import sys
+
+    from socialcircle_ros.node.main import main
+
+    sys.exit(main(list(ros_arguments)))

@@ -1,0 +1,46 @@
+"""diagnostic_msgs/DiagnosticStatus."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from .cdr import CdrReader, CdrWriter
+
+TYPE = 'diagnostic_msgs/msg/DiagnosticStatus'
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+_LEAST_PAIR = 10  # bytes of a KeyValue with two empty strings, padding of the second included
+
+
+@dataclass(frozen=True)
+class Status:
+    """A DiagnosticStatus: a level, one sentence, and values by name."""
+
+    level: int
+    name: str
+    message: str
+    hardware_id: str = ''
+    values: Mapping[str, str] = field(default_factory=dict)
+
+    def encode(self) -> bytes:
+        """The serialized message."""
+        writer = CdrWriter()
+        writer.uint8(self.level)
+        for text in (self.name, self.message, self.hardware_id):
+            writer.string(text)
+        writer.uint32(len(self.values))
+        for key, value in self.values.items():
+            writer.string(key)
+            writer.string(value)
+        return writer.finish()
+
+    @classmethod
+    def decode(cls, message: bytes) -> 'Status':
+        """Read a serialized message.
+
+        Raises:
+            MessageError: it ends early, or is of another type.
+        """
+        reader = CdrReader(message)
+        level, name, text, hardware_id = reader.uint8(), reader.string(), reader.string(), reader.string()
+        pairs = [(reader.string(), reader.string()) for _ in range(reader.count(_LEAST_PAIR))]
+        return cls(level, name, text, hardware_id, dict(pairs))

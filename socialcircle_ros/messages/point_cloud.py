@@ -1,0 +1,247 @@
+"""sensor_msgs/PointCloud2: organized clouds looked at in place, and written with outliers taken out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.errors import MessageError
+
+from .cdr import CdrReader, CdrWriter
+from .header import Header
+
+TYPE = 'sensor_msgs/msg/PointCloud2'
+
+DATATYPES = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: 'f8'}
+"""sensor_msgs/PointField's datatypes as NumPy writes them, without byte order."""
+
+_NAMES = {1: 'INT8', 2: 'UINT8', 3: 'INT16', 4: 'UINT16', 5: 'INT32', 6: 'UINT32', 7: 'FLOAT32', 8: 'FLOAT64'}
+_LEAST_FIELD = 17  # bytes of a PointField with an empty name
+
+
+@dataclass(frozen=True)
+class PointField:
+    """sensor_msgs/PointField: where in a point a value stands."""
+
+    name: str
+    offset: int
+    datatype: int
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """A PointCloud2 where it lies: its description, and its bytes untouched.
+
+    `message` is the whole serialized message; the points begin at `data_start` in it.
+    """
+
+    message: bytes
+    header: Header
+    height: int
+    width: int
+    fields: tuple[PointField, ...]
+    is_bigendian: bool
+    point_step: int
+    row_step: int
+    data_start: int
+    data_length: int
+    is_dense: bool
+
+    @classmethod
+    def decode(cls, message: bytes) -> 'PointCloud':
+        """Walk through a serialized PointCloud2; no point is looked at or copied.
+
+        Raises:
+            MessageError: the bytes are not a PointCloud2, or end early.
+        """
+        reader = CdrReader(message)
+        header = Header.read(reader)
+        height, width = reader.uint32(), reader.uint32()
+        fields = tuple(
+            PointField(reader.string(), reader.uint32(), reader.uint8(), reader.uint32())
+            for _ in range(reader.count(_LEAST_FIELD))
+        )
+        is_bigendian = reader.boolean()
+        point_step, row_step = reader.uint32(), reader.uint32()
+        data_start, data_length = reader.octets()
+        return cls(
+            message=message,
+            header=header,
+            height=height,
+            width=width,
+            fields=fields,
+            is_bigendian=is_bigendian,
+            point_step=point_step,
+            row_step=row_step,
+            data_start=data_start,
+            data_length=data_length,
+            is_dense=reader.boolean(),
+        )
+
+    def xyz(self) -> npt.NDArray[Any]:
+        """The coordinates, (height, width, 3) float32 or float64, native byte order.
+
+        Where x, y and z are of one type and evenly spaced, as they nearly always are, the array is a view of
+        the message: no copy. It is read-only.
+
+        Raises:
+            MessageError: not an organized cloud with x, y and z as floats, or one that contradicts itself;
+                the sentence says in what.
+        """
+        self.check()
+        x, y, z = (self._values(self.message, self.field(name)) for name in 'xyz')
+        dx, dy, dz = (self.field(name).offset for name in 'xyz')
+        together = x.dtype == y.dtype == z.dtype and dy - dx == dz - dy
+        if not (together and x.dtype.isnative):
+            stacked = np.stack([x, y, z], axis=2)
+            return stacked.astype(stacked.dtype.newbyteorder('='), copy=False)
+        return np.ndarray(
+            (self.height, self.width, 3),
+            x.dtype,
+            self.message,
+            offset=self.data_start + dx,
+            strides=(self.row_step, self.point_step, dy - dx),
+        )
+
+    def check(self) -> None:
+        """See that this is an organized cloud with coordinates, and that it does not contradict itself.
+
+        Raises:
+            MessageError: it is not; says in what, and what to do.
+        """
+        if self.height == 0 or self.width == 0:
+            raise MessageError(f'The cloud is empty: height {self.height}, width {self.width}.')
+        if self.height == 1:
+            raise MessageError(
+                f'The cloud is not organized: height 1, width {self.width}; the filter needs the grid of the'
+                ' sensor, so publish the cloud with its rows and columns and NaN where nothing was measured.'
+            )
+        needed = self.width * self.point_step
+        if self.point_step == 0 or self.row_step < needed:
+            raise MessageError(
+                f'The cloud contradicts itself: row_step is {self.row_step}, but {self.width} points of'
+                f' {self.point_step} bytes take {needed}.'
+            )
+        if self.data_length < self.row_step * self.height:
+            raise MessageError(
+                f'The cloud is cut short: data has {self.data_length} bytes, but row_step × height ='
+                f' {self.row_step} × {self.height} = {self.row_step * self.height}.'
+            )
+        for name in 'xyz':
+            self.field(name)
+
+    def field(self, name: str) -> PointField:
+        """The coordinate field `name`.
+
+        Raises:
+            MessageError: there is none, it is not one float, or it does not lie within the point.
+        """
+        field = next((field for field in self.fields if field.name == name), None)
+        if field is None:
+            there = ', '.join(field.name for field in self.fields) or 'none'
+            raise MessageError(f'The cloud has no field {name!r}; its fields are: {there}.')
+        if field.datatype not in (7, 8) or field.count > 1:
+            kind = _NAMES.get(field.datatype, f'unknown datatype {field.datatype}')
+            raise MessageError(
+                f'The field {name!r} is {field.count} × {kind}; a coordinate must be one FLOAT32 or FLOAT64.'
+            )
+        if field.offset + np.dtype(DATATYPES[field.datatype]).itemsize > self.point_step:
+            raise MessageError(
+                f'The field {name!r} at offset {field.offset} does not fit into a point of'
+                f' {self.point_step} bytes.'
+            )
+        return field
+
+    def without(self, outliers: npt.NDArray[np.bool_], *, dense: bool) -> bytes:
+        """This message with x, y and z of the outliers set to NaN; every other byte stays as it came.
+
+        Args:
+            outliers: (height, width) mask.
+            dense: whether every point of the result is measured: what is_dense will say.
+
+        Returns:
+            The serialized message.
+        """
+        message = bytearray(self.message)
+        rows, columns = np.nonzero(outliers)
+        for name in 'xyz':
+            self._values(message, self.field(name))[rows, columns] = np.nan
+        message[self.data_start + self.data_length] = dense
+        return bytes(message)
+
+    def _values(self, message: bytes | bytearray, field: PointField) -> npt.NDArray[Any]:
+        """One field of all points as a (height, width) view of `message`, which has this cloud's layout."""
+        return np.ndarray(
+            (self.height, self.width),
+            np.dtype(('>' if self.is_bigendian else '<') + DATATYPES[field.datatype]),
+            message,
+            offset=self.data_start + field.offset,
+            strides=(self.row_step, self.point_step),
+        )
+
+
+def encode_point_cloud(
+    header: Header, xyz: npt.NDArray[Any], extra: Mapping[str, npt.NDArray[Any]] | None = None
+) -> bytes:
+    """A serialized PointCloud2 of an organized cloud.
+
+    Args:
+        header: its header.
+        xyz: (H, W, 3) float32 or float64; NaN where nothing was measured.
+        extra: further fields by name, (H, W) each, of any type that PointField knows.
+
+    Returns:
+        The message: fields x, y, z, then the extra ones, without padding; is_dense as it is.
+
+    Raises:
+        MessageError: an array of another shape, or of a type that PointField does not know.
+    """
+    height, width = xyz.shape[:2]
+    values = {name: xyz[..., axis] for axis, name in enumerate('xyz')} | dict(extra or {})
+    codes = {code: number for number, code in DATATYPES.items()}
+    for name, array in values.items():
+        if array.shape != (height, width) or array.dtype.str[1:] not in codes:
+            raise MessageError(
+                f'Field {name!r} is {array.shape} {array.dtype}; a cloud of {height}×{width} points takes'
+                f' {(height, width)} of {", ".join(codes)}.'
+            )
+    layout = np.dtype([(name, '<' + array.dtype.str[1:]) for name, array in values.items()])
+    points = np.empty((height, width), layout)
+    for name, array in values.items():
+        points[name] = array
+    return encode_layout(header, points, points.view(np.uint8), is_dense=bool(np.isfinite(xyz).all()))
+
+
+def encode_layout(
+    header: Header, points: npt.NDArray[Any], data: npt.NDArray[np.uint8], *, is_dense: bool = False
+) -> bytes:
+    """A serialized PointCloud2 of any layout.
+
+    Args:
+        header: its header.
+        points: (H, W) of a structured little-endian type, as a view of `data`: its fields, their offsets and
+            the item size become those of the message.
+        data: (H, row_step) uint8, contiguous: the message's data, padding included.
+        is_dense: what the message says of itself.
+    """
+    codes = {code: number for number, code in DATATYPES.items()}
+    writer = CdrWriter()
+    header.write(writer)
+    writer.uint32(points.shape[0])
+    writer.uint32(points.shape[1])
+    fields: Any = points.dtype.fields or {}
+    writer.uint32(len(fields))
+    for name, (kind, offset, *_) in fields.items():
+        writer.string(name)
+        writer.uint32(offset)
+        writer.uint8(codes[kind.str[1:]])
+        writer.uint32(1)
+    writer.boolean(False)
+    writer.uint32(points.dtype.itemsize)
+    writer.uint32(data.shape[1])
+    writer.octets(data.data.cast('B'))
+    writer.boolean(is_dense)
+    return writer.finish()

@@ -1,0 +1,50 @@
+"""Why no cloud arrives: publishers that cannot be heard, or that are silent, and what to change."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from rclpy.qos import QoSCompatibility, QoSProfile, QoSReliabilityPolicy, qos_check_compatible
+
+SILENT = (
+    'Publisher {who} on {topic} has sent no cloud for {seconds:.0f} s; see that it publishes, and that its'
+    ' clouds are not lost on the way: start it with FASTRTPS_DEFAULT_PROFILES_FILE={profile} (clouds over'
+    ' 0.5 MB do not fit the shared memory of Fast DDS as shipped).'
+)
+
+
+def complaints(topic: str, type_name: str, wanted: QoSProfile, publishers: Iterable[Any]) -> list[str]:
+    """One sentence for each publisher that this subscription cannot hear.
+
+    Args:
+        topic: the resolved name.
+        type_name: what the subscription takes, such as sensor_msgs/msg/PointCloud2.
+        wanted: the subscription's QoS.
+        publishers: TopicEndpointInfo of each publisher on the topic.
+    """
+    sentences = []
+    for publisher in publishers:
+        who = node_of(publisher)
+        if publisher.topic_type != type_name:
+            sentences.append(
+                f'Publisher {who} on {topic} sends {publisher.topic_type}, not {type_name}; remap one of them.'
+            )
+            continue
+        compatibility, reason = qos_check_compatible(publisher.qos_profile, wanted)
+        if compatibility == QoSCompatibility.ERROR:
+            sentences.append(f'Publisher {who} on {topic} cannot be heard: {_mend(topic, publisher, reason)}')
+    return sentences
+
+
+def node_of(publisher: Any) -> str:
+    """The name of the publisher's node with its namespace."""
+    return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+
+
+def _mend(topic: str, publisher: Any, reason: str) -> str:
+    if publisher.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT:
+        return (
+            'it is best effort and this node asks for reliable; make the publisher reliable (best effort'
+            f' loses large clouds), or start this node with qos_overrides.{topic}.subscription.reliability:'
+            ' best_effort.'
+        )
+    return f'{reason.rstrip("; ")}; set qos_overrides.{topic}.subscription to what the publisher offers.'

@@ -1,0 +1,144 @@
+"""The node's parameters: declared from the table in settings.py, validated whole, applied at once, saved."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from socialcircle_ros.errors import SettingError
+from socialcircle_ros.settings import (
+    PARAMETERS,
+    CircleSettings,
+    NodeSettings,
+    OutputSettings,
+    Parameter,
+    RosValue,
+    yaml_text,
+)
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """All settings of the node at one moment; a cloud is processed under one of these, never under two."""
+
+    circle: CircleSettings
+    output: OutputSettings
+    node: NodeSettings
+
+    @classmethod
+    def from_ros(cls, values: dict[str, Any]) -> 'Configuration':
+        """Settings from full ROS names to values.
+
+        Raises:
+            SettingError: a value that cannot be, or values that do not go together.
+        """
+        return cls(CircleSettings.from_ros(values), OutputSettings.from_ros(values), NodeSettings.from_ros(values))
+
+    def to_ros(self) -> dict[str, RosValue]:
+        """Every parameter under its full name."""
+        return {**self.circle.to_ros(), **self.output.to_ros(), **self.node.to_ros()}
+
+
+class LiveParameters:
+    """The parameters of a running node.
+
+    A change is built into a whole new Configuration before it is accepted; if that cannot be, the change is
+    refused with its reason, and nothing has changed. Once accepted, the new Configuration replaces the old in
+    one assignment.
+
+    Args:
+        node: where to declare the parameters.
+        changed: called after each accepted change.
+
+    Raises:
+        SettingError: the node was started with parameters that cannot be.
+    """
+
+    def __init__(self, node: Node, changed: Callable[[], None]) -> None:
+        self._node = node
+        self._changed = changed
+        for row in PARAMETERS.values():
+            node.declare_parameter(row.name, row.default, _descriptor(row))
+        self.configuration = Configuration.from_ros(self._values())
+        node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def unknown(self) -> list[str]:
+        """Names that the node was started with and does not have: most likely misspelled."""
+        given = self._node._parameter_overrides  # noqa: SLF001 - rclpy has no other way to ask
+        return sorted(
+            name for name in given if not self._node.has_parameter(name) and not name.startswith('qos_overrides.')
+        )
+
+    def save(self) -> Path:
+        """Write the parameters in force to a file that the node starts from.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        name = self._node.get_fully_qualified_name().strip('/').replace('/', '.')
+        given = self.configuration.node.parameters_file
+        home = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros')
+        path = Path(given).expanduser() if given else home / 'socialcircle' / f'{name}.yaml'
+        overrides = self._node.get_parameters_by_prefix('qos_overrides')
+        values = self.configuration.to_ros() | {
+            f'qos_overrides.{key}': item.value for key, item in overrides.items()
+        }
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(path.name + '.partial')
+        partial.write_text(yaml_text(values), encoding='utf-8')
+        partial.replace(path)
+        return path
+
+    def _values(self) -> dict[str, RosValue]:
+        return {name: _plain(self._node.get_parameter(name)) for name in PARAMETERS}
+
+    def _validate(self, changes: list[RosParameter]) -> SetParametersResult:
+        ours = [change for change in changes if change.name in PARAMETERS]
+        try:
+            for change in ours:
+                if change.type_ == RosParameter.Type.NOT_SET:
+                    raise SettingError(f'{change.name} cannot be removed; set it to a value.')  # noqa: TRY301
+            Configuration.from_ros(self._values() | {change.name: _plain(change) for change in ours})
+        except SettingError as refusal:
+            return SetParametersResult(successful=False, reason=str(refusal))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, changes: list[RosParameter]) -> None:
+        if any(change.name in PARAMETERS for change in changes):
+            self.configuration = Configuration.from_ros(self._values())
+            self._changed()
+
+
+def _plain(parameter: RosParameter) -> Any:
+    """The value with Python's own types; rclpy holds an array as array.array."""
+    value = parameter.value
+    return value if isinstance(value, (bool, int, float, str)) or value is None else list(value)
+
+
+def _descriptor(row: Parameter) -> ParameterDescriptor:
+    """What ROS is told of a parameter.
+
+    A real number is typed dynamically, because ROS refuses 1 where 1.0 is meant (rclcpp #979); settings.py
+    checks the type, and says what it wants.
+    """
+    descriptor = ParameterDescriptor(
+        name=row.name,
+        description=f'{row.sentence} [{row.unit}]' if row.unit else row.sentence,
+        additional_constraints=row.allowed,
+        read_only=row.read_only,
+        dynamic_typing=row.kind is float,
+    )
+    low, high = row.limits.minimum, row.limits.maximum
+    if low is not None and high is not None:
+        if row.kind is int:
+            step = 2 if row.limits.odd else 1
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=step)]
+        elif row.kind is float:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return descriptor

@@ -1,0 +1,184 @@
+"""The node as a process of its own, and a client that hands it clouds and waits for the answers."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image, PointCloud2
+
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.messages.cdr import CdrReader
+from socialcircle_ros.messages.diagnostics import Status
+from socialcircle_ros.messages.header import Header
+
+
+class NodeProcess:
+    """`social_circle_node` in a process of its own; a context manager that ends it with SIGINT.
+
+    Args:
+        namespace: the cell, such as `/demo`.
+        log: where its output goes.
+        parameters: full names to values, as YAML writes them.
+        arguments: more of --ros-args, such as remappings.
+    """
+
+    def __init__(
+        self,
+        namespace: str,
+        log: Path,
+        parameters: dict[str, str] | None = None,
+        arguments: tuple[str, ...] = (),
+    ) -> None:
+        given = [item for name, value in (parameters or {}).items() for item in ('-p', f'{name}:={value}')]
+        command = [sys.executable, '-m', 'socialcircle_ros.node.main', '--ros-args', '-r', f'__ns:={namespace}']
+        self.log = log
+        with log.open('wb') as output:
+            self.process = subprocess.Popen([*command, *given, *arguments], stdout=output, stderr=output)  # noqa: S603
+
+    def stop(self, timeout: float = 10.0) -> int:
+        """End the node as Ctrl-C does, and give its exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return self.process.wait()
+
+    def __enter__(self) -> 'NodeProcess':  # noqa: PYI034 - Self is not in Python 3.10
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the node published of one cloud."""
+
+    filtered: bytes
+    mask: bytes
+    measurement: Status
+    latency: float
+    """Seconds from publishing the cloud to receiving the filtered one."""
+
+
+class Client:
+    """Publishes clouds to a node, and waits for what it makes of them; a context manager.
+
+    Args:
+        namespace: the node's.
+    """
+
+    def __init__(self, namespace: str) -> None:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = Node('socialcircle_client', namespace=namespace, context=self._context)
+        self._changed = threading.Condition()
+        self._answers: dict[str, tuple[bytes, float]] = {}
+        self._refusals = (-1, '')
+        reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+        self._clouds = self._node.create_publisher(PointCloud2, 'points', reliable)
+        for kind, topic in (
+            (PointCloud2, 'points_filtered'),
+            (Image, 'outlier_mask'),
+            (DiagnosticStatus, 'social_circle/measurement'),
+        ):
+            self._node.create_subscription(kind, topic, self._keeping(topic), reliable, raw=True)
+        self._name = f'{self._node.get_namespace().rstrip("/")}/social_circle'
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._diagnosed, 10)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, name='client')
+        self._thread.start()
+
+    def wait_for_node(self, process: NodeProcess, timeout: float) -> None:
+        """Wait until the node listens.
+
+        Raises:
+            SocialCircleError: it ended, or does not listen in time; says where its log is.
+        """
+        end = time.monotonic() + timeout
+        while self._clouds.get_subscription_count() == 0:
+            if process.process.poll() is not None:
+                raise SocialCircleError(f'The node ended at its start; read {process.log}.')
+            if time.monotonic() > end:
+                raise SocialCircleError(f'The node does not listen after {timeout:.0f} s; read {process.log}.')
+            time.sleep(0.02)
+
+    def clean(self, cloud: bytes, timeout: float = 30.0) -> Answer:
+        """Publish one serialized cloud, and wait for its answer.
+
+        Raises:
+            SocialCircleError: the node refused it, or did not answer in time.
+        """
+        with self._changed:
+            self._answers.clear()
+            refused, _ = self._refusals
+            began = time.monotonic()
+            self._clouds.publish(cloud)
+            self._changed.wait_for(lambda: len(self._answers) == 3 or (0 <= refused < self._refusals[0]), timeout)
+            if len(self._answers) < 3:
+                count, reason = self._refusals
+                if 0 <= refused < count:
+                    raise SocialCircleError(reason)
+                raise SocialCircleError(f'The node did not answer within {timeout:.0f} s.')
+            (filtered, at), (mask, _), (measurement, _) = (
+                self._answers[topic] for topic in ('points_filtered', 'outlier_mask', 'social_circle/measurement')
+            )
+        return Answer(filtered, mask, Status.decode(measurement), at - began)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        rclpy.shutdown(context=self._context)
+        self._thread.join()
+        self._node.destroy_node()
+
+    def __enter__(self) -> 'Client':  # noqa: PYI034 - Self is not in Python 3.10
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def _keeping(self, topic: str) -> Any:
+        def keep(message: bytes) -> None:
+            with self._changed:
+                self._answers[topic] = (message, time.monotonic())
+                self._changed.notify_all()
+
+        return keep
+
+    def _diagnosed(self, array: DiagnosticArray) -> None:
+        for status in array.status:
+            if status.hardware_id == self._name:
+                values = {pair.key: pair.value for pair in status.values}
+                with self._changed:
+                    count = int(values['clouds_refused']) + int(values['clouds_failed'])
+                    self._refusals = (count, values['last_reason'])
+                    self._changed.notify_all()
+
+
+def stamp_of(message: bytes) -> int:
+    """The stamp in the header of a serialized message, in ns."""
+    return Header.read(CdrReader(message)).stamp

@@ -1,0 +1,310 @@
+"""The lifecycle node `social_circle`: clouds in, cleaned clouds, masks, measurements and diagnostics out.
+
+The executor's thread only takes messages and answers services; one worker filters the newest cloud, so that
+a slow cloud delays neither a parameter change nor the heartbeat.
+"""
+
+import functools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import Image, PointCloud2
+from std_srvs.srv import Trigger
+
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import TYPE, encode_point_cloud
+from socialcircle_ros.pipeline import clean
+
+from .connections import SILENT, complaints, node_of
+from .health import Health
+from .parameters import LiveParameters
+from .transport import PROFILE
+from .worker import LatestWorker
+
+NAME = 'social_circle'
+
+_OVERRIDABLE = (
+    QoSPolicyKind.HISTORY,
+    QoSPolicyKind.DEPTH,
+    QoSPolicyKind.RELIABILITY,
+    QoSPolicyKind.DURABILITY,
+)
+_LOG_PERIOD = 5.0  # seconds between two log lines of one kind
+
+
+@dataclass(frozen=True)
+class _Arrival:
+    """A cloud to be filtered: its bytes, and when it came."""
+
+    message: bytes
+    at: float
+    again: bool = False
+    """Whether it has been filtered before, and is filtered again for a change of parameters."""
+
+
+def _reported(transition: Callable[..., Any]) -> Callable[..., Any]:
+    """Log what goes wrong in a transition, and refuse it; rclpy would swallow the reason."""
+
+    @functools.wraps(transition)
+    def reporting(node: Any, state: LifecycleState) -> Any:
+        try:
+            return transition(node, state)
+        except Exception as error:  # noqa: BLE001 - any reason is to be read in the log, and ends no node
+            node.get_logger().error(f'{transition.__name__} failed: {type(error).__name__}: {error}')
+            return TransitionCallbackReturn.FAILURE
+
+    return reporting
+
+
+class SocialCircleNode(LifecycleNode):
+    """The filter as a ROS 2 node; see DESIGN in the README for topics, services and parameters.
+
+    Raises:
+        SettingError: the node was started with parameters that cannot be.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(NAME, **options)
+        self._guard_transitions()
+        self._health = Health()
+        self._worker: LatestWorker[_Arrival] | None = None
+        self._clouds: Any = None
+        self._last: _Arrival | None = None
+        self._active_since = float('inf')
+        self._live_parameters = LiveParameters(self, self._parameters_changed)
+        for name in self._live_parameters.unknown():
+            self.get_logger().warning(f'There is no parameter {name}; it has no effect. Is it misspelled?')
+        # A clock of its own: a paused replay stops ROS time, but not the heartbeat.
+        self._heartbeat = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0, self._publish_diagnostics, clock=steady)
+        self.create_service(Trigger, '~/reset', self._reset)
+        self.create_service(Trigger, '~/save_parameters', self._save_parameters)
+
+    def start(self) -> None:
+        """Configure and activate, if `autostart` says so."""
+        if self._live_parameters.configuration.node.autostart:
+            configured = self.trigger_configure()
+            if configured == TransitionCallbackReturn.SUCCESS:
+                self.trigger_activate()
+
+    def close(self) -> None:
+        """Stop the worker and free what the node holds."""
+        self._stop_worker()
+        self.destroy_node()
+
+    # Lifecycle
+
+    @_reported
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make the publishers, compile the filter, start the worker."""
+        self._filtered = self._publisher(PointCloud2, 'points_filtered')
+        self._mask = self._publisher(Image, 'outlier_mask')
+        self._measurement = self._publisher(DiagnosticStatus, '~/measurement')
+        began = time.monotonic()
+        self._warm_up()
+        self.get_logger().info(f'The filter is compiled ({time.monotonic() - began:.1f} s).')
+        self._worker = LatestWorker(self._process, self._overtaken)
+        return super().on_configure(state)
+
+    @_reported
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen for clouds."""
+        result = super().on_activate(state)
+        self._clouds = self.create_subscription(
+            PointCloud2,
+            'points',
+            self._cloud_arrived,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
+            qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
+            raw=True,
+        )
+        self._active_since = time.monotonic()
+        self.get_logger().info(f'Active: waiting for clouds on {self._clouds.topic_name}.')
+        return result
+
+    @_reported
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen no more; the cloud at hand is still published."""
+        self.destroy_subscription(self._clouds)
+        self._clouds = None
+        if self._worker is not None:
+            self._worker.drain()
+        return super().on_deactivate(state)
+
+    @_reported
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the worker, give the publishers back, forget the last cloud."""
+        self._release()
+        return super().on_cleanup(state)
+
+    @_reported
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """As cleanup, from any state."""
+        if self._clouds is not None:
+            self.destroy_subscription(self._clouds)
+            self._clouds = None
+        self._release()
+        return super().on_shutdown(state)
+
+    def _release(self) -> None:
+        self._stop_worker()
+        self._last = None
+        for name in ('_filtered', '_mask', '_measurement'):
+            publisher = self.__dict__.pop(name, None)
+            if publisher is not None:
+                self.destroy_lifecycle_publisher(publisher)
+
+    def _stop_worker(self) -> None:
+        if self._worker is not None:
+            self._worker.stop()
+            self._worker = None
+
+    def _publisher(self, kind: Any, topic: str) -> Any:
+        return self.create_lifecycle_publisher(
+            kind,
+            topic,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
+            qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
+        )
+
+    def _guard_transitions(self) -> None:
+        """Answer an invalid transition with a refusal; rclpy raises, which ends spin() (ros2/rclpy #1209)."""
+        service = self._service_change_state
+        change_state = service.callback
+
+        def guarded(request: Any, response: Any) -> Any:
+            try:
+                return change_state(request, response)
+            except RCLError:
+                _, state = self._state_machine.current_state
+                wanted = request.transition.label or request.transition.id
+                self.get_logger().warning(f'Transition {wanted} is not possible from state {state}; nothing done.')
+                response.success = False
+                return response
+
+        service.callback = guarded
+
+    # Clouds
+
+    def _cloud_arrived(self, message: bytes) -> None:
+        self._health.received()
+        if self._worker is not None:
+            self._worker.put(_Arrival(message, time.monotonic()))
+
+    def _overtaken(self, arrival: _Arrival) -> None:
+        if not arrival.again:
+            self._health.dropped()
+
+    def _process(self, arrival: _Arrival) -> None:
+        """Filter one cloud and publish; on the worker's thread, so nothing may escape."""
+        configuration = self._live_parameters.configuration
+        try:
+            cleaned = clean(arrival.message, configuration.circle, configuration.output)
+            self._filtered.publish(cleaned.filtered)
+            if cleaned.mask is not None:
+                self._mask.publish(cleaned.mask)
+            self._measurement.publish(cleaned.measurement.encode())
+        except SocialCircleError as refusal:
+            self._health.refused(str(refusal))
+            self.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=_LOG_PERIOD)
+            return
+        except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
+            self._health.failed(f'{type(error).__name__}: {error}')
+            self.get_logger().error(
+                f'A cloud could not be filtered: {type(error).__name__}: {error}',
+                throttle_duration_sec=_LOG_PERIOD,
+            )
+            return
+        self._last = _Arrival(arrival.message, arrival.at, again=True)
+        if not arrival.again:
+            self._health.published(time.monotonic() - arrival.at)
+        if cleaned.status.level != diagnostics.OK:
+            self.get_logger().warning(cleaned.status.message, throttle_duration_sec=_LOG_PERIOD)
+
+    def _parameters_changed(self) -> None:
+        last, worker = self._last, self._worker
+        if self._live_parameters.configuration.node.reprocess_last and last is not None and worker is not None:
+            worker.put(last)
+
+    def _warm_up(self) -> None:
+        """Compile what a cloud will need, for both types of coordinates, before the first one comes."""
+        configuration = self._live_parameters.configuration
+        rows, columns = np.mgrid[:8, :6]
+        for kind in (np.float32, np.float64):
+            xyz = np.dstack([columns, rows, rows % 2]).astype(kind)
+            clean(encode_point_cloud(Header(), xyz), type(configuration.circle)(), configuration.output)
+
+    # Services and diagnostics
+
+    def _reset(self, _: Any, response: Any) -> Any:
+        if self._worker is not None:
+            self._worker.drain()
+        self._last = None
+        self._health.reset()
+        response.success, response.message = True, 'Counters are zero; the last cloud is forgotten.'
+        return response
+
+    def _save_parameters(self, _: Any, response: Any) -> Any:
+        try:
+            path = self._live_parameters.save()
+        except OSError as error:
+            response.success = False
+            response.message = f'Cannot write {error.filename}: {error.strerror}; set parameters_file elsewhere.'
+        else:
+            response.success = True
+            response.message = f'Saved to {path}; start with --ros-args --params-file {path}.'
+        return response
+
+    def _publish_diagnostics(self) -> None:
+        name = self.get_fully_qualified_name()
+        level, message, values = self._state_of_health()
+        status = DiagnosticStatus(
+            level=bytes([level]),
+            name=f'{name.strip("/")}: filter',
+            message=message,
+            hardware_id=name,
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self.get_clock().now().to_msg()
+        self._heartbeat.publish(array)
+
+    def _state_of_health(self) -> tuple[int, str, dict[str, str]]:
+        """Level, sentence and values for /diagnostics."""
+        _, state = self._state_machine.current_state
+        values = {'state': state, **self._health.values()}
+        if self._clouds is None:
+            return diagnostics.OK, f'The node is {state}; it filters once it is active.', values
+        topic = self._clouds.topic_name
+        publishers = self.get_publishers_info_by_topic(topic)
+        values['publishers'] = str(len(publishers))
+        unheard = complaints(topic, TYPE, self._clouds.qos_profile, publishers)
+        values['connections'] = ' '.join(unheard)
+        silent = min(self._health.seconds_silent(), time.monotonic() - self._active_since)
+        limit = self._live_parameters.configuration.node.silence
+        if unheard:
+            self.get_logger().warning(unheard[0], throttle_duration_sec=_LOG_PERIOD)
+            return diagnostics.ERROR, unheard[0], values
+        if self._health.in_trouble():
+            return diagnostics.ERROR, self._health.last_reason, values
+        if publishers and limit and silent > limit:
+            who = ', '.join(node_of(publisher) for publisher in publishers)
+            sentence = SILENT.format(who=who, topic=topic, seconds=silent, profile=PROFILE)
+            return diagnostics.WARN, sentence, values
+        if self._health.had_trouble():
+            return diagnostics.WARN, self._health.last_reason, values
+        if not publishers:
+            return diagnostics.OK, f'Waiting: nobody publishes on {topic} yet.', values
+        return diagnostics.OK, 'Clouds are filtered as they come.', values

@@ -1,0 +1,140 @@
+"""One cloud message in, its answers out: the job that the node does live and `socialcircle filter` offline.
+
+Both publish exactly these bytes, so that what a replay shows is what the line did.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from .circle import remove_outliers
+from .messages import diagnostics
+from .messages.image import encode_mono8, mask_pixels
+from .messages.point_cloud import PointCloud
+from .settings import CircleSettings, OutputSettings
+
+STATUS_NAME = 'social_circle: measurement'
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """What is published of one cloud: serialized messages, and what they say in numbers."""
+
+    filtered: bytes
+    """PointCloud2 as it came, with x, y and z of the outliers NaN."""
+    mask: bytes | None
+    """Image mono8; None where it is not wanted."""
+    points: int
+    measured: int
+    outliers: int
+    seed: tuple[int, int]
+    radius: float
+    times: dict[str, float]
+    """Milliseconds that each stage took, in the order of the stages."""
+    status: diagnostics.Status
+    """The measurement, without times."""
+
+    @property
+    def measurement(self) -> diagnostics.Status:
+        """What `~/measurement` says: the status and the times."""
+        times = {f'time_{stage}_ms': f'{milliseconds:.3f}' for stage, milliseconds in self.times.items()}
+        values = {**self.status.values, **times}
+        status = self.status
+        return diagnostics.Status(status.level, status.name, status.message, status.hardware_id, values)
+
+
+def clean(message: bytes, circle: CircleSettings, output: OutputSettings) -> Cleaned:
+    """Filter one serialized PointCloud2.
+
+    Args:
+        message: the cloud as it came, in CDR.
+        circle: how to filter.
+        output: what is wanted.
+
+    Returns:
+        The messages to publish; the same for the same cloud and settings, but for the times.
+
+    Raises:
+        MessageError: the message is not an organized cloud, or contradicts itself.
+        CloudError: the method can give no answer for this cloud.
+    """
+    clock = _Stages()
+    cloud = PointCloud.decode(message)
+    xyz = cloud.xyz()
+    clock.stage('decode')
+    result = remove_outliers(xyz, circle)
+    for step, seconds in result.times.items():
+        clock.times[step] = 1e3 * seconds
+    clock.restart()
+    points = cloud.height * cloud.width
+    outliers = int(np.count_nonzero(result.outliers))
+    measured = outliers + int(np.count_nonzero(result.inliers))
+    filtered = cloud.without(result.outliers, dense=measured == points and outliers == 0)
+    clock.stage('cloud')
+    mask = encode_mono8(cloud.header, mask_pixels(result.inliers, result.outliers)) if output.mask else None
+    clock.stage('mask')
+    clock.times['total'] = sum(clock.times.values())
+    return Cleaned(
+        filtered=filtered,
+        mask=mask,
+        points=points,
+        measured=measured,
+        outliers=outliers,
+        seed=result.seed,
+        radius=result.radius,
+        times=clock.times,
+        status=_status(cloud, measured, outliers, result.seed, result.radius, circle),
+    )
+
+
+class _Stages:
+    """Stopwatch over the stages of one cloud."""
+
+    def __init__(self) -> None:
+        self.times: dict[str, float] = {}
+        self.restart()
+
+    def restart(self) -> None:
+        self._since = time.perf_counter()
+
+    def stage(self, name: str) -> None:
+        now = time.perf_counter()
+        self.times[name] = 1e3 * (now - self._since)
+        self._since = now
+
+
+def _status(
+    cloud: PointCloud,
+    measured: int,
+    outliers: int,
+    seed: tuple[int, int],
+    radius: float,
+    circle: CircleSettings,
+) -> diagnostics.Status:
+    """The measurement in words and values.
+
+    Where most of the measured points fell, the seed's surface is likely not the part's: the method cannot
+    know, but it must not be silent.
+    """
+    share = outliers / measured
+    message = f'{outliers} of {measured} measured points are outliers ({100 * share:.2f} %).'
+    level = diagnostics.OK
+    if share > 0.5:
+        level = diagnostics.WARN
+        message += (
+            ' That is more than half: the circle may have stayed on an outlier or on one part of the surface;'
+            ' raise circle.radius_scale, or move circle.vote_region to the surface.'
+        )
+    values = {
+        'stamp': f'{cloud.header.seconds}.{cloud.header.nanoseconds:09d}',
+        'points': str(cloud.height * cloud.width),
+        'measured': str(measured),
+        'kept': str(measured - outliers),
+        'outliers': str(outliers),
+        'seed_row': str(seed[0]),
+        'seed_column': str(seed[1]),
+        'radius': repr(radius),
+        **{name: str(value) for name, value in circle.to_ros().items()},
+    }
+    return diagnostics.Status(level, STATUS_NAME, message, cloud.header.frame_id, values)

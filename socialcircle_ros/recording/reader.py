@@ -1,0 +1,170 @@
+"""Reading recordings: an MCAP file, or a rosbag2 directory of one or several."""
+
+import heapq
+import re
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+
+from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.recording.mcap_file import DAMAGE, McapFile, Span
+from socialcircle_ros.recording.topics import Message, Topic
+
+
+class RecordingReader:
+    """An opened recording; a context manager that closes it.
+
+    Attributes:
+        path: As it was given to `open_recording`.
+        topics: Every topic by its name.
+        message_count: How many messages the recording holds, up to the damage if there is one.
+        damage: None, or one sentence that says where the recording is damaged and what is lost. Known on
+            opening if the index is hurt, and otherwise once `messages` has met the place.
+    """
+
+    def __init__(self, path: Path, files: list[Path]) -> None:
+        """Open `files`, the parts of one recording in their order; see `open_recording`."""
+        self.path = path
+        self._closing = ExitStack()
+        try:
+            self._files = [self._opened(file) for file in files]
+            self.topics = self._collect_topics()
+        except BaseException:
+            self.close()
+            raise
+        self.message_count = sum(file.message_count for file in self._files)
+        self.damage = next((file.damage for file in self._files if file.damage), None)
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+        """Give the messages in the order of their log times, equal ones in the order of the file.
+
+        One chunk is in memory at a time, or as many as overlap in time. At damage, everything before it in
+        its file is given, and everything in the other files of the recording; `damage` says so.
+
+        Args:
+            topics: Names of the topics that are wanted; None for all.
+        """
+        queue: list[tuple[int, int, int, int, Span | Message]] = []
+        for number, file in enumerate(self._files):
+            wanted = {id_ for id_, topic in file.channels.items() if topics is None or topic.name in topics}
+            for span in file.spans:
+                if span.channels is None or span.channels & wanted:
+                    queue.append((span.start_time, number, span.offset, -1, span))  # noqa: PERF401 - legible
+        heapq.heapify(queue)
+        cuts: dict[int, int] = {}  # file number → offset of its damage
+        count = 0
+        while queue:
+            _, number, offset, _, item = heapq.heappop(queue)
+            if isinstance(item, Message):
+                count += 1
+                yield item
+            elif offset < cuts.get(number, offset + 1):
+                file = self._files[number]
+                try:
+                    for place, message in enumerate(file.messages(item)):
+                        if topics is None or message.topic in topics:
+                            heapq.heappush(queue, (message.log_time, number, offset, place, message))
+                except DAMAGE as reason:
+                    cuts[number] = offset
+                    self.damage = self.damage or file.damage_sentence(offset, reason)
+        if topics is None and count != self.message_count and not self.damage:
+            self.damage = (
+                f'{self.path} is damaged: its index counts {self.message_count} messages, but {count} were '
+                'found and read.'
+            )
+
+    def close(self) -> None:
+        """Close the files of the recording."""
+        self._closing.close()
+
+    def __enter__(self) -> 'RecordingReader':  # noqa: PYI034 - Self is not in Python 3.10
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _opened(self, path: Path) -> McapFile:
+        file = McapFile(path)
+        self._closing.callback(file.close)
+        return file
+
+    def _collect_topics(self) -> dict[str, Topic]:
+        topics: dict[str, Topic] = {}
+        for file in self._files:
+            for topic in file.channels.values():
+                first = topics.setdefault(topic.name, topic)
+                if first.type != topic.type:
+                    raise RecordingError(
+                        f'{self.path} has messages of two types, {first.type} and {topic.type}, on '
+                        f'{topic.name}: record them under two names.'
+                    )
+        encodings = {topic.encoding for topic in topics.values()}
+        if encodings and 'cdr' not in encodings:
+            found = ', '.join(sorted(encodings))
+            raise RecordingError(
+                f'{self.path} holds no messages of ROS 2, but of the encoding {found}: convert it first, for '
+                'ROS 1 with `rosbags-convert`.'
+            )
+        return topics
+
+
+def open_recording(path: str | Path) -> RecordingReader:
+    """Open a recording for reading.
+
+    A damaged file opens too, as long as it begins as an MCAP does: `RecordingReader.damage` says what is
+    lost. A file without an index at its end is read through once to make one.
+
+    Args:
+        path: An MCAP file, or a rosbag2 directory with one or several.
+
+    Raises:
+        RecordingError: There is no such file, it is no recording, or of a kind that cannot be read here.
+    """
+    path = Path(path)
+    try:
+        files = _parts(path) if path.is_dir() else [path]
+    except PermissionError:
+        raise RecordingError(f'{path} may not be read: change its permissions.') from None
+    return RecordingReader(path, files)
+
+
+def _parts(folder: Path) -> list[Path]:
+    """Name the MCAP files of a rosbag2 directory, in their order."""
+    found = sorted((file for file in folder.iterdir() if file.is_file()), key=_natural_order)
+    recorded = [file for file in found if file.suffix == '.mcap']
+    if any(file.suffix == '.zstd' for file in found) and not recorded:
+        raise RecordingError(
+            f'{folder} is compressed file by file: convert it with `ros2 bag convert` to an MCAP without '
+            'file compression.'
+        )
+    if any(file.suffix == '.db3' for file in found) and not recorded:
+        raise RecordingError(
+            f'{folder} is an sqlite3 bag: make an MCAP of it with `ros2 bag convert`, then use that.'
+        )
+    listed = [folder / name for name in _listed_files(folder / 'metadata.yaml')]
+    if not (listed or recorded):
+        raise RecordingError(f'{folder} holds no recording: give a directory with a .mcap file in it.')
+    return listed or recorded
+
+
+def _listed_files(metadata: Path) -> list[str]:
+    """Read which files a metadata.yaml names; none where it is missing or, after a crash, makes no sense."""
+    try:
+        content: Any = yaml.safe_load(metadata.read_text(encoding='utf-8'))
+        return [str(name) for name in content['rosbag2_bagfile_information']['relative_file_paths']]
+    except (FileNotFoundError, ValueError, TypeError, KeyError, yaml.YAMLError):
+        return []
+
+
+def _natural_order(path: Path) -> list[tuple[int, str]]:
+    """Sort `bag_10.mcap` after `bag_9.mcap`."""
+    return [(int(part), '') if part.isdigit() else (-1, part) for part in re.split(r'(\d+)', path.name)]

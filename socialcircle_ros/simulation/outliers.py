@@ -1,0 +1,224 @@
+"""Outliers put into a cloud of known truth: isolated points, and dense clusters displaced together.
+
+These are painted on, so that how many, how large and where is known exactly; where outliers must come
+out of physics, use the virtual instrument instead. Reference: the paper's figures 1 and 7.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from socialcircle_ros.errors import CloudError, SettingError
+
+from .surfaces import Heights, Seed
+
+Mask = NDArray[np.bool_]
+Flank = Literal['sharp', 'blurred', 'mixed']
+
+
+@dataclass(frozen=True)
+class Contamination:
+    """How many outliers, of which kind, how far off.
+
+    Attributes:
+        share: of all measured points that become outliers, 0 to below 1; met exactly.
+        clustered: share of the outliers that lie in clusters, 0 to 1.
+        unit: what `amplitude` counts in, µm: the noise's standard deviation, or the pitch.
+        amplitude: smallest and largest displacement, in `unit`; up or down by chance.
+        radius: smallest and largest extent of a cluster, in points.
+        flank: of a cluster: 'sharp' falls to 0 from one point to the next, 'blurred' over its whole
+            radius, 'mixed' takes either by chance.
+        spread: how rough a cluster is in itself, as a share of its displacement.
+        bound: displacement from which a point is an outlier, in `unit`; between 0 and that it is ambiguous.
+        densest: share of outliers that no area exceeds, whatever its weight, unless the whole cloud does.
+    """
+
+    share: float = 0.0955
+    clustered: float = 0.5
+    unit: float = 1.0
+    amplitude: tuple[float, float] = (8.0, 40.0)
+    radius: tuple[float, float] = (2.0, 8.0)
+    flank: Flank = 'mixed'
+    spread: float = 0.05
+    bound: float = 4.0
+    densest: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            SettingError: one is out of its range.
+        """
+        if not 0 <= self.share < 1:
+            raise SettingError(f'A share of outliers of {self.share} is not possible; give 0 to below 1.')
+        if not 0 < self.densest <= 1:
+            raise SettingError(f'A densest share of {self.densest} is not possible; give above 0 to 1.')
+        if not 0 <= self.clustered <= 1:
+            raise SettingError(f'A clustered share of {self.clustered} is not possible; give 0 to 1.')
+        if not self.bound < self.amplitude[0] <= self.amplitude[1]:
+            raise SettingError(
+                f'Displacements of {self.amplitude} would not all be outliers at a bound of {self.bound};'
+                ' give smallest ≤ largest, both above the bound.'
+            )
+        if not 0.5 <= self.radius[0] <= self.radius[1]:
+            raise SettingError(f'Cluster radii of {self.radius} are not possible; give 0.5 ≤ smallest ≤ largest.')
+
+
+@dataclass(frozen=True)
+class Contaminated:
+    """Heights with outliers, and the truth about them.
+
+    Attributes:
+        heights: (H, W) float64, µm.
+        outlier: (H, W) bool, True where displaced by at least the bound.
+        displacement: (H, W) float64, µm: what was added.
+        cluster: (H, W) int32: 0 not moved, -1 isolated, from 1 the number of the cluster.
+    """
+
+    heights: Heights
+    outlier: Mask
+    displacement: Heights
+    cluster: NDArray[np.int32]
+
+    @property
+    def ambiguous(self) -> Mask:
+        """(H, W) bool, True where moved by less than the bound: leave these out of any score."""
+        moved_little: Mask = (self.displacement != 0) & ~self.outlier
+        return moved_little
+
+
+def add_outliers(
+    heights: Heights, contamination: Contamination, seed: Seed, weight: Heights | None = None
+) -> Contaminated:
+    """Displace points of a height map.
+
+    Args:
+        heights: (H, W) float64, µm; NaN where not measured, which stays so.
+        contamination: how many and of which kind.
+        seed: of places, sizes and displacements.
+        weight: (H, W), ≥ 0: how likely an outlier is at each point, against the others; alike if None.
+
+    Returns:
+        The heights with outliers, and the truth.
+
+    Raises:
+        CloudError: fewer points can be moved than the share asks for.
+    """
+    places, sizes = np.random.default_rng(seed).spawn(2)
+    measured = np.isfinite(heights)
+    chance = np.where(measured, 1.0 if weight is None else weight, 0.0)
+    wanted = round(contamination.share * int(measured.sum()))
+    if wanted > int((chance > 0).sum()):
+        raise CloudError(
+            f'{wanted} points cannot be made outliers where only {int((chance > 0).sum())} have a weight;'
+            ' lower the share or widen the weight.'
+        )
+    chance = _levelled(chance, wanted, contamination.densest)
+    displacement = np.zeros(heights.shape)
+    cluster = np.zeros(heights.shape, dtype=np.int32)
+    in_clusters = round(contamination.clustered * wanted)
+    _put_clusters(displacement, cluster, chance, in_clusters, contamination, places, sizes)
+    bound = contamination.bound * contamination.unit
+    alone = wanted - int((np.abs(displacement) >= bound).sum())
+
+    free = np.where(cluster == 0, chance, 0.0)
+    with np.errstate(divide='ignore'):
+        # The largest of log(weight) + Gumbel noise are a weighted draw without replacement.
+        keys = np.log(free).ravel() + places.gumbel(size=free.size)
+    alone = min(alone, int((free > 0).sum()))
+    chosen = np.sort(np.argpartition(-keys, alone)[:alone]) if alone else np.zeros(0, dtype=np.int64)
+    displacement.flat[chosen] = _amplitudes(contamination, sizes, alone)
+    cluster.flat[chosen] = -1
+    return Contaminated(
+        heights=heights + displacement,
+        outlier=np.abs(displacement) >= bound,
+        displacement=displacement,
+        cluster=cluster,
+    )
+
+
+def _levelled(chance: Heights, wanted: int, densest: float) -> Heights:
+    """Weights lowered where they would make more than `densest` of the points there outliers.
+
+    Without this, a groove weighted 20 times would be nothing but outliers at a share of 30 %.
+    """
+    limited = chance
+    for _ in range(30):
+        total = float(limited.sum())
+        if wanted == 0 or float(limited.max()) * wanted <= 1.01 * densest * total:
+            break
+        limited = np.minimum(limited, densest * total / wanted)
+    return limited
+
+
+def _put_clusters(
+    displacement: Heights,
+    cluster: NDArray[np.int32],
+    chance: Heights,
+    wanted: int,
+    contamination: Contamination,
+    places: np.random.Generator,
+    sizes: np.random.Generator,
+) -> None:
+    """Add clusters in place until `wanted` points are outliers, or no more room is found."""
+    bound = contamination.bound * contamination.unit
+    total = np.cumsum(chance.ravel())
+    rows, columns = chance.shape
+    placed = number = 0
+    tries = 100 + 20 * wanted
+    while placed < wanted and tries > 0:
+        tries -= 1
+        centre = int(np.searchsorted(total, places.uniform(0, total[-1]), side='right'))
+        row, column = divmod(min(centre, chance.size - 1), columns)
+        radius = sizes.uniform(*contamination.radius)
+        reach = int(1.6 * radius) + 2
+        box = (
+            slice(max(row - reach, 0), min(row + reach + 1, rows)),
+            slice(max(column - reach, 0), min(column + reach + 1, columns)),
+        )
+        dy = np.arange(box[0].start, box[0].stop)[:, np.newaxis] - row
+        dx = np.arange(box[1].start, box[1].stop)[np.newaxis, :] - column
+        profile = _profile(dx, dy, radius, contamination.flank, sizes)
+        moved = profile * _amplitudes(contamination, sizes, 1)[0]
+        moved *= 1 + contamination.spread * np.clip(sizes.standard_normal(profile.shape), -2, 2)
+        # Where the weight is 0, or another cluster lies, nothing is moved: a cluster has one cause.
+        moved[(chance[box] == 0) | (cluster[box] != 0)] = 0
+        outside = np.argsort(-np.abs(moved), axis=None, kind='stable')
+        outliers = int((np.abs(moved) >= bound).sum())
+        moved.flat[outside[min(outliers, wanted - placed) :]] *= outliers <= wanted - placed
+        if outliers == 0:
+            continue
+        number += 1
+        placed += min(outliers, wanted - placed)
+        displacement[box] += moved
+        cluster[box][moved != 0] = number
+
+
+def _profile(
+    dx: NDArray[np.int64], dy: NDArray[np.int64], radius: float, flank: Flank, rng: np.random.Generator
+) -> Heights:
+    """The shape of a cluster, 0 to 1: a blob with a wavy, elongated outline."""
+    angle, stretch = rng.uniform(0, np.pi), rng.uniform(0.6, 1.0)
+    u = np.cos(angle) * dx + np.sin(angle) * dy
+    v = (np.cos(angle) * dy - np.sin(angle) * dx) / stretch
+    around = np.arctan2(v, u)
+    wave = rng.uniform(-0.15, 0.15, 2) @ np.stack(
+        [np.cos(2 * around + angle), np.cos(3 * around - angle)]
+    ).reshape(2, -1)
+    inward = 1 - np.hypot(u, v) / (radius * (1 + wave.reshape(u.shape)))
+    blurred = flank == 'blurred' or (flank == 'mixed' and rng.random() < 0.5)
+    if not blurred:
+        sharp: Heights = (inward > 0).astype(np.float64)
+        return sharp
+    rise = np.clip(inward, 0.0, 1.0)
+    smooth: Heights = rise**2 * (3 - 2 * rise)
+    return smooth
+
+
+def _amplitudes(contamination: Contamination, rng: np.random.Generator, count: int) -> Heights:
+    low, high = contamination.amplitude
+    size = contamination.unit * rng.uniform(low, high, count)
+    signed: Heights = size * rng.choice(np.array([-1.0, 1.0]), count)
+    return signed

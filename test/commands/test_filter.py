@@ -1,0 +1,75 @@
+"""`socialcircle filter`."""
+
+from pathlib import Path
+
+import pytest
+
+from socialcircle_ros.recording import open_recording
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+
+
+def test_it_filters_and_says_what_it_found(run, tmp_path):
+    done = run('filter', BAGS / 'parts.mcap', '-o', 'cleaned.mcap')
+    assert done.code == 0, done.err
+    assert '8 clouds filtered, ' in done.out
+    assert 'of 153600 measured points are outliers' in done.out
+    with open_recording(tmp_path / 'cleaned.mcap') as reader:
+        assert '/points_filtered' in reader.topics
+
+
+def test_parameters_come_from_a_file_and_from_the_command_line(run, tmp_path):
+    (tmp_path / 'wide.yaml').write_text('/**:\n  ros__parameters:\n    circle:\n      radius_scale: 100\n')
+    wide = run('filter', BAGS / 'parts.mcap', '-o', 'wide.mcap', '--params-file', 'wide.yaml')
+    assert ' 0 of 153600' in wide.out
+    both = run(
+        'filter',
+        BAGS / 'parts.mcap',
+        '-o',
+        'both.mcap',
+        '--params-file',
+        'wide.yaml',
+        '-p',
+        'circle.radius_scale:=1',
+    )
+    assert ' 0 of 153600' not in both.out
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        (['nowhere.mcap', '-o', 'x.mcap'], 'nowhere.mcap'),
+        (['broken.mcap', '-o', 'x.mcap'], 'broken.mcap'),
+        ([BAGS / 'parts.mcap', '-o', 'there.mcap'], 'there.mcap'),
+        ([BAGS / 'parts.mcap', '-o', 'no/folder/x.mcap'], 'no/folder'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window:=4'], 'circle.window must be odd, not 4'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.windw:=5'], 'There is no parameter circle.windw'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window=5'], 'not of the form NAME:=VALUE'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window:=[5'], 'the value is not YAML'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--params-file', 'nowhere.yaml'], 'nowhere.yaml cannot be read'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--params-file', 'odd.yaml'], 'odd.yaml holds no ros__parameters'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--params-file', 'bad.yaml'], 'bad.yaml is not YAML'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--topic', '/nowhere'], 'has no topic /nowhere'),
+    ],
+)
+def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, arguments, sentence):
+    (tmp_path / 'broken.mcap').write_bytes(b'this is no recording')
+    (tmp_path / 'there.mcap').write_bytes((BAGS / 'padded.mcap').read_bytes())
+    (tmp_path / 'odd.yaml').write_text('circle: 1\n')
+    (tmp_path / 'bad.yaml').write_text('circle: [1\n')
+    before = sorted(tmp_path.iterdir())
+    done = run('filter', *arguments)
+    assert done.code == 1
+    assert sentence in done.err
+    assert 'Traceback' not in done.err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_recording_that_is_cut_off_is_filtered_up_to_there_with_a_warning(run, tmp_path):
+    data = (BAGS / 'parts.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(data[: len(data) // 2])
+    done = run('filter', 'cut.mcap', '-o', 'x.mcap')
+    assert done.code == 0
+    assert 'clouds filtered' in done.out
+    assert 'Warning: ' in done.err
+    assert 'cut.mcap' in done.err

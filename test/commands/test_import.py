@@ -1,0 +1,47 @@
+"""`socialcircle import`."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.recording import open_recording
+
+
+def save(path, **changes):
+    rng = np.random.default_rng(0)
+    np.savez(path, **({'z': rng.random((5, 7)), 'dx': 2.0, 'dy': 3.0, 'texture': rng.random((5, 7))} | changes))
+
+
+def test_height_maps_become_clouds_in_the_order_given(run, tmp_path):
+    for name in ('a', 'b'):
+        save(tmp_path / f'{name}.npz')
+    done = run('import', 'b.npz', 'a.npz', '-o', 'parts.mcap', '--topic', '/cell/points', '--period', '0.5')
+    assert done.code == 0, done.err
+    with open_recording(tmp_path / 'parts.mcap') as reader:
+        messages = list(reader.messages())
+    assert [message.topic for message in messages] == ['/cell/points'] * 2
+    assert messages[1].log_time - messages[0].log_time == 500_000_000
+    cloud = PointCloud.decode(messages[0].data)
+    assert cloud.xyz()[4, 6, :2].tolist() == [12.0, 12.0]
+    assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'texture']
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'code', 'sentence'),
+    [
+        (['nowhere.npz', '-o', 'x.mcap'], 1, 'nowhere.npz does not exist'),
+        (['notes.txt', '-o', 'x.mcap'], 1, 'notes.txt is of a kind that is not known'),
+        (['cut.npz', '-o', 'x.mcap'], 1, 'cut.npz is not an .npz archive'),
+        (['good.npz', '-o', 'x.mcap', '--period', '0'], 2, 'must be above 0'),
+        (['-o', 'x.mcap'], 2, 'Missing argument'),
+    ],
+)
+def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, arguments, code, sentence):
+    save(tmp_path / 'good.npz')
+    (tmp_path / 'cut.npz').write_bytes((tmp_path / 'good.npz').read_bytes()[:99])
+    (tmp_path / 'notes.txt').write_text('hello')
+    done = run('import', *arguments)
+    assert done.code == code
+    assert sentence in done.err
+    assert 'Traceback' not in done.err
+    assert not (tmp_path / 'x.mcap').exists()

@@ -1,0 +1,162 @@
+"""The commands that talk to the graph: play, record, demo, node."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy', reason='live tests need ROS 2')
+
+from examples import cloud
+
+from socialcircle_ros.messages.image import TYPE as IMAGE
+from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
+
+pytestmark = pytest.mark.live
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+
+
+@contextlib.contextmanager
+def started(tmp_path, *arguments):
+    """A command in the background, ended with Ctrl-C."""
+    command = [sys.executable, '-m', 'socialcircle_ros.commands.main', *map(str, arguments)]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        process.output = process.communicate(timeout=60)
+
+
+def contents(path):
+    with open_recording(path) as reader:
+        return dict(reader.topics), list(reader.messages())
+
+
+def test_what_is_played_is_recorded_byte_for_byte(run, tmp_path):
+    with started(tmp_path, 'record', '/round/points', '/round/truth/outlier_mask', '-o', 'again.mcap') as recorder:
+        done = run('play', BAGS / 'parts.mcap', '--namespace', '/round', '--rate', '4', '--wait', '60')
+        assert done.code == 0, done.err
+        assert '16 messages played' in done.out
+    out, err = recorder.output
+    assert recorder.returncode == 0, err
+    assert '16 messages written to again.mcap' in out
+    topics, messages = contents(tmp_path / 'again.mcap')
+    _, played = contents(BAGS / 'parts.mcap')
+    assert topics['/round/points'].type_hash == ros_topic('/points', CLOUD).type_hash
+    for name in ('/points', '/truth/outlier_mask'):
+        assert [m.data for m in messages if m.topic == f'/round{name}'] == [
+            m.data for m in played if m.topic == name
+        ]
+
+
+def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
+    with RecordingWriter(tmp_path / 'two.mcap') as writer:
+        writer.add_topic(ros_topic('/clocked/points', CLOUD))
+        for stamp in (10_000_000_000, 10_500_000_000):
+            writer.write('/clocked/points', cloud(9, 9, stamp=stamp), stamp)
+    with started(tmp_path, 'record', '/clocked/points', '/clock', '-o', 'again.mcap') as recorder:
+        done = run('play', 'two.mcap', '--clock', '--wait', '60')
+        assert done.code == 0, done.err
+    assert recorder.returncode == 0, recorder.output
+    topics, messages = contents(tmp_path / 'again.mcap')
+    first, second = (m.log_time for m in messages if m.topic == '/clocked/points')
+    assert second - first > 0.4e9
+    ticks = [m for m in messages if m.topic == '/clock']
+    assert topics['/clock'].type == 'rosgraph_msgs/msg/Clock'
+    assert len(ticks) > 5
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'code', 'sentence'),
+    [
+        (['play', 'nowhere.mcap'], 1, 'nowhere.mcap'),
+        (['play', BAGS / 'parts.mcap', '--rate', '0'], 2, 'must be above 0'),
+        (['play', BAGS / 'parts.mcap', '--topic', '/nowhere'], 1, 'has no topic /nowhere'),
+        (['record', '-o', 'no/folder/x.mcap'], 1, 'no/folder'),
+        (['demo', 'nowhere.npz'], 1, 'nowhere.npz does not exist'),
+        (['demo', 'nowhere.mcap'], 1, 'nowhere.mcap'),
+        (['demo', '-o', '/proc/demo'], 1, '/proc/demo cannot be made'),
+        (['node', '--ros-args', '-p', 'circle.window:=4'], 1, 'circle.window'),
+        (['node', '--ros-args', '--params-file', 'nowhere.yaml'], 1, 'nowhere.yaml'),
+    ],
+)
+def test_an_error_is_one_sentence(run, arguments, code, sentence):
+    done = run(*arguments)
+    assert done.code == code, done.err
+    assert sentence in done.err
+    assert 'Traceback' not in done.err
+
+
+def test_a_type_that_is_not_installed_is_left_out_and_told(run, tmp_path):
+    from socialcircle_ros.recording import Topic
+
+    odd = Topic('/odd', 'odd_msgs/msg/Odd', b'string text\n', 'ros2msg', 'cdr', {})
+    with RecordingWriter(tmp_path / 'odd.mcap') as writer:
+        writer.add_topic(odd)
+        writer.add_topic(ros_topic('/odd/mask', IMAGE))
+        writer.write('/odd', b'\0\1\0\0', 1)
+        writer.write('/odd/mask', b'\0\1\0\0', 2)
+    done = run('play', 'odd.mcap', '--wait', '0')
+    assert done.code == 0, done.err
+    assert "Not played: /odd: Type 'odd_msgs/msg/Odd' is not installed here" in done.err
+    assert 'Nobody listens to /odd/mask' in done.err
+    assert '1 messages played' in done.out
+
+
+def test_recording_nothing_says_so(run):
+    done = run('record', '/nowhere', '-o', 'x.mcap', '--duration', '0.5')
+    assert done.code == 0
+    assert 'Nothing came on /nowhere' in done.err
+
+
+def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
+    done = run('demo', timeout=300)
+    assert done.code == 0, done.err
+    for name in ('metal_groove', 'parts', 'padded'):
+        assert f'out/demo/{name}_cleaned.mcap' in done.out
+        assert (tmp_path / f'out/demo/{name}.png').stat().st_size > 10_000
+    rows = [line.split() for line in done.out.splitlines() if line.startswith(('metal_groove', 'parts', 'padded'))]
+    assert len(rows) == 11
+    assert all(float(row[-1]) > 0.99 and float(row[-2]) > 0.99 for row in rows)
+    topics, messages = contents(tmp_path / 'out/demo/metal_groove_cleaned.mcap')
+    assert {'/points', '/points_filtered', '/outlier_mask', '/social_circle/measurement'} == set(topics)
+    assert len(messages) == 4
+
+
+def test_the_demo_takes_a_measurement_file(run, tmp_path):
+    import numpy as np
+
+    z = np.random.default_rng(0).random((80, 90))
+    z[40, 40] = 50
+    np.savez(tmp_path / 'part.npz', z=z, dx=1.0, dy=1.0)
+    done = run('demo', 'part.npz', timeout=300)
+    assert done.code == 0, done.err
+    _, messages = contents(tmp_path / 'out/demo/part_cleaned.mcap')
+    (filtered,) = (m.data for m in messages if m.topic == '/points_filtered')
+    assert np.isnan(PointCloud.decode(filtered).xyz()[40, 40]).all()
+
+
+def test_the_demo_goes_on_after_a_cloud_that_is_refused(run, tmp_path):
+    with RecordingWriter(tmp_path / 'mixed.mcap') as writer:
+        writer.add_topic(ros_topic('/points', CLOUD))
+        writer.write('/points', cloud(1, 9), 1)
+        writer.write('/points', cloud(), 2)
+    done = run('demo', 'mixed.mcap', timeout=300)
+    assert done.code == 0, done.err
+    assert 'refused' in done.out
+    assert (tmp_path / 'out/demo/mixed.png').exists()
+
+
+def test_ctrl_c_ends_a_replay_in_a_loop(tmp_path):
+    with started(tmp_path, 'play', BAGS / 'parts.mcap', '--loop', '--wait', '0', '--namespace', '/loop') as player:
+        assert 'Nobody listens to' in player.stderr.readline()
+    assert player.returncode in (0, 130)
+    assert 'Traceback' not in player.output[1]

@@ -1,0 +1,27 @@
+"""What all tests share: a DDS domain for each test process, and the real measurements where they are."""
+
+import os
+import zlib
+from pathlib import Path
+
+import pytest
+
+
+def _own_domain() -> str:
+    """A domain for this process: apart from the other workers, and likely from other runs on this machine."""
+    run = os.environ.get('PYTEST_XDIST_TESTRUNUID', str(os.getpid()))
+    worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+    return str(1 + zlib.crc32(run.encode()) % 12 * 8 + worker % 8)
+
+
+# Before anything starts rclpy, here or in a process that a test starts.
+os.environ['ROS_DOMAIN_ID'] = _own_domain()
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+
+@pytest.fixture(scope='session')
+def real_measurements() -> Path:
+    folder = os.environ.get('SOCIALCIRCLE_DATA')
+    if not folder:
+        pytest.skip('SOCIALCIRCLE_DATA names no folder of real measurements')
+    return Path(folder)

@@ -1,0 +1,181 @@
+"""A cell for live tests: the real node as its own process, and a peer that talks to it over DDS."""
+
+import contextlib
+import itertools
+import threading
+import time
+from types import SimpleNamespace
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image, PointCloud2
+from std_srvs.srv import Trigger
+
+from socialcircle_ros.messages.diagnostics import Status
+from socialcircle_ros.messages.image import decode_mono8
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.node.process import NodeProcess
+
+PATIENCE = 60.0  # s: far longer than anything takes, also where everything is compiled for the first time
+NUMBERS = itertools.count()
+RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+RESULTS = ('points_filtered', 'outlier_mask', 'social_circle/measurement')
+
+
+class Cell:
+    """One node in a namespace of its own, and the peer beside it."""
+
+    def __init__(self, folder, parameters=None, arguments=(), *, active=True):
+        number = next(NUMBERS)
+        self.namespace = f'/cell{number}'
+        self.name = f'{self.namespace}/social_circle'
+        self.node_process = NodeProcess(self.namespace, folder / f'node{number}.log', parameters, arguments)
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.peer = Node('peer', namespace=self.namespace, context=self.context)
+        self.changed = threading.Condition()
+        self.services = {}
+        self.inbox = {name: [] for name in (*RESULTS, 'diagnostics')}
+        kinds = dict(zip(RESULTS, (PointCloud2, Image, DiagnosticStatus), strict=True))
+        for name, kind in kinds.items():
+            self.peer.create_subscription(kind, name, self.keep(name), RELIABLE, raw=True)
+        self.peer.create_subscription(DiagnosticArray, '/diagnostics', self.diagnosed, 10)
+        self.clouds = self.peer.create_publisher(PointCloud2, 'points', RELIABLE)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.peer)
+        self.thread = threading.Thread(target=self.spin)
+        self.thread.start()
+        if active:
+            self.wait_for_state('active')
+            self.wait_for(lambda: self.clouds.get_subscription_count() == 1)
+
+    def spin(self):
+        with contextlib.suppress(rclpy.executors.ExternalShutdownException):
+            self.executor.spin()
+
+    def keep(self, name):
+        def keep(message):
+            with self.changed:
+                self.inbox[name].append(message)
+                self.changed.notify_all()
+
+        return keep
+
+    def diagnosed(self, array):
+        for status in array.status:
+            if status.hardware_id == self.name:
+                values = {pair.key: pair.value for pair in status.values}
+                with self.changed:
+                    self.inbox['diagnostics'].append(SimpleNamespace(status=status, values=values))
+                    self.changed.notify_all()
+
+    def wait_for(self, condition):
+        """Wait until `condition` gives something true, and give it; looks again at each message and each 50 ms."""
+        found = None
+        for _ in range(int(PATIENCE / 0.05)):
+            with self.changed:
+                found = condition()
+                if found:
+                    return found
+                self.changed.wait(0.05)
+        log = self.node_process.log.read_text()
+        raise AssertionError(f'nothing came of it within {PATIENCE:.0f} s; the node says:\n{log}')
+
+    def call(self, kind, name, request):
+        """Call a service of the node.
+
+        A response can be lost while the server has not yet discovered its reader (rmw_fastrtps says so in the
+        node's log), so that a call without an answer is made again.
+        """
+        if name not in self.services:
+            self.services[name] = self.peer.create_client(kind, f'social_circle/{name}')
+        client = self.services[name]
+        self.wait_for(client.service_is_ready)
+        futures = []
+
+        def answered():
+            if not futures or time.monotonic() > futures[-1][0] + 5:
+                futures.append((time.monotonic(), client.call_async(request)))
+            return next((future.result() for _, future in futures if future.done()), None)
+
+        return self.wait_for(answered)
+
+    def state(self):
+        return self.call(GetState, 'get_state', GetState.Request()).current_state.label
+
+    def wait_for_state(self, wanted):
+        self.wait_for(lambda: self.state() == wanted)
+
+    def transition(self, number):
+        request = ChangeState.Request()
+        request.transition.id = number
+        return self.call(ChangeState, 'change_state', request).success
+
+    def set(self, **values):
+        """Set parameters one at a time, as `ros2 param set` does; names with __ for the dot."""
+        request = SetParameters.Request(parameters=self.messages(values))
+        return self.call(SetParameters, 'set_parameters', request).results
+
+    def set_together(self, **values):
+        request = SetParametersAtomically.Request(parameters=self.messages(values))
+        return self.call(SetParametersAtomically, 'set_parameters_atomically', request).result
+
+    @staticmethod
+    def messages(values):
+        return [
+            Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+            if value is not None
+            else ParameterMessage(name=name.replace('__', '.'))
+            for name, value in values.items()
+        ]
+
+    def get(self, name):
+        (value,) = self.call(GetParameters, 'get_parameters', GetParameters.Request(names=[name])).values
+        return parameter_value_to_python(value)
+
+    def describe(self, name):
+        request = DescribeParameters.Request(names=[name])
+        return self.call(DescribeParameters, 'describe_parameters', request).descriptors[0]
+
+    def trigger(self, name):
+        return self.call(Trigger, name, Trigger.Request())
+
+    def forget(self):
+        with self.changed:
+            for messages in self.inbox.values():
+                messages.clear()
+
+    def publish(self, cloud):
+        self.clouds.publish(cloud)
+
+    def answer(self):
+        """The next answer, complete: cloud, mask, measurement."""
+        self.wait_for(lambda: all(self.inbox[name] for name in RESULTS))
+        cloud, mask, measurement = (self.inbox[name][-1] for name in RESULTS)
+        self.forget()
+        return PointCloud.decode(cloud), decode_mono8(mask), Status.decode(measurement)
+
+    def clean(self, cloud):
+        self.forget()
+        self.publish(cloud)
+        return self.answer()
+
+    def diagnosis(self, condition):
+        """The next diagnosis that meets `condition`."""
+        return self.wait_for(
+            lambda: next((found for found in self.inbox['diagnostics'] if condition(found)), None)
+        )
+
+    def close(self):
+        code = self.node_process.stop()
+        rclpy.shutdown(context=self.context)
+        self.thread.join()
+        self.peer.destroy_node()
+        return code

@@ -1,0 +1,213 @@
+"""Clouds looked at in place, and written with their outliers taken out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap_ros2._dynamic import generate_dynamic
+
+from socialcircle_ros.errors import MessageError
+from socialcircle_ros.messages.cdr import CdrWriter
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud
+from socialcircle_ros.recording import schema_text
+
+DECODE = generate_dynamic('sensor_msgs/PointCloud2', schema_text('sensor_msgs/msg/PointCloud2'))[
+    'sensor_msgs/PointCloud2'
+]
+"""A decoder that nobody here wrote."""
+
+
+@dataclass
+class Parts:
+    """A PointCloud2 part by part, so that each can be wrong."""
+
+    height: int
+    width: int
+    fields: list
+    point_step: int
+    row_step: int
+    data: bytes
+    bigendian: bool = False
+    dense: bool = True
+
+    def message(self):
+        writer = CdrWriter()
+        Header(12, 34, 'microscope').write(writer)
+        writer.uint32(self.height)
+        writer.uint32(self.width)
+        writer.uint32(len(self.fields))
+        for name, offset, datatype, count in self.fields:
+            writer.string(name)
+            writer.uint32(offset)
+            writer.uint8(datatype)
+            writer.uint32(count)
+        writer.boolean(self.bigendian)
+        writer.uint32(self.point_step)
+        writer.uint32(self.row_step)
+        writer.octets(self.data)
+        writer.boolean(self.dense)
+        return writer.finish()
+
+
+def plain(**changes):
+    height, width = 3, 4
+    fields = [('x', 0, 7, 1), ('y', 4, 7, 1), ('z', 8, 7, 1)]
+    parts = Parts(height, width, fields, 12, 12 * width, np.arange(3 * height * width, dtype='<f4').tobytes())
+    for name, value in changes.items():
+        setattr(parts, name, value)
+    return parts
+
+
+@st.composite
+def layouts(draw):
+    """Clouds as drivers make them: any order and gaps, padding behind rows, both byte orders, other fields."""
+    height, width = draw(st.integers(2, 5)), draw(st.integers(1, 6))
+    names = draw(st.permutations(['x', 'y', 'z', *draw(st.sampled_from([[], ['intensity'], ['rgb', 'ring']]))]))
+    same = draw(st.sampled_from([7, 8, None]))
+    fields, offset = [], 0
+    for name in names:
+        offset += draw(st.integers(0, 5))
+        coordinate = name in 'xyz'
+        datatype = (same or draw(st.sampled_from([7, 8]))) if coordinate else draw(st.integers(1, 8))
+        fields.append((name, offset, datatype, 1))
+        offset += np.dtype(DATATYPES[datatype]).itemsize
+    point_step = offset + draw(st.integers(0, 5))
+    row_step = point_step * width + draw(st.integers(0, 9))
+    trailing = draw(st.integers(0, 3))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    data = bytearray(rng.integers(0, 256, row_step * height + trailing, np.uint8).tobytes())
+    bigendian = draw(st.booleans())
+    xyz = rng.normal(0, 10, (height, width, 3))
+    xyz[rng.random(xyz.shape) < 0.1] = draw(st.sampled_from([np.nan, np.inf, -np.inf]))
+    parts = Parts(height, width, fields, point_step, row_step, b'', bigendian, draw(st.booleans()))
+    for axis, name in enumerate('xyz'):
+        view(parts, data, name)[...] = xyz[..., axis]
+    parts.data = bytes(data)
+    return parts, rng.random((height, width)) < 0.4
+
+
+def view(parts, data, name):
+    _, offset, datatype, _ = next(field for field in parts.fields if field[0] == name)
+    kind = ('>' if parts.bigendian else '<') + DATATYPES[datatype]
+    return np.ndarray((parts.height, parts.width), kind, data, offset, (parts.row_step, parts.point_step))
+
+
+@given(layouts())
+def test_coordinates_are_read_whatever_the_layout(case):
+    parts, _ = case
+    xyz = PointCloud.decode(parts.message()).xyz()
+    assert xyz.shape == (parts.height, parts.width, 3)
+    assert xyz.dtype.isnative
+    for axis, name in enumerate('xyz'):
+        np.testing.assert_array_equal(xyz[..., axis], view(parts, parts.data, name))
+
+
+@settings(max_examples=300)
+@given(layouts())
+def test_only_coordinates_of_outliers_and_is_dense_change(case):
+    parts, outliers = case
+    message = parts.message()
+    changed = PointCloud.decode(message).without(outliers, dense=False)
+    expected = bytearray(parts.data)
+    for name in 'xyz':
+        view(parts, expected, name)[outliers] = np.nan
+    parts.data, parts.dense = bytes(expected), False
+    assert changed == parts.message()
+
+
+@given(layouts())
+def test_the_input_is_never_altered(case):
+    parts, outliers = case
+    message = parts.message()
+    copy = bytes(bytearray(message))
+    PointCloud.decode(message).without(outliers, dense=True)
+    assert message == copy
+
+
+def test_evenly_spaced_coordinates_are_not_copied():
+    message = plain().message()
+    xyz = PointCloud.decode(message).xyz()
+    assert np.shares_memory(xyz, np.frombuffer(message, np.uint8))
+    assert not xyz.flags.writeable
+
+
+def test_rows_are_y_and_columns_are_x():
+    xyz = PointCloud.decode(plain(height=2, width=5, row_step=60).message()).xyz()
+    assert xyz.shape == (2, 5, 3)
+    assert xyz[1, 0].tolist() == [15, 16, 17]
+
+
+@pytest.mark.parametrize(
+    ('changes', 'sentence'),
+    [
+        ({'height': 0, 'data': b''}, 'The cloud is empty: height 0, width 4'),
+        ({'width': 0, 'data': b''}, 'The cloud is empty: height 3, width 0'),
+        ({'height': 1, 'width': 12}, 'The cloud is not organized: height 1, width 12'),
+        ({'fields': []}, "has no field 'x'; its fields are: none"),
+        ({'fields': [('x', 0, 7, 1), ('y', 4, 7, 1)]}, "has no field 'z'; its fields are: x, y"),
+        ({'fields': [('x', 0, 5, 1), ('y', 4, 7, 1), ('z', 8, 7, 1)]}, "field 'x' is 1 × INT32"),
+        ({'fields': [('x', 0, 9, 1), ('y', 4, 7, 1), ('z', 8, 7, 1)]}, "field 'x' is 1 × unknown datatype 9"),
+        ({'fields': [('x', 0, 7, 3), ('y', 4, 7, 1), ('z', 8, 7, 1)]}, "field 'x' is 3 × FLOAT32"),
+        (
+            {'fields': [('x', 0, 7, 1), ('y', 4, 7, 1), ('z', 9, 7, 1)]},
+            "'z' at offset 9 does not fit into a point",
+        ),
+        ({'data': bytes(143)}, 'The cloud is cut short: data has 143 bytes'),
+        ({'row_step': 47}, 'contradicts itself: row_step is 47, but 4 points of 12 bytes take 48'),
+        ({'row_step': 0}, 'contradicts itself: row_step is 0'),
+        ({'point_step': 0, 'row_step': 0}, 'contradicts itself'),
+        ({'height': 2**32 - 1, 'width': 2**31, 'row_step': 2**32 - 1}, 'contradicts itself'),
+    ],
+)
+def test_a_cloud_that_cannot_be_used_is_refused_with_the_reason(changes, sentence):
+    with pytest.raises(MessageError, match=sentence):
+        PointCloud.decode(plain(**changes).message()).xyz()
+
+
+@given(st.integers(0, 200))
+def test_a_message_that_is_cut_short_is_refused(length):
+    message = plain().message()
+    with pytest.raises(MessageError):
+        PointCloud.decode(message[: min(length, len(message) - 1)])
+
+
+@given(st.binary(max_size=300))
+def test_bytes_that_are_no_cloud_are_refused_or_read_but_never_raise_anything_else(data):
+    try:
+        PointCloud.decode(b'\0\1\0\0' + data).xyz()
+    except MessageError as refusal:
+        assert str(refusal)
+
+
+@given(
+    st.sampled_from([np.float32, np.float64]),
+    st.lists(st.sampled_from(list(DATATYPES.values())), max_size=4),
+    st.integers(0, 2**32),
+)
+def test_an_encoded_cloud_is_what_a_stranger_decodes(kind, extra, seed):
+    rng = np.random.default_rng(seed)
+    xyz = rng.normal(0, 1, (3, 5, 3)).astype(kind)
+    fields = {f'f{i}': rng.integers(0, 100, (3, 5)).astype(code) for i, code in enumerate(extra)}
+    cloud = DECODE(encode_point_cloud(Header(7, 8, 'cell'), xyz, fields))
+    assert (cloud.header.stamp.sec, cloud.header.stamp.nanosec, cloud.header.frame_id) == (7, 8, 'cell')
+    assert (cloud.height, cloud.width, cloud.is_bigendian, cloud.is_dense) == (3, 5, False, True)
+    assert cloud.row_step == cloud.point_step * 5
+    values = {'x': xyz[..., 0], 'y': xyz[..., 1], 'z': xyz[..., 2], **fields}
+    assert [field.name for field in cloud.fields] == list(values)
+    for field in cloud.fields:
+        found = np.ndarray(
+            (3, 5),
+            '<' + DATATYPES[field.datatype],
+            bytes(cloud.data),
+            field.offset,
+            (cloud.row_step, cloud.point_step),
+        )
+        np.testing.assert_array_equal(found, values[field.name])
+
+
+def test_a_field_of_another_shape_cannot_be_encoded():
+    with pytest.raises(MessageError, match=r"Field 'q' is \(2, 2\) float32; a cloud of 3×5 points takes"):
+        encode_point_cloud(Header(), np.zeros((3, 5, 3)), {'q': np.zeros((2, 2), np.float32)})

@@ -1,0 +1,177 @@
+"""Clouds through the live node."""
+
+import numpy as np
+import pytest
+from examples import cloud, surface
+from live import RESULTS
+from sensor_msgs.msg import PointCloud2, PointField
+
+from socialcircle_ros import remove_outliers
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import DATATYPES, encode_point_cloud
+
+pytestmark = pytest.mark.live
+
+
+def awkward(kind='<f4', *, rows=64, columns=70, seed=3):
+    """A cloud message made by rclpy: fields out of order, gaps, padding behind rows, random bytes in them."""
+    order = '>' if kind[0] == '>' else '<'
+    size = np.dtype(kind).itemsize
+    offsets = {'rgb': 1, 'z': 5, 'x': 5 + size, 'label': 5 + 2 * size, 'y': 7 + 2 * size}
+    point_step = 9 + 3 * size
+    row_step = point_step * columns + 13
+    data = np.random.default_rng(seed).integers(0, 256, row_step * rows, np.uint8)
+    codes = {code: number for number, code in DATATYPES.items()}
+    kinds = {'rgb': 'u4', 'z': kind[1:], 'x': kind[1:], 'label': 'u2', 'y': kind[1:]}
+    message = PointCloud2(height=rows, width=columns, point_step=point_step, row_step=row_step)
+    message.header.frame_id = 'microscope'
+    message.header.stamp.sec, message.header.stamp.nanosec = 17, 4
+    message.is_bigendian = order == '>'
+    message.is_dense = True
+    message.fields = [
+        PointField(name=name, offset=offset, datatype=codes[kinds[name]], count=1)
+        for name, offset in offsets.items()
+    ]
+    xyz = surface(rows, columns, seed=seed)
+    for axis, name in enumerate('xyz'):
+        view(message, data, name)[...] = xyz[..., axis]
+    message.data.frombytes(data.tobytes())
+    return message
+
+
+def view(message, data, name):
+    field = next(field for field in message.fields if field.name == name)
+    kind = ('>' if message.is_bigendian else '<') + DATATYPES[field.datatype]
+    shape, strides = (message.height, message.width), (message.row_step, message.point_step)
+    return np.ndarray(shape, kind, data, field.offset, strides)
+
+
+def test_a_cloud_comes_back_with_nan_for_its_outliers_and_nothing_else_changed(cell):
+    xyz = surface()
+    filtered, mask, measurement = cell.clean(cloud())
+    result = remove_outliers(xyz)
+    expected = xyz.copy()
+    expected[result.outliers] = np.nan
+    np.testing.assert_array_equal(filtered.xyz(), expected)
+    np.testing.assert_array_equal(mask == 255, result.outliers)
+    np.testing.assert_array_equal(mask == 127, ~np.isfinite(xyz[..., 2]))
+    assert measurement.values['outliers'] == '26'
+    assert filtered.header == Header(1, 0, 'microscope')
+
+
+@pytest.mark.parametrize('kind', ['<f4', '>f4', '<f8', '>f8'])
+def test_every_field_padding_and_the_header_survive(cell, kind):
+    message = awkward(kind)
+    received = []
+    subscription = cell.peer.create_subscription(PointCloud2, 'points_filtered', received.append, 1)
+    try:
+        _, mask, _ = cell.clean(message)
+        (back,) = cell.wait_for(lambda: received)
+    finally:
+        cell.peer.destroy_subscription(subscription)
+    expected = np.frombuffer(bytes(message.data), np.uint8).copy()
+    for name in 'xyz':
+        view(message, expected, name)[mask == 255] = np.nan
+    assert np.count_nonzero(mask == 255) == 26
+    assert bytes(back.data) == expected.tobytes()
+    assert back.is_dense is False
+    for part in ('header', 'height', 'width', 'fields', 'is_bigendian', 'point_step', 'row_step'):
+        assert getattr(back, part) == getattr(message, part)
+
+
+def test_is_dense_is_computed_not_believed(cell):
+    y, x = np.mgrid[:60, :64].astype(np.float32)
+    flat = np.dstack([x, y, np.zeros_like(x)])
+    message = bytearray(encode_point_cloud(Header(), flat))
+    message[-1] = 0
+    filtered, _, _ = cell.clean(bytes(message))
+    assert filtered.is_dense
+
+
+def broken(**changes):
+    message = awkward()
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+def without_z():
+    return broken(fields=[field for field in awkward().fields if field.name != 'z'])
+
+
+def with_whole_numbers():
+    fields = awkward().fields
+    for field in fields:
+        if field.name in 'xyz':
+            field.datatype = PointField.INT32
+    return broken(fields=fields)
+
+
+BAD = {
+    'not organized': (broken(height=1, width=64 * 70), 'not organized: height 1'),
+    'no z': (without_z(), "no field 'z'"),
+    'integers': (with_whole_numbers(), "field 'x' is 1 × INT32"),
+    'cut short': (broken(data=awkward().data[:-1]), 'cut short'),
+    'contradiction': (broken(row_step=10), 'contradicts itself'),
+    'empty': (broken(height=0, width=0), 'The cloud is empty'),
+    'nothing measured': (encode_point_cloud(Header(), np.full((9, 9, 3), np.nan, 'f4')), 'Nothing is measured'),
+}
+
+
+@pytest.mark.parametrize('name', BAD)
+def test_a_bad_cloud_is_counted_and_told_and_the_next_good_one_is_filtered(cell, name):
+    message, sentence = BAD[name]
+    cell.publish(message)
+    found = cell.diagnosis(lambda found: found.values['clouds_refused'] == '1')
+    assert sentence in found.status.message
+    assert sentence in found.values['last_reason']
+    assert found.status.level == b'\2'
+    assert not any(cell.inbox[result] for result in RESULTS)
+    _, _, measurement = cell.clean(cloud())
+    assert measurement.values['outliers'] == '26'
+
+
+def test_what_was_lost_stays_in_the_counts_after_the_next_good_cloud(cell):
+    cell.publish(BAD['empty'][0])
+    cell.diagnosis(lambda found: found.values['clouds_refused'] == '1')
+    cell.clean(cloud())
+    found = cell.diagnosis(lambda found: found.values['clouds_published'] == '1')
+    assert found.values['clouds_refused'] == '1'
+    assert found.values['clouds_received'] == '2'
+    assert found.status.level == b'\1'
+
+
+def test_clouds_that_come_faster_than_they_are_filtered_are_dropped_and_counted(cell):
+    def burst():
+        for stamp in range(1, 9):
+            cell.publish(cloud(stamp=stamp))
+        return any(int(found.values['clouds_dropped']) > 0 for found in cell.inbox['diagnostics'])
+
+    cell.wait_for(burst)
+    cell.forget()
+    cell.publish(cloud(stamp=10**12))
+    cell.wait_for(lambda: any(b'1000.0' in message for message in cell.inbox['social_circle/measurement']))
+    counts = cell.diagnosis(
+        lambda found: (
+            int(found.values['clouds_received'])
+            == int(found.values['clouds_published']) + int(found.values['clouds_dropped'])
+        )
+    )
+    assert int(counts.values['clouds_dropped']) > 0
+
+
+def test_a_publisher_that_starts_again_is_heard_again(cell):
+    cell.clean(cloud(seed=1))
+    cell.peer.destroy_publisher(cell.clouds)
+    cell.wait_for(lambda: cell.peer.count_publishers('points') == 0)
+    cell.clouds = cell.peer.create_publisher(PointCloud2, 'points', 1)
+    cell.wait_for(lambda: cell.clouds.get_subscription_count() == 1)
+    _, _, measurement = cell.clean(cloud(seed=2))
+    assert measurement.values['outliers'] == '26'
+
+
+def test_a_mask_that_is_not_wanted_is_not_published(cell):
+    cell.set(output__mask=False)
+    cell.publish(cloud())
+    cell.wait_for(lambda: cell.inbox['social_circle/measurement'])
+    assert not cell.inbox['outlier_mask']

@@ -1,0 +1,157 @@
+"""Parameters of the live node: whole or not at all, with a reason."""
+
+import pytest
+import yaml
+from examples import cloud
+from live import RESULTS
+
+from socialcircle_ros.settings import PARAMETERS
+
+pytestmark = pytest.mark.live
+
+
+def test_a_change_filters_the_last_cloud_again(cell):
+    _, _, before = cell.clean(cloud())
+    (result,) = cell.set(circle__radius_scale=100.0)
+    assert result.successful
+    _, _, after = cell.answer()
+    assert int(before.values['outliers']) == 26
+    assert int(after.values['outliers']) == 0
+    assert after.values['circle.radius_scale'] == '100.0'
+    assert after.values['stamp'] == before.values['stamp']
+
+
+def test_without_reprocess_last_a_change_waits_for_the_next_cloud(cell):
+    cell.clean(cloud())
+    cell.set(reprocess_last=False)
+    cell.set(circle__radius_scale=100.0)
+    _, _, after = cell.clean(cloud(stamp=2_000_000_000))
+    assert after.values['stamp'].startswith('2.')
+    assert after.values['outliers'] == '0'
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'reason'),
+    [
+        ('circle__window', 4, 'odd|valid step'),
+        ('circle__window', 99, 'Min: 3, Max: 31'),
+        ('circle__window', 3.0, 'Wrong parameter type'),
+        ('circle__mode', 'magic', 'use one of: paper'),
+        ('circle__radius', -1.0, 'circle.radius is -1, which is out of range: it must be at least 0'),
+        ('circle__radius', float('nan'), 'must be a finite number'),
+        ('circle__radius_scale', 1e9, 'out of range'),
+        ('circle__radius_scale', 'wide', 'must be a number'),
+        ('circle__vote_region', [1, 2, 3], 'must be 4 whole numbers'),
+        ('circle__vote_region', [0, 0, 5, 0], 'is empty'),
+        ('circle__vote_region', [0, 0, 1000, 1000], 'at most 40000 can vote'),
+        ('circle__radius', None, 'cannot be removed'),
+        ('autostart', False, 'read-only'),
+    ],
+)
+def test_a_change_that_cannot_be_is_refused_with_a_reason_and_nothing_changes(cell, name, value, reason):
+    before = cell.get(name.replace('__', '.'))
+    (result,) = cell.set(**{name: value})
+    assert not result.successful
+    assert any(part in result.reason for part in reason.split('|')), result.reason
+    assert cell.get(name.replace('__', '.')) == before
+    _, _, measurement = cell.clean(cloud())
+    assert measurement.values['outliers'] == '26'
+
+
+def test_changes_asked_for_together_come_together_or_not_at_all(cell):
+    refused = cell.set_together(circle__radius_scale=2.0, circle__vote_region=[0, 0, 0, 7])
+    assert not refused.successful
+    assert cell.get('circle.radius_scale') == 1.0
+    accepted = cell.set_together(circle__radius_scale=2.0, circle__vote_region=[0, 0, 60, 60])
+    assert accepted.successful
+    _, _, measurement = cell.clean(cloud())
+    assert measurement.values['circle.radius_scale'] == '2.0'
+    assert measurement.values['circle.vote_region'] == '[0, 0, 60, 60]'
+
+
+def test_a_whole_number_serves_as_a_real_one(cell):
+    (result,) = cell.set(circle__radius_scale=2)
+    assert result.successful
+    _, _, measurement = cell.clean(cloud())
+    assert measurement.values['circle.radius_scale'] == '2.0'
+
+
+def test_every_parameter_describes_itself(cell):
+    for name, row in PARAMETERS.items():
+        descriptor = cell.describe(name)
+        assert row.sentence in descriptor.description
+        assert descriptor.additional_constraints == row.allowed
+    window = cell.describe('circle.window').integer_range[0]
+    assert (window.from_value, window.to_value, window.step) == (3, 31, 2)
+    scale = cell.describe('circle.radius_scale').floating_point_range[0]
+    assert (scale.from_value, scale.to_value) == (0.01, 100.0)
+
+
+def test_what_is_saved_starts_a_node_with_the_same_parameters(start_cell, tmp_path):
+    path = tmp_path / 'saved' / 'tuned.yaml'
+    first = start_cell({'parameters_file': str(path)})
+    first.set(circle__radius_scale=3, circle__vote_region=[1, 2, 61, 62])
+    saved = first.trigger('save_parameters')
+    assert saved.success
+    assert str(path) in saved.message
+    values = yaml.safe_load(path.read_text())['/**']['ros__parameters']
+    assert values['circle.radius_scale'] == 3.0
+    second = start_cell(arguments=('--params-file', str(path)))
+    assert second.get('circle.radius_scale') == 3.0
+    assert second.get('circle.vote_region') == [1, 2, 61, 62]
+    assert second.get('parameters_file') == str(path)
+
+
+def test_a_file_that_cannot_be_written_is_told(cell):
+    cell.set(parameters_file='/proc/nowhere/tuned.yaml')
+    saved = cell.trigger('save_parameters')
+    cell.set(parameters_file='')
+    assert not saved.success
+    assert 'Cannot write /proc/nowhere' in saved.message
+
+
+def test_the_shipped_parameter_file_starts_the_node(start_cell, request):
+    path = request.config.rootpath / 'config' / 'social_circle.yaml'
+    cell = start_cell(arguments=('--params-file', str(path)))
+    assert cell.get('circle.window') == 3
+    assert cell.get('circle.radius') == 0.0
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'sentence'),
+    [
+        ({'circle.window': '4'}, 'circle.window'),
+        ({'circle.mode': 'magic'}, "circle.mode cannot be 'magic'; use one of: paper"),
+        ({'circle.radius': '-2'}, 'circle.radius is -2, which is out of range'),
+    ],
+)
+def test_a_node_that_is_started_with_what_cannot_be_says_so_and_ends(start_cell, parameters, sentence):
+    cell = start_cell(parameters, active=False)
+    cell.wait_for(lambda: cell.node_process.process.poll() is not None)
+    assert cell.node_process.process.returncode == 1
+    log = cell.node_process.log.read_text()
+    assert 'The node cannot start' in log
+    assert sentence in log
+    assert 'Traceback' not in log
+
+
+def test_a_misspelled_parameter_is_told(start_cell):
+    cell = start_cell({'circle.raduis': '1.0', 'circle.radius': '2'})
+    assert 'There is no parameter circle.raduis' in cell.node_process.log.read_text()
+    assert cell.get('circle.radius') == 2
+
+
+def test_a_change_while_nothing_was_received_publishes_nothing(cell):
+    cell.set(circle__radius_scale=2.0)
+    cell.diagnosis(lambda found: found.values['clouds_received'] == '0')
+    assert not any(cell.inbox[result] for result in RESULTS)
+
+
+def test_reset_forgets_the_last_cloud_and_the_counts(cell):
+    cell.clean(cloud())
+    assert cell.trigger('reset').success
+    cell.forget()
+    cell.set(circle__radius_scale=2.0)
+    found = cell.diagnosis(lambda found: found.values['clouds_published'] == '0')
+    assert found.values['clouds_received'] == '0'
+    assert not any(cell.inbox[result] for result in RESULTS)

@@ -1,0 +1,52 @@
+"""One thread on the newest job."""
+
+import threading
+
+from socialcircle_ros.node.worker import LatestWorker
+
+
+class Gate:
+    """A worker whose work waits until it is let through."""
+
+    def __init__(self):
+        self.begun, self.through = threading.Semaphore(0), threading.Semaphore(0)
+        self.done, self.dropped = [], []
+        self.worker = LatestWorker(self.work, self.dropped.append)
+
+    def work(self, job):
+        self.begun.release()
+        self.through.acquire()
+        self.done.append(job)
+
+
+def test_the_newest_job_wins_and_the_overtaken_ones_are_dropped():
+    gate = Gate()
+    gate.worker.put('first')
+    gate.begun.acquire()
+    for job in ('second', 'third', 'fourth'):
+        gate.worker.put(job)
+    gate.through.release(2)
+    gate.worker.drain()
+    gate.worker.stop()
+    assert gate.done == ['first', 'fourth']
+    assert gate.dropped == ['second', 'third']
+
+
+def test_stopping_lets_the_job_at_hand_end_and_starts_no_other():
+    gate = Gate()
+    gate.worker.put('first')
+    gate.begun.acquire()
+    gate.worker.put('second')
+    stopping = threading.Thread(target=gate.worker.stop)
+    stopping.start()
+    gate.through.release(2)
+    stopping.join()
+    assert gate.done[0] == 'first'
+    gate.worker.stop()
+
+
+def test_draining_an_idle_worker_returns_at_once():
+    gate = Gate()
+    gate.worker.drain()
+    gate.worker.stop()
+    assert gate.done == []

@@ -1,0 +1,173 @@
+"""A recording filtered offline."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from examples import cloud
+
+from socialcircle_ros import CircleSettings
+from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.messages import diagnostics, image, point_cloud
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import decode_mono8
+from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
+from socialcircle_ros.pipeline import clean
+from socialcircle_ros.recording import RecordingWriter, Topic, open_recording, ros_topic
+from socialcircle_ros.recording.offline import filter_recording
+from socialcircle_ros.settings import OutputSettings
+
+OTHER = Topic('/cell/notes', 'odd_msgs/msg/Note', b'string text\n', 'ros2msg', 'cdr', {'by': 'someone'})
+
+
+def record(path, topics, messages):
+    with RecordingWriter(path) as writer:
+        for topic in topics:
+            writer.add_topic(topic)
+        for message in messages:
+            writer.write(*message)
+    return path
+
+
+def night(path, clouds=3, topic='/cell/points'):
+    messages = []
+    for number in range(clouds):
+        messages.append((topic, cloud(seed=number, stamp=number), 100 * number + 7, 100 * number + 3, number))
+        messages.append((OTHER.name, bytes([number]) * 9, 100 * number + 50, 100 * number + 49, number))
+    return record(path, [ros_topic(topic, point_cloud.TYPE), OTHER], messages)
+
+
+def run(source, target, circle=None, output=None, **options):
+    return filter_recording(source, target, circle or CircleSettings(), output or OutputSettings(), **options)
+
+
+def contents(path):
+    with open_recording(path) as reader:
+        return dict(reader.topics), list(reader.messages())
+
+
+def test_what_the_recording_had_is_kept_byte_for_byte_with_its_times(tmp_path):
+    source, target = night(tmp_path / 'night.mcap'), tmp_path / 'cleaned.mcap'
+    summary = run(source, target)
+    before, after = contents(source), contents(target)
+    for name in before[0]:
+        assert after[0][name] == before[0][name]
+        assert [m for m in after[1] if m.topic == name] == [m for m in before[1] if m.topic == name]
+    assert (summary.clouds, summary.passed, summary.refused, summary.damage) == (3, 3, {}, None)
+
+
+def test_results_are_the_pipeline_s_under_the_node_s_names_at_the_cloud_s_times(tmp_path):
+    source, target = night(tmp_path / 'night.mcap'), tmp_path / 'cleaned.mcap'
+    settings = CircleSettings(radius_scale=1.5)
+    run(source, target, settings)
+    topics, messages = contents(target)
+    names = {
+        '/cell/points_filtered': point_cloud.TYPE,
+        '/cell/outlier_mask': image.TYPE,
+        '/cell/social_circle/measurement': diagnostics.TYPE,
+    }
+    assert {name: topics[name].type for name in names} == names
+    by_topic = {name: [m for m in messages if m.topic == name] for name in topics}
+    for number, message in enumerate(by_topic['/cell/points']):
+        expected = clean(message.data, settings, OutputSettings())
+        results = (expected.filtered, expected.mask, expected.status.encode())
+        for name, data in zip(names, results, strict=True):
+            assert by_topic[name][number][1:] == (data, *message[2:])
+
+
+def test_the_same_recording_gives_the_same_bytes(tmp_path):
+    source = night(tmp_path / 'night.mcap')
+    for folder in ('first', 'second'):
+        (tmp_path / folder).mkdir()
+        run(source, tmp_path / folder / 'cleaned.mcap')
+    first, second = (tmp_path / folder / 'cleaned.mcap' for folder in ('first', 'second'))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_rosbag2_directory_goes_in_and_out(tmp_path):
+    source, target = night(tmp_path / 'night'), tmp_path / 'cleaned'
+    assert run(source, target).clouds == 3
+    assert {path.name for path in target.iterdir()} == {'cleaned_0.mcap', 'metadata.yaml'}
+
+
+def test_results_of_an_earlier_run_give_way(tmp_path):
+    source = night(tmp_path / 'night.mcap')
+    run(source, tmp_path / 'once.mcap')
+    summary = run(tmp_path / 'once.mcap', tmp_path / 'twice.mcap', CircleSettings(radius_scale=100))
+    assert summary.replaced == ['/cell/outlier_mask', '/cell/points_filtered', '/cell/social_circle/measurement']
+    _, messages = contents(tmp_path / 'twice.mcap')
+    masks = [decode_mono8(message.data) for message in messages if message.topic == '/cell/outlier_mask']
+    assert len(masks) == 3
+    assert not any(np.any(mask == image.OUTLIER) for mask in masks)
+
+
+def test_a_bad_cloud_is_kept_counted_and_ends_nothing(tmp_path):
+    bad = encode_point_cloud(Header(), np.zeros((1, 9, 3), np.float32))
+    messages = [('/points', data, time) for time, data in enumerate([cloud(), bad, cloud(), bad])]
+    source = record(tmp_path / 'night.mcap', [ros_topic('/points', point_cloud.TYPE)], messages)
+    summary = run(source, tmp_path / 'cleaned.mcap')
+    assert summary.clouds == 2
+    ((reason, count),) = summary.refused.items()
+    assert count == 2
+    assert 'not organized' in reason
+    _, after = contents(tmp_path / 'cleaned.mcap')
+    assert [m.data for m in after if m.topic == '/points'] == [data for _, data, _ in messages]
+
+
+def test_a_recording_that_is_cut_off_gives_what_came_before(tmp_path):
+    source = night(tmp_path / 'night.mcap', clouds=20)
+    data = source.read_bytes()
+    source.write_bytes(data[: len(data) // 2])
+    summary = run(source, tmp_path / 'cleaned.mcap')
+    assert 0 < summary.clouds < 20
+    assert 'night.mcap' in summary.damage
+    _, messages = contents(tmp_path / 'cleaned.mcap')
+    assert sum(message.topic == '/cell/points_filtered' for message in messages) == summary.clouds
+
+
+def test_the_only_topic_of_clouds_is_filtered_whatever_its_name(tmp_path):
+    source = night(tmp_path / 'night.mcap', topic='/zivid/xyz')
+    run(source, tmp_path / 'cleaned.mcap')
+    assert '/zivid/points_filtered' in contents(tmp_path / 'cleaned.mcap')[0]
+
+
+@pytest.mark.parametrize(
+    ('names', 'chosen', 'sentence'),
+    [
+        ([], (), r'has no clouds \(sensor_msgs/msg/PointCloud2\); it has: /cell/notes'),
+        (['/a/raw', '/b/raw'], (), 'several topics of clouds; choose with --topic: /a/raw, /b/raw'),
+        (['/points'], ('/cell/notes',), 'has no topic /cell/notes of clouds'),
+        (['/points'], ('/nowhere',), 'has no topic /nowhere of clouds'),
+    ],
+)
+def test_a_topic_that_is_not_there_is_told_with_those_that_are(tmp_path, names, chosen, sentence):
+    topics = [OTHER, *(ros_topic(name, point_cloud.TYPE) for name in names)]
+    source = record(tmp_path / 'night.mcap', topics, [(topic.name, b'\0\1\0\0', 5) for topic in topics])
+    with pytest.raises(RecordingError, match=sentence):
+        run(source, tmp_path / 'cleaned.mcap', topics=chosen)
+    assert not (tmp_path / 'cleaned.mcap').exists()
+
+
+def test_every_chosen_topic_is_filtered_in_its_own_namespace(tmp_path):
+    topics = [ros_topic(name, point_cloud.TYPE) for name in ('/a/points', '/b/points')]
+    source = record(tmp_path / 'n.mcap', topics, [(topic.name, cloud(), 5) for topic in topics])
+    assert run(source, tmp_path / 'c.mcap').clouds == 2
+    assert {'/a/points_filtered', '/b/points_filtered'} <= contents(tmp_path / 'c.mcap')[0].keys()
+
+
+def test_shipped_recordings_are_filtered_nearly_without_error(request):
+    for path in sorted((Path(request.config.rootpath) / 'bags').glob('*.mcap')):
+        with open_recording(path) as reader:
+            messages = list(reader.messages())
+        truths = {message.log_time: message.data for message in messages if message.topic == '/truth/outlier_mask'}
+        for message in (message for message in messages if message.topic == '/points'):
+            cleaned = clean(message.data, CircleSettings(), OutputSettings())
+            truth, mask = decode_mono8(truths[message.log_time]), decode_mono8(cleaned.mask)
+            certain = truth != image.NOT_MEASURED
+            wrong = np.count_nonzero((truth != mask) & certain)
+            assert wrong <= 0.001 * np.count_nonzero(certain), path.name
+            assert (
+                not np.isfinite(PointCloud.decode(message.data).xyz()[mask == image.NOT_MEASURED])
+                .all(axis=1)
+                .any()
+            )

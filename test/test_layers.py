@@ -1,0 +1,94 @@
+"""The rooms: imports point downward only, and nothing outside node/ needs ROS."""
+
+import ast
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import socialcircle_ros
+
+PACKAGE = Path(socialcircle_ros.__file__).parent
+
+# A room may import from the rooms on lines below its own, and from itself.
+LEVELS = [
+    {'commands'},
+    {'node', 'recording', 'evaluation'},
+    {'pipeline'},
+    {'simulation', 'messages'},
+    {'circle', 'focus', 'repair', 'baselines'},
+    {'settings', 'errors', 'compiled'},
+]
+LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
+
+# Beside it on its own line: the node plays and records recordings; settings refuse with errors.
+BESIDE = {('node', 'recording'), ('settings', 'errors')}
+
+ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs', 'rcl_interfaces', 'lifecycle_msgs',
+       'rosgraph_msgs', 'builtin_interfaces', 'ament_index_python'}  # fmt: skip
+
+
+def modules():
+    return [path for path in PACKAGE.rglob('*.py') if path != PACKAGE / '__init__.py']
+
+
+def outside_the_node():
+    return [path for path in modules() if room_of(path) != 'node']
+
+
+def room_of(path):
+    return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+
+
+def imported_rooms(path):
+    """The rooms that a module imports from, relative imports resolved."""
+    package = ('socialcircle_ros', *path.relative_to(PACKAGE).parent.parts)
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = '.'.join(package[: len(package) - node.level + 1]) if node.level else ''
+            module = '.'.join(part for part in (base, node.module or '') if part)
+            names = [f'{module}.{alias.name}' for alias in node.names]
+        for name in names:
+            parts = name.split('.')
+            if parts[0] == 'socialcircle_ros' and len(parts) > 1:
+                yield parts[1]
+
+
+@pytest.mark.parametrize('path', modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_downward_only(path):
+    room = room_of(path)
+    for other in imported_rooms(path):
+        below = LEVEL[other] > LEVEL[room]
+        assert other == room or below or (room, other) in BESIDE, f'{room} must not import from {other}'
+
+
+@pytest.mark.parametrize('path', outside_the_node(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_the_node_knows_ros_at_import(path):
+    tree = ast.parse(path.read_text(encoding='utf-8'))
+    names = set()
+    for node in tree.body:
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split('.')[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add((node.module or '').split('.')[0])
+    assert not names & ROS
+
+
+def test_everything_outside_the_node_imports_on_a_machine_without_ros():
+    names = [
+        info.name
+        for info in pkgutil.walk_packages([str(PACKAGE)], 'socialcircle_ros.')
+        if not info.name.startswith('socialcircle_ros.node')
+    ]
+    program = (
+        'import importlib, sys\n'
+        f'for name in {sorted(ROS)!r}: sys.modules[name] = None\n'
+        f'for name in {names!r}: importlib.import_module(name)\n'
+    )
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,98 @@
+"""One cloud through the whole pipeline."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
+from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import decode_mono8
+from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
+from socialcircle_ros.pipeline import clean
+from socialcircle_ros.settings import OutputSettings
+
+HEADER = Header(5, 6, 'microscope')
+
+
+def surface(rows=70, columns=80, kind=np.float32):
+    y, x = np.mgrid[:rows, :columns].astype(kind)
+    z = np.sin(x / 9) + 0.1 * np.random.default_rng(1).random((rows, columns)).astype(kind)
+    z[10, 12], z[40:44, 50:55] = 30, -25
+    z[20:23, :9] = np.nan
+    return np.dstack([x, y, z])
+
+
+def cleaned(xyz, circle=None, output=None):
+    return clean(encode_point_cloud(HEADER, xyz), circle or CircleSettings(), output or OutputSettings())
+
+
+def test_the_published_cloud_is_the_input_with_nan_for_its_outliers():
+    xyz = surface()
+    result = remove_outliers(xyz)
+    expected = xyz.copy()
+    expected[result.outliers] = np.nan
+    published = PointCloud.decode(cleaned(xyz).filtered)
+    np.testing.assert_array_equal(published.xyz(), expected)
+    assert published.header == HEADER
+
+
+def test_the_mask_says_kept_outlier_and_not_measured():
+    xyz = surface()
+    mask = decode_mono8(cleaned(xyz).mask)
+    assert mask[10, 12] == 255
+    assert mask[20, 0] == 127
+    assert mask[0, 0] == 0
+
+
+def test_is_dense_is_computed_not_believed():
+    flat = np.dstack([*np.mgrid[:70, :80].astype(np.float32)[::-1], np.zeros((70, 80), np.float32)])
+    assert PointCloud.decode(cleaned(flat).filtered).is_dense
+    flat[3, 3, 2] = 50
+    assert not PointCloud.decode(cleaned(flat).filtered).is_dense
+
+
+def test_counts_add_up():
+    result = cleaned(surface())
+    values = result.measurement.values
+    assert int(values['points']) == 70 * 80
+    assert int(values['measured']) == 70 * 80 - 27
+    assert int(values['kept']) + int(values['outliers']) == int(values['measured'])
+    assert int(values['outliers']) == 21 == result.outliers
+
+
+def test_the_measurement_tells_seed_radius_times_and_settings():
+    xyz = surface()
+    settings = CircleSettings(radius=3, radius_scale=0.5, vote_region=(0, 0, 70, 70))
+    found = remove_outliers(xyz, settings)
+    values = cleaned(xyz, settings).measurement.values
+    assert (int(values['seed_row']), int(values['seed_column'])) == found.seed
+    assert float(values['radius']) == found.radius == 1.5
+    assert values['circle.vote_region'] == '[0, 0, 70, 70]'
+    assert values['stamp'] == '5.000000006'
+    stages = ('decode', 'vote', 'radius', 'expansion', 'cloud', 'mask')
+    times = {stage: float(values[f'time_{stage}_ms']) for stage in (*stages, 'total')}
+    assert times['total'] == pytest.approx(sum(times[stage] for stage in stages), abs=0.01)
+
+
+def test_the_same_cloud_gives_the_same_bytes():
+    first, second = cleaned(surface()), cleaned(surface())
+    assert first.filtered == second.filtered
+    assert first.mask == second.mask
+    assert first.status.encode() == second.status.encode()
+
+
+def test_a_mask_that_is_not_wanted_is_not_made():
+    assert cleaned(surface(), output=OutputSettings(mask=False)).mask is None
+
+
+def test_a_circle_that_stayed_on_a_minority_warns():
+    xyz = surface()
+    xyz[:, 30:, 2] += 500
+    result = cleaned(xyz, CircleSettings(vote_region=(0, 0, 70, 30)))
+    assert result.status.level == diagnostics.WARN
+    assert 'more than half' in result.status.message
+
+
+def test_a_cloud_without_any_measured_point_is_refused():
+    with pytest.raises(SocialCircleError, match='Nothing is measured in this cloud'):
+        cleaned(np.full((70, 80, 3), np.nan, np.float32))

@@ -1,0 +1,120 @@
+"""The table of parameters and what is made from it."""
+
+import dataclasses
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from socialcircle_ros import CircleSettings, SocialCircleError
+from socialcircle_ros.settings import GROUPS, PARAMETERS, NodeSettings, OutputSettings, yaml_text
+
+TOP = Path(__file__).resolve().parents[1]
+
+
+def test_the_contract_names_the_parameters():
+    assert {'circle.mode', 'circle.window', 'circle.vote_region', 'circle.radius', 'circle.radius_scale'} <= set(
+        PARAMETERS
+    )
+    assert {'reprocess_last', 'autostart'} <= set(PARAMETERS)
+
+
+def test_defaults_are_the_paper_s():
+    assert CircleSettings() == CircleSettings(
+        mode='paper', window=3, vote_region=None, radius=None, radius_scale=1.0
+    )
+
+
+def test_settings_are_frozen():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        CircleSettings().window = 5
+
+
+@pytest.mark.parametrize(
+    ('values', 'sentence'),
+    [
+        ({'mode': 'fast'}, "circle.mode cannot be 'fast'; use one of: paper"),
+        ({'window': 4}, 'circle.window must be odd, not 4; 3 or 5 would do'),
+        ({'window': 1}, 'circle.window is 1, which is out of range: it must be between 3 and 31'),
+        ({'window': 3.0}, 'circle.window must be a whole number, not 3.0'),
+        ({'window': True}, 'circle.window must be a whole number, not True'),
+        ({'radius': 0}, 'circle.radius must be above 0'),
+        ({'radius': -1.0}, 'circle.radius is -1, which is out of range: it must be at least 0'),
+        ({'radius': float('nan')}, 'circle.radius must be a finite number, not nan'),
+        ({'radius_scale': float('inf')}, 'circle.radius_scale must be a finite number, not inf'),
+        ({'radius_scale': '2'}, "circle.radius_scale must be a number, not '2'"),
+        ({'radius_scale': None}, 'circle.radius_scale must be a number, not None'),
+        ({'vote_region': (1, 2, 3)}, r'circle.vote_region must be 4 whole numbers, not \(1, 2, 3\)'),
+        ({'vote_region': '1234'}, 'circle.vote_region must be 4 whole numbers'),
+        ({'vote_region': (5, 5, 0, 60)}, r'circle.vote_region \[5, 5, 0, 60\] is empty; give a height'),
+        ({'vote_region': (0, -1, 60, 60)}, 'circle.vote_region is -1, which is out of range'),
+        ({'vote_region': (0, 0, 300, 300)}, 'has 90000 points; at most 40000 can vote'),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_with_what_would_do(values, sentence):
+    with pytest.raises(SocialCircleError, match=sentence):
+        CircleSettings(**values)
+
+
+@pytest.mark.parametrize('wrong', [1, 'yes', None])
+def test_a_switch_is_true_or_false(wrong):
+    with pytest.raises(SocialCircleError, match='output.mask must be true or false'):
+        OutputSettings(mask=wrong)
+
+
+def test_a_text_is_a_text():
+    with pytest.raises(SocialCircleError, match='parameters_file must be a text, not 7'):
+        NodeSettings(parameters_file=7)
+
+
+def test_whole_numbers_serve_as_real_ones_and_numpy_s_as_python_s():
+    settings = CircleSettings(radius=1, window=np.int64(5), radius_scale=np.float32(2))
+    assert (settings.radius, settings.window, settings.radius_scale) == (1.0, 5, 2.0)
+    assert [type(value) for value in (settings.radius, settings.window)] == [float, int]
+
+
+def test_zeros_on_ros_s_side_mean_chosen():
+    values = {'circle.radius': 0.0, 'circle.vote_region': [0, 0, 0, 0]}
+    assert CircleSettings.from_ros(values) == CircleSettings(radius=None, vote_region=None)
+    assert CircleSettings().to_ros() | values == CircleSettings().to_ros()
+
+
+@given(
+    window=st.integers(1, 15).map(lambda k: 2 * k + 1),
+    region=st.none() | st.tuples(*[st.integers(0, 5000)] * 2, *[st.integers(1, 200)] * 2),
+    radius=st.none() | st.floats(1e-12, 1e12),
+    scale=st.floats(0.01, 100),
+)
+def test_settings_survive_ros_and_yaml(window, region, radius, scale):
+    settings = CircleSettings(window=window, vote_region=region, radius=radius, radius_scale=scale)
+    text = yaml_text(settings.to_ros())
+    values = yaml.safe_load(text)['/**']['ros__parameters']
+    assert CircleSettings.from_ros(values) == settings
+
+
+def test_every_parameter_has_a_sentence_and_a_default_of_its_type():
+    for name, row in PARAMETERS.items():
+        assert row.sentence.endswith('.'), name
+        assert isinstance(row.default, row.kind), name
+
+
+def test_every_default_is_allowed():
+    for group in GROUPS:
+        assert group.from_ros({row.name: row.default for row in group.parameters()}) == group()
+
+
+def test_the_parameter_file_and_the_readme_say_what_the_table_says():
+    generated = runpy.run_path(str(TOP / 'config' / 'generate.py'))['generated']()
+    for path, text in generated.items():
+        assert path.read_text(encoding='utf-8') == text, f'{path.name} is out of date: python config/generate.py'
+
+
+def test_the_parameter_file_holds_every_parameter_at_its_default():
+    text = (TOP / 'config' / 'social_circle.yaml').read_text(encoding='utf-8')
+    assert yaml.safe_load(text)['/**']['ros__parameters'] == {
+        name: row.default for name, row in PARAMETERS.items()
+    }
