@@ -360,8 +360,7 @@ class RadiusSettings(Settings):
     )
     radius: float | None = setting(
         None,
-        'Radius within which a point counts as a neighbour, in the unit of the cloud; 0: 2.5 times the'
-        ' pitch.',
+        'Radius within which a point counts as a neighbour, in the unit of the cloud; 0: 2.5 times the pitch.',
         unit='cloud',
         minimum=0.0,
         empty=0.0,

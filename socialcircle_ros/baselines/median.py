@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..compiled import kernel
-from ..settings import MedianSettings
+from socialcircle_ros.compiled import kernel
+from socialcircle_ros.settings import MedianSettings
+
 from .cloud import Cloud, organized
 from .networks import Comparators, exchange, merge_network, sort_network
 from .result import FilterResult, Score, judge

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..compiled import kernel
+from socialcircle_ros.compiled import kernel
 
 Comparators = npt.NDArray[np.int64]
 """(N, 3): the row that takes the minimum, the row that takes the maximum, and one of the kinds below."""
@@ -76,9 +76,7 @@ def _prune(pairs: _Pairs, wanted: Iterable[int]) -> Comparators:
     kept = []
     for low, high in reversed(pairs):
         if low in needed or high in needed:
-            kind = (
-                BOTH if low in needed and high in needed else ONLY_MINIMUM if low in needed else ONLY_MAXIMUM
-            )
+            kind = BOTH if low in needed and high in needed else ONLY_MINIMUM if low in needed else ONLY_MAXIMUM
             kept.append((low, high, kind))
             needed |= {low, high}
     return np.array(kept[::-1], np.int64).reshape(-1, 3)

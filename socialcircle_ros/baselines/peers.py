@@ -19,9 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled import kernel
-from ..errors import SocialCircleError
-from ..settings import RadiusSettings, StatisticalSettings
+from socialcircle_ros.compiled import kernel
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.settings import RadiusSettings, StatisticalSettings
+
 from .cloud import Cloud, Mask, measured_points, organized
 from .radius import radius_of
 from .result import FilterResult
@@ -108,8 +109,7 @@ def open3d_statistical_filter(xyz: Any, settings: StatisticalSettings | None = N
 def _ask_open3d(cloud: Cloud, remove: Callable[[Any], tuple[Any, list[int]]]) -> PeerResult:
     if not open3d_is_installed():
         raise SocialCircleError(
-            'Open3D is not installed; install it with `pip install open3d`, or leave Open3D out'
-            ' of the comparison.'
+            'Open3D is not installed; install it with `pip install open3d`, or leave Open3D out of the comparison.'
         )
     open3d = importlib.import_module('open3d')
     measured = measured_points(cloud)

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..compiled import kernel
-from ..settings import StatisticalSettings
+from socialcircle_ros.compiled import kernel
+from socialcircle_ros.settings import StatisticalSettings
+
 from .cloud import Cloud, organized
 from .networks import Comparators, exchange, sort_network
 from .result import FilterResult, Score, judge

@@ -3,7 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from ..compiled import kernel
+from socialcircle_ros.compiled import kernel
+
 from .cloud import Cloud
 
 STRIP = 256
@@ -11,9 +12,7 @@ STRIP = 256
 
 
 @kernel
-def load_row(
-    xyz: Cloud, row: int, left: int, rows: npt.NDArray[np.float32] | npt.NDArray[np.float64]
-) -> None:
+def load_row(xyz: Cloud, row: int, left: int, rows: npt.NDArray[np.float32] | npt.NDArray[np.float64]) -> None:
     """Copy columns `left`, `left` + 1, ... of one row of the cloud into `rows` (3, n): x, y, z.
 
     x is NaN where a point is not measured or lies outside the cloud, so that every distance to it is NaN.

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..compiled import kernel
+from socialcircle_ros.compiled import kernel
+
 from .holes import MEASURED, PADDING, UNUSABLE, Index, Reals
 
 _STEP = 1.5

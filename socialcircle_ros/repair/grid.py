@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ..compiled import kernel
+from socialcircle_ros.compiled import kernel
+
 from .cloud import Cloud, Mask
 from .holes import Index, Reals
 

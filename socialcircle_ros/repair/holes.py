@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..compiled import kernel
+from socialcircle_ros.compiled import kernel
+
 from .cloud import Mask
 
 Index = npt.NDArray[np.int32]

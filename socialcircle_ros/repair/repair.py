@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import CloudError
-from ..settings import RepairSettings
+from socialcircle_ros.errors import CloudError
+from socialcircle_ros.settings import RepairSettings
+
 from .biharmonic import biharmonic_heights
 from .cloud import Cloud, Mask, measured_points, organized
 from .grid import fill_points

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..compiled import kernel
+from socialcircle_ros.compiled import kernel
+
 from .holes import MEASURED, PADDING, Index, Reals
 
 
@@ -76,7 +77,5 @@ def _add_lines(z: npt.NDArray[Any], unknowns: Index, rims: Index, total: Reals, 
             before = 1.0 - after
             bend = (before**3 - before) * curvature[knot] + (after**3 - after) * curvature[knot + 1]
             weight = 1.0 / (gap * gap)
-            total[unknown] += weight * (
-                before * value[knot] + after * value[knot + 1] + bend * gap * gap / 6.0
-            )
+            total[unknown] += weight * (before * value[knot] + after * value[knot + 1] + bend * gap * gap / 6.0)
             weights[unknown] += weight

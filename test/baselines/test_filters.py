@@ -23,14 +23,10 @@ def test_radius_filter_is_exact(xyz, window, radius, min_neighbours):
     np.testing.assert_array_equal(result.inliers, naive.measured(xyz) & ~expected)
 
 
-@given(
-    clouds(), st.sampled_from([(3, 1), (3, 8), (5, 1), (5, 7), (5, 24), (7, 20)]), st.sampled_from([0, 1.5])
-)
+@given(clouds(), st.sampled_from([(3, 1), (3, 8), (5, 1), (5, 7), (5, 24), (7, 20)]), st.sampled_from([0, 1.5]))
 def test_statistical_filter_is_exact(xyz, window_and_count, std_factor):
     window, count = window_and_count
-    result = statistical_filter(
-        xyz, StatisticalSettings(window=window, neighbours=count, std_factor=std_factor)
-    )
+    result = statistical_filter(xyz, StatisticalSettings(window=window, neighbours=count, std_factor=std_factor))
     mean = naive.mean_distances(xyz, window, count)
     threshold = naive.statistical_threshold(mean, std_factor)
     np.testing.assert_array_equal(result.score, mean)

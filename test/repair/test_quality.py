@@ -44,9 +44,7 @@ def test_two_thirds_of_the_error_of_the_spline(angle, seed):
 
 @pytest.mark.parametrize('hurst', [0.5, 0.8, 1.0])
 def test_a_blurred_step_is_no_worse_than_with_the_spline(hurst):
-    ratios = [
-        experiment(hurst, angle, seed=4, blur=1.0) for angle in np.linspace(0, np.pi, 8, endpoint=False)
-    ]
+    ratios = [experiment(hurst, angle, seed=4, blur=1.0) for angle in np.linspace(0, np.pi, 8, endpoint=False)]
     everywhere, at_step = np.mean(ratios, axis=0)
     assert everywhere <= 0.95
     assert at_step <= 1.0

@@ -86,9 +86,7 @@ def test_x_and_y_lie_on_the_grid(case, method):
     result = repair_holes(xyz, holes, RepairSettings(method=method))
     grid = cloud(np.zeros(holes.shape))
     close = 1e-6 if xyz.dtype == np.float32 else 1e-14
-    np.testing.assert_allclose(
-        result.xyz[result.filled][:, :2], grid[result.filled][:, :2], rtol=close, atol=0
-    )
+    np.testing.assert_allclose(result.xyz[result.filled][:, :2], grid[result.filled][:, :2], rtol=close, atol=0)
 
 
 @given(clouds_with_holes())
@@ -122,9 +120,7 @@ def test_rows_and_columns_can_change_places(case, method):
     np.testing.assert_array_equal(turned.filled.T, result.filled)
     np.testing.assert_array_equal(flipped.filled[::-1, ::-1], result.filled)
     close = 1e-4 if xyz.dtype == np.float32 else 1e-7
-    np.testing.assert_allclose(
-        turned.xyz.transpose(1, 0, 2)[holes], result.xyz[holes], rtol=close, atol=close
-    )
+    np.testing.assert_allclose(turned.xyz.transpose(1, 0, 2)[holes], result.xyz[holes], rtol=close, atol=close)
     np.testing.assert_allclose(flipped.xyz[::-1, ::-1][holes], result.xyz[holes], rtol=close, atol=close)
 
 
