@@ -253,6 +253,7 @@ def _within(name: str, number: float, limits: Limits) -> float:
 VOTERS = 40_000
 """Most points that a vote region may have."""
 
+
 Mode = Literal['paper']
 
 
@@ -313,88 +314,6 @@ class CircleSettings(Settings):
             raise SettingError('circle.radius must be above 0; None has it found by eq. 7.')
 
 
-ZSource = Literal['step', 'joint_states']
-
-
-@dataclass(frozen=True)
-class StackSettings(Settings):
-    """How frames become a stack, and a stack a cloud in metres. A change takes effect with the next stack."""
-
-    group: ClassVar[str] = 'stack'
-
-    pitch_x: float = setting(
-        0.0,
-        'Distance of two pixels along x on the part; must be set before a stack can become a cloud.',
-        unit='m',
-        minimum=0.0,
-        maximum=1.0,
-    )
-    pitch_y: float = setting(
-        0.0, 'Distance of two pixels along y on the part; 0: as along x.', unit='m', minimum=0.0, maximum=1.0
-    )
-    z_source: ZSource = setting(
-        'step',
-        "Where a frame's z comes from: 'step' counts from z_start, 'joint_states' interpolates the stage's"
-        " position at the frame's stamp.",
-        choices=('step', 'joint_states'),
-    )
-    z_start: float = setting(0.0, 'z of the first frame, for z_source step.', unit='m')
-    z_step: float = setting(
-        0.0, 'z from frame to frame, negative downward; must be set for z_source step.', unit='m'
-    )
-    joint: str = setting('', 'Name of the joint whose position is z, for z_source joint_states; empty: the first.')
-    frames: int = setting(
-        0, 'A stack ends after so many frames; 0: not by their number.', unit='frames', minimum=0, maximum=30000
-    )
-    timeout: float = setting(
-        1.0, 'A stack ends after so long without a frame; 0: never.', unit='s', minimum=0.0, maximum=3600.0
-    )
-    end_at_turn: bool = setting(
-        False, 'Whether a stack ends when z turns round; the frame behind the turn begins the next one.'
-    )
-    preview: int = setting(
-        0,
-        'Every so many frames the cloud so far is published on stack/preview; 0: never.',
-        unit='frames',
-        minimum=0,
-        maximum=30000,
-    )
-
-
-@dataclass(frozen=True)
-class OutputSettings(Settings):
-    """What the node publishes beside the filtered cloud."""
-
-    group: ClassVar[str] = 'output'
-
-    mask: bool = setting(True, 'Whether outlier_mask is published with each filtered cloud.')
-
-
-@dataclass(frozen=True)
-class NodeSettings(Settings):
-    """How the node behaves."""
-
-    autostart: bool = setting(
-        True,
-        'Whether the node configures and activates itself at the start, without a lifecycle manager.',
-        read_only=True,
-    )
-    reprocess_last: bool = setting(
-        True,
-        'Whether a change of parameters filters and publishes the last cloud again, to tune on a pause.',
-    )
-    parameters_file: str = setting(
-        '', 'Where ~/save_parameters writes; empty: a file named after the node, in ~/.ros/socialcircle.'
-    )
-    silence: float = setting(
-        5.0,
-        'Time without a cloud from a publisher that is there, after which diagnostics say so; 0: never.',
-        unit='s',
-        minimum=0.0,
-        maximum=86400.0,
-    )
-
-
 Fit = Literal['gauss', 'gauss3']
 
 
@@ -446,7 +365,236 @@ class FocusSettings(Settings):
             raise SettingError('focus.saturation must be above 0; None has it follow the data type.')
 
 
-GROUPS: tuple[type[Settings], ...] = (CircleSettings, FocusSettings, StackSettings, OutputSettings, NodeSettings)
+ZSource = Literal['step', 'joint_states']
+
+
+@dataclass(frozen=True)
+class StackSettings(Settings):
+    """How frames become a stack, and a stack a cloud in metres. A change takes effect with the next stack."""
+
+    group: ClassVar[str] = 'stack'
+
+    pitch_x: float = setting(
+        0.0,
+        'Distance of two pixels along x on the part; must be set before a stack can become a cloud.',
+        unit='m',
+        minimum=0.0,
+        maximum=1.0,
+    )
+    pitch_y: float = setting(
+        0.0, 'Distance of two pixels along y on the part; 0: as along x.', unit='m', minimum=0.0, maximum=1.0
+    )
+    z_source: ZSource = setting(
+        'step',
+        "Where a frame's z comes from: 'step' counts from z_start, 'joint_states' interpolates the stage's"
+        " position at the frame's stamp.",
+        choices=('step', 'joint_states'),
+    )
+    z_start: float = setting(0.0, 'z of the first frame, for z_source step.', unit='m')
+    z_step: float = setting(
+        0.0, 'z from frame to frame, negative downward; must be set for z_source step.', unit='m'
+    )
+    joint: str = setting('', 'Name of the joint whose position is z, for z_source joint_states; empty: the first.')
+    frames: int = setting(
+        0, 'A stack ends after so many frames; 0: not by their number.', unit='frames', minimum=0, maximum=30000
+    )
+    timeout: float = setting(
+        1.0, 'A stack ends after so long without a frame; 0: never.', unit='s', minimum=0.0, maximum=3600.0
+    )
+    end_at_turn: bool = setting(
+        False, 'Whether a stack ends when z turns round; the frame behind the turn begins the next one.'
+    )
+    preview: int = setting(
+        0,
+        'Every so many frames the cloud so far is published on stack/preview; 0: never.',
+        unit='frames',
+        minimum=0,
+        maximum=30000,
+    )
+
+
+@dataclass(frozen=True)
+class RadiusSettings(Settings):
+    """The radius filter that the paper compares with (section 4.1)."""
+
+    window: int = setting(
+        5,
+        'Side of the search window in which neighbours are counted.',
+        unit='points',
+        minimum=3,
+        maximum=15,
+        odd=True,
+    )
+    radius: float | None = setting(
+        None,
+        'Radius within which a point counts as a neighbour, in the unit of the cloud; 0: 2.5 times the pitch.',
+        unit='cloud',
+        minimum=0.0,
+        empty=0.0,
+    )
+    min_neighbours: int = setting(
+        10,
+        'Measured points that the window must hold within the radius, the point itself not counted.',
+        unit='points',
+        minimum=1,
+        maximum=224,
+    )
+
+    def _check_together(self) -> None:
+        if self.radius == 0.0:
+            raise SettingError('radius must be above 0; None takes 2.5 times the pitch.')
+        _check_neighbours('min_neighbours', self.min_neighbours, self.window)
+
+
+@dataclass(frozen=True)
+class StatisticalSettings(Settings):
+    """The statistical filter that the paper compares with (section 4.1); defaults as in Open3D's pages."""
+
+    window: int = setting(
+        5,
+        'Side of the search window in which neighbours are sought.',
+        unit='points',
+        minimum=3,
+        maximum=15,
+        odd=True,
+    )
+    neighbours: int = setting(
+        20,
+        'Nearest measured points of the window whose mean distance is taken.',
+        unit='points',
+        minimum=1,
+        maximum=224,
+    )
+    std_factor: float = setting(
+        2.0,
+        'A point is an outlier above the mean plus this many standard deviations of all mean distances.',
+        minimum=-10.0,
+        maximum=100.0,
+    )
+
+    def _check_together(self) -> None:
+        _check_neighbours('neighbours', self.neighbours, self.window)
+
+
+def _check_neighbours(name: str, neighbours: int, window: int) -> None:
+    most = window * window - 1
+    if neighbours > most:
+        raise SettingError(
+            f'{name} is {neighbours}, but a window of {window}×{window} points holds {most} neighbours;'
+            f' use at most {most}, or a larger window.'
+        )
+
+
+@dataclass(frozen=True)
+class MedianSettings(Settings):
+    """The residual to a median window: the baseline that the paper does not have."""
+
+    window: int = setting(
+        11, 'Side of the window whose median height is taken.', unit='points', minimum=3, maximum=31, odd=True
+    )
+    threshold: float | None = setting(
+        None,
+        'Height above or below the median from which on a point is an outlier, in the unit of the cloud; 0:'
+        ' as sigmas says.',
+        unit='cloud',
+        minimum=0.0,
+        empty=0.0,
+    )
+    sigmas: float = setting(
+        5.0,
+        'Threshold in robust standard deviations (1.4826 times the median residual), where none is given.',
+        minimum=0.01,
+        maximum=1000.0,
+    )
+
+    def _check_together(self) -> None:
+        if self.threshold == 0.0:
+            raise SettingError('threshold must be above 0; None has it found from the residuals.')
+
+
+RepairMethod = Literal['biharmonic', 'spline']
+
+
+@dataclass(frozen=True)
+class RepairSettings(Settings):
+    """Filling the holes that the filter leaves (section 4.2, and a better way)."""
+
+    group: ClassVar[str] = 'repair'
+
+    method: RepairMethod = setting(
+        'biharmonic',
+        "How heights are found: 'biharmonic' is the smoothest surface through the points round the hole, with"
+        " steps kept sharp; 'spline' is the paper's cubic B-spline along rows and columns.",
+        choices=('biharmonic', 'spline'),
+    )
+    largest: int = setting(
+        1000,
+        'Largest hole that is filled; points that touch only at a corner belong to two holes.',
+        unit='points',
+        minimum=1,
+        maximum=10000,
+    )
+    sides: int = setting(
+        3,
+        'On how many of its four sides (left, right, above, below) a point must have the measured rim of its'
+        ' hole; two of them are always opposite, so that nothing is extrapolated.',
+        minimum=2,
+        maximum=4,
+    )
+    heights_agree: float = setting(
+        0.0,
+        'A hole is filled only if the measured heights that touch it differ by no more than this, in the unit'
+        ' of the cloud; 0: whatever they are.',
+        unit='cloud',
+        minimum=0.0,
+    )
+
+
+@dataclass(frozen=True)
+class OutputSettings(Settings):
+    """What the node publishes beside the filtered cloud."""
+
+    group: ClassVar[str] = 'output'
+
+    mask: bool = setting(True, 'Whether outlier_mask is published with each filtered cloud.')
+    repaired: bool = setting(
+        False, 'Whether points_repaired is published: the filtered cloud with the holes of its outliers filled.'
+    )
+
+
+@dataclass(frozen=True)
+class NodeSettings(Settings):
+    """How the node behaves."""
+
+    autostart: bool = setting(
+        True,
+        'Whether the node configures and activates itself at the start, without a lifecycle manager.',
+        read_only=True,
+    )
+    reprocess_last: bool = setting(
+        True,
+        'Whether a change of parameters filters and publishes the last cloud again, to tune on a pause.',
+    )
+    parameters_file: str = setting(
+        '', 'Where ~/save_parameters writes; empty: a file named after the node, in ~/.ros/socialcircle.'
+    )
+    silence: float = setting(
+        5.0,
+        'Time without a cloud from a publisher that is there, after which diagnostics say so; 0: never.',
+        unit='s',
+        minimum=0.0,
+        maximum=86400.0,
+    )
+
+
+GROUPS: tuple[type[Settings], ...] = (
+    CircleSettings,
+    FocusSettings,
+    StackSettings,
+    RepairSettings,
+    OutputSettings,
+    NodeSettings,
+)
 """The groups that the node has, in the order in which they are shown."""
 
 PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in group.parameters()}

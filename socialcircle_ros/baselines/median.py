@@ -1,0 +1,195 @@
+"""The residual to a median window: a point that stands far above or below its surroundings is an outlier."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.compiled import kernel
+from socialcircle_ros.settings import MedianSettings
+
+from .cloud import Cloud, organized
+from .networks import Comparators, exchange, merge_network, sort_network
+from .result import FilterResult, Score, judge
+from .window import STRIP
+
+_SIGMA = 1.4826  # standard deviations per median absolute deviation, for a normal distribution
+
+_Plan = tuple[Comparators, npt.NDArray[np.int64], npt.NDArray[np.int64], int, int]
+
+
+def median_filter(xyz: Any, settings: MedianSettings | None = None) -> FilterResult:
+    """Remove the points whose height is further than a threshold from the median of their window.
+
+    Args:
+        xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
+        settings: the parameters; None: their defaults.
+
+    Returns:
+        Masks, and as the score |z - median| in the unit of the cloud.
+
+    Raises:
+        CloudError: not an organized cloud.
+    """
+    settings = settings or MedianSettings()
+    cloud = organized(xyz)
+    score = np.abs(cloud[:, :, 2] - window_median(cloud, settings.window))
+    threshold = settings.threshold
+    if threshold is None:
+        residuals = score[np.isfinite(score)]
+        middle = len(residuals) // 2
+        sigma = _SIGMA * float(np.partition(residuals, middle)[middle]) if len(residuals) else 0.0
+        threshold = settings.sigmas * sigma
+    return judge(score, threshold)
+
+
+def window_median(xyz: Any, window: int) -> Score:
+    """The median height of the measured points in the window round each measured point, exactly.
+
+    Of the n heights in ascending order it is the one at index ⌊n/2⌋, a measured height also where n is even.
+    The window is cut at the border of the cloud.
+
+    Args:
+        xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
+        window: side of the window in points, odd.
+
+    Returns:
+        (H, W) in the cloud's data type and unit, NaN where the point is not measured.
+
+    Raises:
+        CloudError: not an organized cloud.
+    """
+    cloud = organized(xyz)
+    median = np.empty(cloud.shape[:2], cloud.dtype)
+    _window_median(cloud, window, *_plan(window), median)
+    return median
+
+
+@lru_cache(maxsize=16)
+def _plan(window: int) -> _Plan:
+    """How the sorted columns of a window are merged: sorted lists of 1, 2, 4, ... columns, then their sum.
+
+    Windows of neighbouring points share columns. A sorted list of 2k columns is the merge of two lists of k
+    columns, k columns apart; with 11 = 8 + 2 + 1 a point costs one column to sort and five merges. Only the
+    lower half of the last list can be a median, and only the networks' comparators for that half remain.
+
+    Returns:
+        Comparators of all steps. Then the steps (S, 8): first row of list A in the buffer, its length, first
+        row of list B, its length, columns that B lies to the right, first row of the merged list, and the
+        range of comparators. Then the row of the work area of each item of the merged lists (S, keep), and
+        the sizes of the buffer and of the work area.
+    """
+    keep = window * window // 2 + 1
+    networks: list[Comparators] = []
+    steps: list[tuple[int, ...]] = []
+    orders = []
+    lists: dict[int, tuple[int, int]] = {}  # columns in a list: its first row in the buffer, its length
+    used = 0
+
+    def add(columns: int, first: tuple[int, int], second: tuple[int, int], shift: int) -> None:
+        nonlocal used
+        if second[1] == 0:
+            comparators, order = sort_network(range(first[1]), keep)
+        else:
+            comparators, order = merge_network(range(first[1]), range(first[1], first[1] + second[1]), keep)
+        start = sum(len(network) for network in networks)
+        steps.append((*first, *second, shift, used, start, start + len(comparators)))
+        networks.append(comparators)
+        orders.append(order)
+        lists[columns] = used, len(order)
+        used += len(order)
+
+    used = window  # the rows of the window themselves lie at the top of the buffer
+    add(1, (0, window), (0, 0), 0)
+    columns = 1
+    while 2 * columns <= window:
+        add(2 * columns, lists[columns], lists[columns], columns)
+        columns *= 2
+    total = 1  # the window is odd
+    for bit in range(1, window.bit_length()):
+        columns = 1 << bit
+        if window & columns:
+            add(total + columns, lists[columns], lists[total], columns)
+            total += columns
+    table = np.zeros((len(steps), keep), np.int64)
+    for row, order in zip(table, orders, strict=True):
+        row[: len(order)] = order
+    return np.concatenate(networks), np.array(steps, np.int64), table, used, max(s[1] + s[3] for s in steps)
+
+
+@kernel
+def _window_median(
+    xyz: Cloud,
+    window: int,
+    comparators: Comparators,
+    steps: npt.NDArray[np.int64],
+    orders: npt.NDArray[np.int64],
+    buffer_rows: int,
+    work_rows: int,
+    median: Score,
+) -> None:
+    """`window_median` with the plan of `_plan`, strip by strip and row by row."""
+    height, width = xyz.shape[:2]
+    reach = window // 2
+    padded = STRIP + 2 * reach
+    # The first rows are the rows of the window, in a ring: row r of the cloud lies in row r % window.
+    buffer = np.empty((buffer_rows, padded), xyz.dtype)
+    work = np.empty((work_rows, padded), xyz.dtype)
+    measured = np.empty(padded, np.int32)
+    infinite = xyz.dtype.type(np.inf)
+    result = steps[-1, 5]
+    for left in range(0, width, STRIP):
+        count = min(STRIP, width - left)
+        for row in range(-reach, reach):
+            _load_heights(xyz, row, left - reach, buffer[row % window])
+        for row in range(height):
+            _load_heights(xyz, row + reach, left - reach, buffer[(row + reach) % window])
+            for step in range(steps.shape[0]):
+                first, first_length, second, second_length, shift, target, start, stop = steps[step]
+                used = padded - shift
+                for item in range(first_length):
+                    _copy(buffer[first + item], work[item], used)
+                for item in range(second_length):
+                    _copy(buffer[second + item, shift:], work[first_length + item], used)
+                exchange(comparators[start:stop], work, used)
+                for item in range(min(first_length + second_length, orders.shape[1])):
+                    _copy(work[orders[step, item]], buffer[target + item], used)
+            measured[:] = 0
+            for item in range(window):
+                heights = buffer[item]
+                for column in range(padded):
+                    measured[column] += 1 if heights[column] < infinite else 0
+            in_window = 0
+            for column in range(window - 1):
+                in_window += measured[column]
+            here = buffer[row % window]
+            for column in range(count):
+                in_window += measured[column + window - 1]
+                if here[column + reach] < infinite:
+                    median[row, left + column] = buffer[result + in_window // 2, column]
+                else:
+                    median[row, left + column] = np.nan
+                in_window -= measured[column]
+
+
+@kernel
+def _copy(source: npt.NDArray[Any], target: npt.NDArray[Any], count: int) -> None:
+    """Copy the first `count` items; a slice assignment would first ask whether the two overlap."""
+    for column in range(count):
+        target[column] = source[column]
+
+
+@kernel
+def _load_heights(xyz: Cloud, row: int, left: int, heights: npt.NDArray[Any]) -> None:
+    """Copy the heights from column `left` on; +Inf where not measured or outside the cloud."""
+    height, width = xyz.shape[:2]
+    first = max(-left, 0)
+    last = max(min(width - left, heights.shape[0]), 0)
+    if row < 0 or row >= height:
+        last = 0
+    heights[:first] = np.inf
+    for column in range(first, last):
+        x, y, z = xyz[row, left + column, 0], xyz[row, left + column, 1], xyz[row, left + column, 2]
+        heights[column] = z if (x * 0 + y * 0) + z * 0 == 0 else heights.dtype.type(np.inf)
+    heights[last:] = np.inf

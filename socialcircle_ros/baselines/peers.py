@@ -1,0 +1,175 @@
+"""PCL's and Open3D's own filters on the same points, to stand beside ours in the tables.
+
+They search a k-d tree, not a window, so that their masks differ from ours where the nearest neighbours of a
+point lie outside its window. Both are optional: PCL is asked through its command line tools (Debian's
+pcl-tools), Open3D through its Python package, and each is handed the measured points only.
+"""
+
+import importlib
+import importlib.util
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from socialcircle_ros.compiled import kernel
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.settings import RadiusSettings, StatisticalSettings
+
+from .cloud import Cloud, Mask, measured_points, organized
+from .radius import radius_of
+from .result import FilterResult
+
+_FILTER, _CONVERTER = 'pcl_outlier_removal', 'pcl_convert_pcd_ascii_binary'
+
+
+@dataclass(frozen=True)
+class PeerResult(FilterResult):
+    """The answer of somebody else's filter, without a score.
+
+    Attributes:
+        milliseconds: what the filter itself took, as it or its caller measured it: without the conversion of
+            the cloud, without reading and writing files.
+    """
+
+    milliseconds: float
+
+
+def pcl_is_installed() -> bool:
+    """Whether PCL's command line tools are found on the path."""
+    return shutil.which(_FILTER) is not None and shutil.which(_CONVERTER) is not None
+
+
+def open3d_is_installed() -> bool:
+    """Whether the Python package open3d is found."""
+    return importlib.util.find_spec('open3d') is not None
+
+
+def pcl_radius_filter(xyz: Any, settings: RadiusSettings | None = None) -> PeerResult:
+    """`radius_filter` by PCL, in float32; the window does not count.
+
+    Raises:
+        CloudError: as radius_filter.
+        SocialCircleError: PCL's tools are not installed, or gave no answer.
+    """
+    settings = settings or RadiusSettings()
+    cloud = organized(xyz)
+    radius, fewest = repr(radius_of(cloud, settings)), str(settings.min_neighbours)
+    return _ask_pcl(cloud, '-method', 'radius', '-radius', radius, '-min_pts', fewest)
+
+
+def pcl_statistical_filter(xyz: Any, settings: StatisticalSettings | None = None) -> PeerResult:
+    """`statistical_filter` by PCL, in float32; the window does not count.
+
+    Raises:
+        CloudError: as statistical_filter.
+        SocialCircleError: PCL's tools are not installed, or gave no answer.
+    """
+    settings = settings or StatisticalSettings()
+    count, factor = str(settings.neighbours), repr(settings.std_factor)
+    return _ask_pcl(organized(xyz), '-method', 'statistical', '-mean_k', count, '-std_dev_mul', factor)
+
+
+def open3d_radius_filter(xyz: Any, settings: RadiusSettings | None = None) -> PeerResult:
+    """`radius_filter` by Open3D; the window does not count.
+
+    Raises:
+        CloudError: as radius_filter.
+        SocialCircleError: Open3D is not installed.
+    """
+    settings = settings or RadiusSettings()
+    cloud = organized(xyz)
+    radius = radius_of(cloud, settings)
+    # Open3D keeps a point with more than nb_points in the sphere, itself among them: the same as ours.
+    return _ask_open3d(cloud, lambda points: points.remove_radius_outlier(settings.min_neighbours, radius))
+
+
+def open3d_statistical_filter(xyz: Any, settings: StatisticalSettings | None = None) -> PeerResult:
+    """`statistical_filter` by Open3D; the window does not count.
+
+    Raises:
+        CloudError: as statistical_filter.
+        SocialCircleError: Open3D is not installed.
+    """
+    settings = settings or StatisticalSettings()
+    # Open3D counts the point itself among the neighbours, at the distance 0: one more is the same filter.
+    count = settings.neighbours + 1
+    return _ask_open3d(
+        organized(xyz), lambda points: points.remove_statistical_outlier(count, settings.std_factor)
+    )
+
+
+def _ask_open3d(cloud: Cloud, remove: Callable[[Any], tuple[Any, list[int]]]) -> PeerResult:
+    if not open3d_is_installed():
+        raise SocialCircleError(
+            'Open3D is not installed; install it with `pip install open3d`, or leave Open3D out of the comparison.'
+        )
+    open3d = importlib.import_module('open3d')
+    measured = measured_points(cloud)
+    points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud[measured].astype(np.float64)))
+    start = time.perf_counter()
+    _, kept = remove(points)
+    milliseconds = (time.perf_counter() - start) * 1e3
+    is_kept = np.zeros(int(measured.sum()), np.bool_)
+    is_kept[np.asarray(kept, np.int64)] = True
+    return _on_grid(measured, is_kept, milliseconds)
+
+
+def _ask_pcl(cloud: Cloud, *options: str) -> PeerResult:
+    tool, converter = shutil.which(_FILTER), shutil.which(_CONVERTER)
+    if tool is None or converter is None:
+        raise SocialCircleError(
+            "PCL's command line tools are not installed; install Debian's pcl-tools, or leave PCL out of the"
+            ' comparison.'
+        )
+    measured = measured_points(cloud)
+    points = cloud[measured].astype('<f4')
+    with tempfile.TemporaryDirectory() as folder:
+        given, packed, plain = (str(Path(folder) / name) for name in ('given.pcd', 'packed.pcd', 'plain.pcd'))
+        # Unorganized: in an organized cloud the tool does not search a k-d tree, and fails on a NaN.
+        header = (
+            'VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n'
+            f'WIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(points)}\nDATA binary\n'
+        )
+        Path(given).write_bytes(header.encode() + points.tobytes())
+        said = _run(tool, given, packed, *options)
+        took = re.search(r'Computing filtered cloud.*?done, ([\d.e+]+) ms', said, re.DOTALL)
+        # The tool writes a compressed file, whatever it was given.
+        _run(converter, packed, plain, '1')
+        if took is None or not Path(plain).exists():
+            raise SocialCircleError(f"PCL's {_FILTER} gave no answer; it said: {said.strip()[-300:]!r}.")
+        written, _, answer = Path(plain).read_bytes().partition(b'DATA binary\n')
+    count = int(written.partition(b'POINTS ')[2])
+    kept = np.frombuffer(answer, '<f4', 3 * count).reshape(-1, 3)  # the file is longer than its points
+    return _on_grid(measured, _find_kept(points, kept), float(took[1]))
+
+
+def _run(*command: str) -> str:
+    """What a tool says, with the colours taken out."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - found on the path
+    return re.sub(r'\x1b\[[\d;]*m', '', done.stdout + done.stderr)
+
+
+@kernel
+def _find_kept(points: Cloud, kept: Cloud) -> Mask:
+    """Which of `points` (N, 3) are the `kept` (M, 3), which stand in the same order."""
+    found = np.zeros(len(points), np.bool_)
+    following = 0
+    for point in range(len(points)):
+        if following < len(kept) and (points[point] == kept[following]).all():
+            found[point] = True
+            following += 1
+    return found
+
+
+def _on_grid(measured: Mask, is_kept: Mask, milliseconds: float) -> PeerResult:
+    inliers = np.zeros(measured.shape, np.bool_)
+    inliers[measured] = is_kept
+    return PeerResult(inliers, measured & ~inliers, None, None, milliseconds)

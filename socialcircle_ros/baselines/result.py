@@ -1,0 +1,53 @@
+"""What every baseline answers, and the one way in which a score becomes a mask."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.compiled import kernel
+
+from .cloud import Mask
+
+Score = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FilterResult:
+    """The answer of a filter; a point that is not measured is False in both masks.
+
+    Attributes:
+        inliers: (H, W) bool.
+        outliers: (H, W) bool.
+        score: (H, W) in the cloud's data type, higher for a worse point, NaN where not measured; a point is
+            an outlier where its score is above the threshold. None where the filter gives none.
+        threshold: the limit on the score that was in force, None without a score.
+    """
+
+    inliers: Mask
+    outliers: Mask
+    score: Score | None
+    threshold: float | None
+
+
+def judge(score: Score, threshold: float) -> FilterResult:
+    """Split the measured points by their score.
+
+    Args:
+        score: (H, W) float32 or float64, NaN where not measured.
+        threshold: the highest score of an inlier.
+    """
+    inliers, outliers = _judge(score, threshold)
+    return FilterResult(inliers, outliers, score, threshold)
+
+
+@kernel
+def _judge(score: Score, threshold: float) -> tuple[Mask, Mask]:
+    inliers = np.empty(score.shape, np.bool_)
+    outliers = np.empty(score.shape, np.bool_)
+    for row in range(score.shape[0]):
+        for column in range(score.shape[1]):
+            # Both comparisons are False for a NaN.
+            inliers[row, column] = score[row, column] <= threshold
+            outliers[row, column] = score[row, column] > threshold
+    return inliers, outliers

@@ -1,0 +1,233 @@
+"""What repair_holes promises, and each of its methods against its slow reference."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+from naive import repair as naive
+from repair.surfaces import cloud, fractal, scattered_and_clustered
+
+from socialcircle_ros import settings as package_settings
+from socialcircle_ros.errors import CloudError, SettingError
+from socialcircle_ros.repair import repair_holes
+from socialcircle_ros.repair.holes import find_holes
+from socialcircle_ros.settings import RepairSettings
+
+METHODS = ['biharmonic', 'spline']
+
+
+@st.composite
+def clouds_with_holes(draw, most=12):
+    """A cloud in either data type, its holes, and points that are not measured outside and inside of them."""
+    shape = draw(st.tuples(st.integers(1, most), st.integers(1, most)))
+    z = draw(npst.arrays(np.int8, shape)) / 8
+    step = draw(st.sampled_from([0, 64]))
+    z[:, draw(st.integers(0, shape[1])) :] += step * 8
+    kinds = draw(npst.arrays(np.int8, shape, elements=st.integers(0, 9)))
+    xyz = cloud(z, draw(st.sampled_from([np.float32, np.float64])))
+    holes = kinds < 4
+    xyz[(kinds == 0) | (kinds == 4)] = np.nan
+    xyz[kinds == 1, 2] = np.inf
+    return xyz, holes
+
+
+@given(npst.arrays(np.bool_, npst.array_shapes(min_dims=2, max_dims=2, max_side=12)))
+def test_holes_are_found_in_row_order(mask):
+    points, starts = find_holes(mask)
+    found = [[tuple(p) for p in points[a:b].tolist()] for a, b in pairwise(starts)]
+    assert found == naive.find_holes(mask)
+
+
+@given(
+    clouds_with_holes(),
+    st.sampled_from(METHODS),
+    st.sampled_from([1, 2, 5, 1000]),
+    st.integers(2, 4),
+    st.sampled_from([0, 5, 30]),
+)
+def test_the_points_within_the_limits_are_filled(case, method, largest, sides, heights_agree):
+    xyz, holes = case
+    limits = {'largest': largest, 'sides': sides, 'heights_agree': heights_agree}
+    result = repair_holes(xyz, holes, RepairSettings(method=method, **limits))
+    np.testing.assert_array_equal(result.filled, naive.chosen_points(xyz, holes, **limits))
+    assert np.isfinite(result.xyz[result.filled]).all()
+    assert np.isnan(result.xyz[holes & ~result.filled]).all()
+
+
+@given(clouds_with_holes(), st.sampled_from(METHODS))
+def test_heights_are_those_of_the_reference(case, method):
+    xyz, holes = case
+    result = repair_holes(xyz, holes, RepairSettings(method=method, sides=2))
+    expected = {'biharmonic': naive.biharmonic, 'spline': naive.spline}[method](xyz, holes)
+    assert result.filled.sum() == len(expected)
+    heights = [result.xyz[point][2] for point in expected]
+    close = 1e-4 if xyz.dtype == np.float32 else 1e-7
+    np.testing.assert_allclose(heights, list(expected.values()), rtol=close, atol=close)
+
+
+@given(clouds_with_holes(), st.sampled_from(METHODS))
+def test_other_points_stay_byte_for_byte(case, method):
+    xyz, holes = case
+    before = xyz.tobytes()
+    result = repair_holes(xyz, holes, RepairSettings(method=method))
+    assert result.xyz.dtype == xyz.dtype
+    assert result.xyz[~holes].tobytes() == xyz[~holes].tobytes()
+    assert not (result.filled & ~holes).any()
+    assert xyz.tobytes() == before
+    assert not np.shares_memory(result.xyz, xyz)
+
+
+@given(clouds_with_holes(), st.sampled_from(METHODS))
+def test_x_and_y_lie_on_the_grid(case, method):
+    xyz, holes = case
+    result = repair_holes(xyz, holes, RepairSettings(method=method))
+    grid = cloud(np.zeros(holes.shape))
+    close = 1e-6 if xyz.dtype == np.float32 else 1e-14
+    np.testing.assert_allclose(result.xyz[result.filled][:, :2], grid[result.filled][:, :2], rtol=close, atol=0)
+
+
+@given(clouds_with_holes())
+def test_heights_stay_near_those_round_the_cloud(case):
+    """The stated bound: the span of the heights round a hole, widened by half of it on both sides."""
+    xyz, holes = case
+    result = repair_holes(xyz, holes)
+    heights = list(naive.measured_heights(xyz, holes).values())
+    if result.filled.any():
+        margin = (max(heights) - min(heights)) * 0.5 + 1e-3
+        assert result.xyz[result.filled][:, 2].max() <= max(heights) + margin
+        assert result.xyz[result.filled][:, 2].min() >= min(heights) - margin
+
+
+@pytest.mark.parametrize('method', METHODS)
+@given(holes=npst.arrays(np.bool_, (9, 11)), slopes=st.tuples(*[st.floats(-100, 100)] * 3))
+def test_planes_are_reproduced(method, holes, slopes):
+    rows, columns = np.mgrid[:9, :11]
+    xyz = cloud(slopes[0] + slopes[1] * rows + slopes[2] * columns)
+    result = repair_holes(xyz, holes, RepairSettings(method=method))
+    np.testing.assert_allclose(result.xyz[result.filled], xyz[result.filled], rtol=1e-9, atol=1e-7)
+
+
+@given(clouds_with_holes(), st.sampled_from(METHODS))
+def test_rows_and_columns_can_change_places(case, method):
+    xyz, holes = case
+    limits = RepairSettings(method=method)
+    result = repair_holes(xyz, holes, limits)
+    turned = repair_holes(xyz.transpose(1, 0, 2), holes.T, limits)
+    flipped = repair_holes(xyz[::-1, ::-1], holes[::-1, ::-1], limits)
+    np.testing.assert_array_equal(turned.filled.T, result.filled)
+    np.testing.assert_array_equal(flipped.filled[::-1, ::-1], result.filled)
+    close = 1e-4 if xyz.dtype == np.float32 else 1e-7
+    np.testing.assert_allclose(turned.xyz.transpose(1, 0, 2)[holes], result.xyz[holes], rtol=close, atol=close)
+    np.testing.assert_allclose(flipped.xyz[::-1, ::-1][holes], result.xyz[holes], rtol=close, atol=close)
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_one_hole_does_not_depend_on_another(method):
+    z = fractal(30, 40, 0.8, 1.0, 5)
+    first, second = np.zeros((2, 30, 40), bool)
+    first[5:8, 5:9] = True
+    second[5:8, 12:15] = True
+    both = repair_holes(cloud(z), first | second, RepairSettings(method=method))
+    alone = repair_holes(cloud(np.where(second, np.nan, z)), first, RepairSettings(method=method))
+    np.testing.assert_array_equal(both.xyz[first], alone.xyz[first])
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.4, np.pi / 4, 1.2])
+def test_a_straight_step_stays_a_step(angle):
+    rows, columns = np.mgrid[:40, :40]
+    side = (columns - 20) * np.cos(angle) + (rows - 20) * np.sin(angle) > 0
+    z = 8.0 * side
+    holes = (rows - 20) ** 2 + (columns - 20) ** 2 < 5**2
+    filled = repair_holes(cloud(z), holes).xyz[..., 2]
+    wrong = abs(filled - z) > 1
+    assert wrong.sum() <= 0.15 * holes.sum()
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_hole_at_the_border_is_not_extrapolated(method):
+    xyz = cloud(fractal(20, 20, 0.8, 1.0, 1))
+    holes = np.zeros((20, 20), bool)
+    holes[8:11, :3] = True  # open to the left: three sides, between above and below
+    holes[:2, :2] = True  # a corner: two sides, not opposite
+    result = repair_holes(xyz, holes, RepairSettings(method=method, sides=2))
+    assert result.filled[8:11, :3].all()
+    assert not result.filled[:2, :2].any()
+    assert not repair_holes(xyz, holes, RepairSettings(method=method, sides=4)).filled.any()
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_holes_without_any_rim_stay_empty(method):
+    limits = RepairSettings(method=method)
+    everything = repair_holes(cloud(np.ones((9, 8))), np.ones((9, 8), bool), limits)
+    nothing_measured = repair_holes(np.full((9, 8, 3), np.nan), np.eye(9, 8, dtype=bool), limits)
+    for result in (everything, nothing_measured):
+        assert not result.filled.any()
+        assert np.isnan(result.xyz).all()
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_one_row_needs_two_sides(method):
+    xyz = cloud(np.array([[1.0, 9.0, 3.0, 4.0]]))
+    holes = np.array([[False, True, False, False]])
+    assert not repair_holes(xyz, holes, RepairSettings(method=method)).filled.any()
+    result = repair_holes(xyz, holes, RepairSettings(method=method, sides=2))
+    assert result.xyz[0, 1, 2] == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_one_point_alone(method):
+    assert np.isnan(
+        repair_holes(np.zeros((1, 1, 3)), np.ones((1, 1), bool), RepairSettings(method=method)).xyz
+    ).all()
+    assert (
+        repair_holes(np.zeros((1, 1, 3)), np.zeros((1, 1), bool), RepairSettings(method=method)).xyz == 0
+    ).all()
+
+
+def test_x_and_y_of_an_outlier_are_kept():
+    xyz = cloud(np.zeros((5, 5)))
+    xyz[2, 2] = 2.6, 1.4, 99
+    holes = np.zeros((5, 5), bool)
+    holes[2, 2] = True
+    np.testing.assert_allclose(repair_holes(xyz, holes).xyz[2, 2], [2.6, 1.4, 0], atol=1e-12)
+
+
+def test_a_hole_as_large_as_allowed():
+    z = fractal(150, 160, 1.0, 5.0, 2)
+    holes = np.zeros(z.shape, bool)
+    holes[25:125, 30:130] = True
+    filled = repair_holes(cloud(z), holes, RepairSettings(largest=10000))
+    assert filled.filled.sum() == 10000
+    assert not repair_holes(cloud(z), holes, RepairSettings(largest=9999)).filled.any()
+
+
+def test_a_mask_of_another_shape_or_type_is_refused():
+    with pytest.raises(CloudError, match=r'bool mask of the shape of the cloud \(4, 5\)'):
+        repair_holes(np.zeros((4, 5, 3)), np.zeros((5, 4), bool))
+    with pytest.raises(CloudError, match='not uint8'):
+        repair_holes(np.zeros((4, 5, 3)), np.zeros((4, 5), np.uint8))
+
+
+def test_settings_say_what_would_do():
+    with pytest.raises(SettingError, match='use one of: biharmonic, spline'):
+        RepairSettings(method='bspline')
+    with pytest.raises(SettingError, match='between 2 and 4'):
+        RepairSettings(sides=5)
+    assert all(row.sentence for row in package_settings.RepairSettings.parameters())
+
+
+@pytest.mark.parametrize('dtype', [np.float32, np.float64])
+def test_any_layout_gives_the_same(dtype):
+    z = fractal(40, 50, 0.8, 1.0, 3)
+    holes = scattered_and_clustered(40, 50, 3)
+    xyz = cloud(z, dtype)
+    wide = np.zeros((40, 50, 5), dtype)
+    wide[..., 1:4] = xyz
+    expected = repair_holes(xyz, holes)
+    result = repair_holes(wide[..., 1:4], holes)
+    np.testing.assert_array_equal(result.xyz, expected.xyz)
+    swapped = repair_holes(xyz.astype(xyz.dtype.newbyteorder()), np.asfortranarray(holes))
+    np.testing.assert_array_equal(swapped.xyz, expected.xyz)
