@@ -165,10 +165,23 @@ class PointCloud:
         Returns:
             The serialized message.
         """
+        return self.replaced(outliers, np.broadcast_to(np.float32(np.nan), (*outliers.shape, 3)), dense=dense)
+
+    def replaced(self, where: npt.NDArray[np.bool_], xyz: npt.NDArray[Any], *, dense: bool) -> bytes:
+        """This message with other x, y and z for some points; every other byte stays as it came.
+
+        Args:
+            where: (height, width) mask of the points.
+            xyz: (height, width, 3) what they get.
+            dense: whether every point of the result is measured: what is_dense will say.
+
+        Returns:
+            The serialized message.
+        """
         message = bytearray(self.message)
-        rows, columns = np.nonzero(outliers)
-        for name in 'xyz':
-            self._values(message, self.field(name))[rows, columns] = np.nan
+        rows, columns = np.nonzero(where)
+        for axis, name in enumerate('xyz'):
+            self._values(message, self.field(name))[rows, columns] = xyz[rows, columns, axis]
         message[self.data_start + self.data_length] = dense
         return bytes(message)
 
