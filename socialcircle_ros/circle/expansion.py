@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Cloud, Mask, flattened, load_row, measured_points
 from socialcircle_ros.compiled import kernel
-
-from .cloud import Cloud, Mask, flattened, load_row, measured_points
 
 _ZERO, _ONE, _LAST = np.uint64(0), np.uint64(1), np.uint64(63)
 _WORD = 64

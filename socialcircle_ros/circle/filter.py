@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from socialcircle_ros.cloud import Mask, organized
 from socialcircle_ros.settings import CircleSettings
 
-from .cloud import Mask, organized
 from .expansion import divide
 from .radius import circle_limit
 from .voting import elect_seed

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Cloud, flattened, load_row, measured_in_row, measured_points
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import NoSeedError
-
-from .cloud import Cloud, flattened, load_row, measured_in_row, measured_points
 
 Region = tuple[int, int, int, int]
 """Row and column of the first point, height and width, in points."""
