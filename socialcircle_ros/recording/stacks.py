@@ -15,12 +15,15 @@ from socialcircle_ros.settings import RosValue
 
 from .importers import load_npz
 from .reader import natural_order
-from .topics import ros_topic
+from .topics import offered_qos, ros_topic
 from .writer import RecordingWriter
 
 FRAME_ID = 'microscope'
 JOINT = 'stage_z'
 FRAMES, JOINT_STATES = '/stack/image', '/stack/joint_states'
+FRAME_DEPTH, JOINT_DEPTH = 50, 500
+"""Kept by the publisher: of a stack each message counts, not the newest one."""
+
 IMAGES = ('.png', '.tif', '.tiff', '.jpg', '.jpeg', '.bmp')
 
 
@@ -77,8 +80,8 @@ def import_stack(path: Path) -> ImportedStack:
 
 def add_stack_topics(writer: RecordingWriter) -> None:
     """Add the topics of frames and joint states."""
-    writer.add_topic(ros_topic(FRAMES, image.TYPE))
-    writer.add_topic(ros_topic(JOINT_STATES, joint_state.TYPE))
+    writer.add_topic(ros_topic(FRAMES, image.TYPE, offered_qos(FRAME_DEPTH)))
+    writer.add_topic(ros_topic(JOINT_STATES, joint_state.TYPE, offered_qos(JOINT_DEPTH)))
 
 
 def write_frame(writer: RecordingWriter, stamp: int, pixels: npt.NDArray[Any]) -> None:
