@@ -16,6 +16,7 @@ COMMANDS = {
     'import': 'import_',
     'simulate': 'simulate',
     'bench': 'bench',
+    'experiment': 'experiment',
 }
 
 

@@ -9,6 +9,19 @@ import numpy.typing as npt
 from socialcircle_ros.errors import SocialCircleError
 
 
+def new_figure(width: float, height: float) -> Any:
+    """An empty matplotlib Figure, inches wide and high.
+
+    Raises:
+        SocialCircleError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise SocialCircleError('Pictures need matplotlib: pip install "socialcircle_ros[pictures]".') from None
+    return Figure(figsize=(width, height), dpi=110, layout='constrained')
+
+
 def before_and_after(
     path: Path, xyz: npt.NDArray[Any], outliers: npt.NDArray[np.bool_], title: str, unit: str = ''
 ) -> None:
@@ -28,17 +41,13 @@ def before_and_after(
     Raises:
         SocialCircleError: matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise SocialCircleError('Pictures need matplotlib: pip install "socialcircle_ros[pictures]".') from None
     measured = np.isfinite(xyz).all(axis=2)
     heights = np.where(measured, xyz[..., 2], np.nan).astype(np.float64)
     kept = np.where(outliers, np.nan, heights)
     scale = kept if np.isfinite(kept).any() else heights
     low, high = np.nanpercentile(scale, [0.5, 99.5])
     extent = _extent(xyz, measured)
-    figure = Figure(figsize=(15, 15 / 3 * _aspect(extent) + 1.3), dpi=110, layout='constrained')
+    figure = new_figure(15, 15 / 3 * _aspect(extent) + 1.3)
     figure.suptitle(title)
     axes = figure.subplots(1, 3, sharex=True, sharey=True)
     shown: dict[str, Any] = {'extent': extent, 'interpolation': 'nearest', 'vmin': low, 'vmax': high}
@@ -46,13 +55,13 @@ def before_and_after(
     for axis, values, colours, name in zip(
         axes, (heights, heights, kept), ('viridis', 'gray', 'viridis'), names, strict=True
     ):
-        image = axis.imshow(_thinned(values), cmap=colours, **shown)
+        image = axis.imshow(thinned(values), cmap=colours, **shown)
         axis.set_title(name)
         axis.set_xlabel(f'x [{unit}]' if unit else 'x')
         axis.set_facecolor('#ffd9b3')
     axes[0].set_ylabel(f'y [{unit}]' if unit else 'y')
-    red = np.zeros((*_thinned(outliers).shape, 4))
-    red[_any_in_tile(outliers)] = (1, 0, 0, 1)
+    red = np.zeros((*thinned(outliers).shape, 4))
+    red[any_in_tile(outliers)] = (1, 0, 0, 1)
     axes[1].imshow(red, extent=extent, interpolation='nearest')
     figure.colorbar(image, ax=axes, label=f'z [{unit}]' if unit else 'z', shrink=0.9)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -66,12 +75,13 @@ def _step(shape: tuple[int, ...]) -> int:
     return max(1, -(-max(shape[:2]) // _PIXELS))
 
 
-def _thinned(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def thinned(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Every so many rows and columns, so that what remains fits into one panel."""
     step = _step(values.shape)
     return values[::step, ::step]
 
 
-def _any_in_tile(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def any_in_tile(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Thinned like the picture, True where any point of the tile is."""
     step = _step(mask.shape)
     rows, columns = (np.arange(0, extent, step) for extent in mask.shape)

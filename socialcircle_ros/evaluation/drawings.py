@@ -1,0 +1,147 @@
+"""The pictures of the experiments, as PNG bytes."""
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .pictures import new_figure, thinned
+from .scores import Mask
+from .subjects import Subject
+
+Answers = Sequence[tuple[str, Mask]]
+"""Names of filters, and what each called outliers, (H, W) bool."""
+
+_KEPT, _REMOVED, _MISSED, _LOST, _UNCOUNTED = '#e4e4e4', '#7db4d8', '#d00000', '#111111', '#ffffff'
+_WORDS = {
+    _KEPT: 'good, kept',
+    _REMOVED: 'outlier, removed',
+    _MISSED: 'outlier, missed',
+    _LOST: 'good, removed',
+    _UNCOUNTED: 'ambiguous or not measured',
+}
+_COLOURS = ('black', '#0072b2', '#d55e00', '#009e73')
+
+
+def removal_maps(subject: Subject, answers: Answers) -> bytes:
+    """Heights that each filter leaves, and, where outliers are densest, what was right and wrong about it."""
+    z = subject.points[..., 2]
+    low, high = _range(subject.z_true)
+    box = densest_box(subject.outlier)
+    count = len(answers) + 1
+    figure = new_figure(3.9 * count, 6.8)
+    axes = figure.subplots(2, count)
+    shown: dict[str, Any] = {'cmap': 'viridis', 'vmin': low, 'vmax': high, 'interpolation': 'nearest'}
+    everything = [('as measured', np.zeros_like(subject.outlier)), *answers]
+    for axis, (name, found) in zip(axes[0], everything, strict=True):
+        image = axis.imshow(thinned(np.where(found, np.nan, z)), extent=_extent(z.shape, subject.pitch), **shown)
+        axis.set_title(name)
+        _frame(axis, box, subject.pitch)
+    axes[0, 0].set_ylabel('heights [µm]')
+    figure.colorbar(image, ax=axes[0], label='z [µm]', shrink=0.8)
+    part: dict[str, Any] = {'extent': _box_extent(box, subject.pitch), 'interpolation': 'nearest'}
+    axes[1, 0].imshow(z[box], **(shown | part))
+    axes[1, 0].set_ylabel('the framed part')
+    for axis, (_, found) in zip(axes[1, 1:], answers, strict=True):
+        axis.imshow(_judged_colours(subject, found, box), **part)
+    _legend(figure, axes[1, -1], _WORDS)
+    return _png(figure)
+
+
+def densest_box(outlier: Mask, share: float = 0.18) -> tuple[slice, slice]:
+    """The part of the cloud, `share` of its sides, that holds most outliers."""
+    rows, columns = (max(24, round(share * extent)) for extent in outlier.shape)
+    starts = [
+        (top, left)
+        for top in range(0, outlier.shape[0] - rows + 1, max(1, rows // 2))
+        for left in range(0, outlier.shape[1] - columns + 1, max(1, columns // 2))
+    ]
+    top, left = max(
+        starts, key=lambda at: np.count_nonzero(outlier[at[0] : at[0] + rows, at[1] : at[1] + columns])
+    )
+    return slice(top, top + rows), slice(left, left + columns)
+
+
+def contamination(
+    shares: Sequence[float], curves: Mapping[tuple[str, str], Mapping[str, Sequence[float]]]
+) -> bytes:
+    """F1 over the share of outliers: a panel for each (scene, kind), a curve for each filter and variant."""
+    scenes = list(dict.fromkeys(scene for scene, _ in curves))
+    kinds = list(dict.fromkeys(kind for _, kind in curves))
+    figure = new_figure(4.5 * len(kinds), 3.6 * len(scenes))
+    axes = figure.subplots(len(scenes), len(kinds), sharex=True, sharey=True, squeeze=False)
+    for (scene, kind), curve in curves.items():
+        axis = axes[scenes.index(scene), kinds.index(kind)]
+        filters = list(dict.fromkeys(name.rpartition(', ')[0] for name in curve))
+        for name, values in curve.items():
+            own, _, variant = name.rpartition(', ')
+            number = filters.index(own)
+            style = '-' if variant == 'best' or number == 0 else '--'
+            axis.plot(
+                [100 * share for share in shares], values, style, color=_COLOURS[number], label=name,
+                marker='os^v'[number], markersize=4, linewidth=2.4 if number == 0 else 1.4,
+            )  # fmt: skip
+        axis.set_title(f'{scene}, {kind}')
+        axis.grid(alpha=0.3)
+        axis.set_ylim(-0.02, 1.03)
+    for axis in axes[-1]:
+        axis.set_xlabel('outliers [%]')
+    for axis in axes[:, 0]:
+        axis.set_ylabel('F1')
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc='outside lower center', ncols=4)
+    return _png(figure)
+
+
+def _judged_colours(subject: Subject, found: Mask, box: tuple[slice, slice]) -> npt.NDArray[Any]:
+    """(h, w, 3): each point of the part in the colour of what the filter did with it."""
+    outlier, counted, found = subject.outlier[box], subject.counted[box], found[box]
+    colours = np.empty((*outlier.shape, 3))
+    for where, colour in (
+        (~outlier & ~found, _KEPT),
+        (outlier & found, _REMOVED),
+        (outlier & ~found, _MISSED),
+        (~outlier & found, _LOST),
+        (~counted, _UNCOUNTED),
+    ):
+        colours[where] = _rgb(colour)
+    return colours
+
+
+def _rgb(colour: str) -> tuple[float, ...]:
+    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+
+
+def _range(heights: npt.NDArray[Any]) -> tuple[float, float]:
+    low, high = np.nanpercentile(heights, [0.5, 99.5])
+    return float(low), float(high)
+
+
+def _extent(shape: tuple[int, ...], pitch: float) -> tuple[float, float, float, float]:
+    return 0.0, shape[1] * pitch, shape[0] * pitch, 0.0
+
+
+def _box_extent(box: tuple[slice, slice], pitch: float) -> tuple[float, float, float, float]:
+    rows, columns = box
+    return columns.start * pitch, columns.stop * pitch, rows.stop * pitch, rows.start * pitch
+
+
+def _frame(axis: Any, box: tuple[slice, slice], pitch: float) -> None:
+    """A rectangle round the part that is shown enlarged."""
+    left, right, bottom, top = _box_extent(box, pitch)
+    axis.plot([left, right, right, left, left], [top, top, bottom, bottom, top], color='#d00000', linewidth=1.5)
+
+
+def _legend(figure: Any, axis: Any, words: Mapping[str, str]) -> None:
+    handles = [
+        axis.plot([], [], 's', color=colour, markeredgecolor='#888888', markersize=9, label=text)[0]
+        for colour, text in words.items()
+    ]
+    figure.legend(handles=handles, loc='outside lower center', ncols=len(handles))
+
+
+def _png(figure: Any) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format='png')
+    return out.getvalue()

@@ -1,0 +1,76 @@
+"""The paper's experiments (section 4) by name, and what they leave on disk."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from socialcircle_ros.errors import SocialCircleError
+
+from .benchmarks import hardware
+from .figures import figure8
+from .lineup import Lineup
+from .page import render
+from .report import Section
+from .table1 import contaminations, table1
+
+EXPERIMENTS: dict[str, Sequence[Callable[[Lineup], list[Section]]]] = {
+    'table1': (table1, contaminations),
+    'figure8': (figure8,),
+}
+"""What belongs to each experiment, in the order of the page."""
+
+_INTRODUCTION = (
+    'The experiments of "Fast outlier removing method for point cloud of microscopic 3D measurement based on'
+    ' social circle", repeated with known truth. Does the social circle keep more points, remove more outliers, and take'
+    ' less time than other filters? Every sentence under "What was found" is computed from this run.'
+)
+
+
+def run(name: str, lineup: Lineup) -> list[Section]:
+    """One experiment, or all of them.
+
+    Args:
+        name: of `EXPERIMENTS`, or 'all'.
+        lineup: what takes part.
+    """
+    parts = [part for parts in EXPERIMENTS.values() for part in parts] if name == 'all' else EXPERIMENTS[name]
+    return [section for part in parts for section in part(lineup)]
+
+
+def write(folder: Path, name: str, command: str, sections: Sequence[Section]) -> list[Path]:
+    """Write the tables as CSV, the pictures as PNG, and everything as one page.
+
+    Args:
+        folder: made if it is not there.
+        name: of the page, without its ending.
+        command: that made it, for the page.
+        sections: what it shows.
+
+    Returns:
+        What was written, the page first.
+
+    Raises:
+        SocialCircleError: the folder or a file cannot be written.
+    """
+    page = folder / f'{name}.html'
+    introduction = [
+        _INTRODUCTION,
+        f'Made by: {command}. On: {hardware()}. Times are medians, all from this one run; compare their ratios.',
+    ]
+    written = [page]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for section in sections:
+            for table in section.tables:
+                written.append(folder / f'{table.name}.csv')
+                written[-1].write_text(table.csv(), encoding='utf-8')
+            for picture in section.pictures:
+                written.append(folder / f'{picture.name}.png')
+                written[-1].write_bytes(picture.png)
+        page.write_text(
+            render('The social circle against other filters', introduction, sections), encoding='utf-8'
+        )
+    except OSError as error:
+        raise SocialCircleError(
+            f'{error.filename} cannot be written: {error.strerror}; choose another place with -o.'
+        ) from None
+    return written
