@@ -29,9 +29,9 @@ class Case:
 
 
 CASES = (
-    Case('no noise, step = depth of field', 1.0, noisy=False),
-    Case('6000 electrons, 8 bits, step = depth of field', 1.0, noisy=True),
-    Case('6000 electrons, 8 bits, step = depth of field / 4', 0.25, noisy=True),
+    Case('noise-free, step DOF', 1.0, noisy=False),
+    Case('6000 e-, 8 bits, step DOF', 1.0, noisy=True),
+    Case('6000 e-, 8 bits, step DOF/4', 0.25, noisy=True),
 )
 
 

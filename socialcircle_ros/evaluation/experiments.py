@@ -20,8 +20,9 @@ EXPERIMENTS: dict[str, Sequence[Callable[[Lineup], list[Section]]]] = {
 
 _INTRODUCTION = (
     'The experiments of "Fast outlier removing method for point cloud of microscopic 3D measurement based on'
-    ' social circle", repeated with known truth. Does the social circle keep more points, remove more outliers, and take'
-    ' less time than other filters? Every sentence under "What was found" is computed from this run.'
+    ' social circle", repeated with known truth. Does the social circle keep more points, remove more'
+    ' outliers, and take less time than other filters? Every sentence under "What was found" is computed'
+    ' from this run.'
 )
 
 
