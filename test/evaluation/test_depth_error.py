@@ -29,7 +29,7 @@ def test_the_default_fit_is_better_than_three_frames_where_the_curve_is_wide():
 
 
 def test_quality_means_what_it_says():
-    """Of the pixels with at least this quality so many are good, on grooves and pits with glints and dark walls."""
+    """Of the pixels with at least this quality so many are good, with glints and dark walls."""
     shares = quality_shares(SEEDS)
     good = [share for _, share in shares.values()]
     assert good == sorted(good)
