@@ -5,7 +5,19 @@ Each message is one sentence (or two) for the engineer at the cell: what was met
 
 
 class SocialCircleError(Exception):
-    """Base of every error of this package."""
+    """Base of every error of this package.
+
+    What a message quotes from outside may hold bytes that are no text; they are shown as escapes, so that
+    every message can be logged and published.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(message))
+
+
+def printable(text: str) -> str:
+    """The text with what cannot be written as UTF-8 shown as escapes."""
+    return text.encode('utf-8', 'backslashreplace').decode()
 
 
 class SettingError(SocialCircleError, ValueError):

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import MessageError, SocialCircleError, StackError
+from .errors import MessageError, SocialCircleError, StackError, printable
 from .focus import FocusResult, FocusStack
 from .messages.header import Header
 from .messages.image import Image, encode_image
@@ -44,6 +44,10 @@ class Refusal:
     """Something that was not taken, and why."""
 
     reason: str
+
+    def __post_init__(self) -> None:
+        """Make the reason one that can be logged and published."""
+        object.__setattr__(self, 'reason', printable(self.reason))
 
 
 Event = StackCloud | Refusal
@@ -77,6 +81,7 @@ class StackAssembler:
         self._memory: tuple[tuple[FocusSettings, tuple[int, ...], str], FocusStack] | None = None
         self._waiting: deque[Image] = deque()
         self._track: deque[tuple[int, float]] = deque()  # stamp, z of the stage; ascending stamps
+        self._track_is_new = False  # whether it began anew since the last frame
         self._last_stamp = -(2**63)
 
     def configure(self, focus: FocusSettings, settings: StackSettings) -> None:
@@ -99,6 +104,7 @@ class StackAssembler:
         stamp = frame.header.stamp
         if stamp < self._last_stamp:
             yield from self._go_back(stamp)
+        self._track_is_new = False
         self._last_stamp = stamp
         if self._settings_now.z_source == 'joint_states':
             self._waiting.append(frame)
@@ -113,7 +119,9 @@ class StackAssembler:
             yield from self._take(frame, None)
 
     def add_joint_state(self, message: bytes) -> Iterator[Event]:
-        """Take in a serialized JointState."""
+        """Take in a serialized JointState; it says nothing where z is counted."""
+        if self._settings_now.z_source == 'step':
+            return
         try:
             state = JointState.decode(message)
             z = _position(state, self._settings_now.joint)
@@ -123,6 +131,7 @@ class StackAssembler:
         stamp = state.header.stamp
         if self._track and stamp < self._track[-1][0]:
             self._track.clear()  # a replay that began again, or a stage that was switched on anew
+            self._track_is_new = True
         self._track.append((stamp, z))
         # Behind the frames that wait only the nearest state is needed.
         oldest = self._waiting[0].header.stamp if self._waiting else stamp - 10 * GAP
@@ -136,6 +145,10 @@ class StackAssembler:
             count = len(self._waiting)
             self._waiting.clear()
             yield Refusal(f'{count} frames were refused: no joint state covers their stamps.')
+        yield from self._close()
+
+    def _close(self) -> Iterator[Event]:
+        """Make a cloud of the stack that runs; frames that wait belong to the next one."""
         stack, self._stack = self._stack, None
         if stack is None:
             return
@@ -143,6 +156,11 @@ class StackAssembler:
             yield _cloud(stack, preview=False)
         except StackError as error:
             yield Refusal(f'A stack of {stack.frames} frames broke off: {error}')
+
+    @property
+    def timeout(self) -> float:
+        """Seconds of silence after which the stack that runs is to be finished; 0: never."""
+        return self._settings_now.timeout
 
     @property
     def _settings_now(self) -> StackSettings:
@@ -155,8 +173,8 @@ class StackAssembler:
             yield Refusal(f'Time went backwards by {back:.3f} s: the stack that ran was given up.')
         self._stack = None
         self._waiting.clear()
-        if self._track and self._track[0][0] > stamp:
-            self._track.clear()
+        if not self._track_is_new:
+            self._track.clear()  # it tells of the past
 
     def _place_waiting(self) -> Iterator[Event]:
         """Take the frames whose stamps the joint states cover by now."""
@@ -189,7 +207,7 @@ class StackAssembler:
             )
             stack = self._stack = None
         if stack is not None and z is not None and _turned(stack, z):
-            yield from self.finish()
+            yield from self._close()
             stack = None
         if stack is None:
             try:
@@ -210,7 +228,7 @@ class StackAssembler:
         stack.frames += 1
         _note_direction(stack, z)
         if settings.frames and stack.frames >= settings.frames:
-            yield from self.finish()
+            yield from self._close()
         elif settings.preview and stack.frames % settings.preview == 0 and stack.focus.places >= 3:
             yield _cloud(stack, preview=True)
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import os
 import threading
 import time
 from types import SimpleNamespace
@@ -34,7 +35,7 @@ class Cell:
 
     def __init__(self, folder, parameters=None, arguments=(), *, active=True):
         number = next(NUMBERS)
-        self.namespace = f'/cell{number}'
+        self.namespace = f'/cell{os.getpid()}_{number}'
         self.name = f'{self.namespace}/social_circle'
         self.node_process = NodeProcess(self.namespace, folder / f'node{number}.log', parameters, arguments)
         self.context = rclpy.Context()

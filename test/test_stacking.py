@@ -78,6 +78,20 @@ def test_z_comes_from_the_joint_states_interpolated_at_the_stamp():
     np.testing.assert_allclose(PointCloud.decode(event.points).xyz()[..., 2], expected.depth, rtol=1e-6)
 
 
+def test_frames_that_wait_behind_the_end_of_a_stack_belong_to_the_next():
+    made = assembler(z_source='joint_states', frames=3)
+    list(made.add_joint_state(joint(0, 0.0)))
+    feed(made, frames(6))
+    events = list(made.add_joint_state(joint(8 * PERIOD, 8e-6)))
+    assert [event.frames for event in clouds(events)] == [3, 3]
+    assert reasons(events) == []
+
+
+def test_joint_states_say_nothing_where_z_is_counted():
+    made = assembler(frames=9)
+    assert list(made.add_joint_state(b'no message')) == []
+
+
 def test_frames_wait_for_the_joint_state_behind_them():
     made = assembler(z_source='joint_states', frames=3)
     list(made.add_joint_state(joint(0, 0.0)))

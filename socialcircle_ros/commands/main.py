@@ -50,7 +50,8 @@ def socialcircle() -> None:
 def main() -> int:
     """Run a command; an error is one sentence, and exit code 1."""
     try:
-        socialcircle.main(standalone_mode=False)
+        # Without standalone mode click gives the code of an Exit back instead of exiting.
+        return int(socialcircle.main(standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()
         return error.exit_code
@@ -60,7 +61,6 @@ def main() -> int:
     except (KeyboardInterrupt, click.Abort):
         click.echo('Stopped.', err=True)
         return 130
-    return 0
 
 
 if __name__ == '__main__':

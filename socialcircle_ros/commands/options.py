@@ -1,5 +1,6 @@
 """Options that several commands share, made from the table of parameters."""
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,11 @@ def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> d
             values[name] = yaml.safe_load(value)
         except yaml.YAMLError:
             raise SettingError(f'-p {text}: the value is not YAML.') from None
-    for name in values:
+    for name, value in values.items():
+        if name in PARAMETERS and PARAMETERS[name].kind is float and isinstance(value, str):
+            # YAML 1.1 takes 1e-6 for a text; ROS takes it for a number.
+            with contextlib.suppress(ValueError):
+                values[name] = float(value)
         if name not in PARAMETERS and not name.startswith(('qos_overrides', 'use_sim_time')):
             raise SettingError(f'There is no parameter {name}; the parameters are: {", ".join(PARAMETERS)}.')
     return values

@@ -70,7 +70,8 @@ def command(
                     player.play(reader.messages(names), rate=rate, clock=clock, published=published)
                     if not loop or not rclpy.ok() or count == 0:
                         break
-            player.wait_until_delivered(5.0)
+            if rclpy.ok():
+                player.wait_until_delivered(5.0)
             click.echo(f'{count} messages played.')
             if reader.damage:
                 click.echo(f'Warning: {reader.damage}', err=True)

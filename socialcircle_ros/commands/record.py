@@ -59,5 +59,6 @@ def command(
     for name, count in sorted(counts.items()):
         click.echo(f'{name}: {count}')
     click.echo(f'{sum(counts.values())} messages written to {output}.')
-    for name in sorted(set(topics) - counts.keys()):
-        click.echo(f'Nothing came on {name}.', err=True)
+    for name in topics:
+        if name not in counts and f'/{name}' not in counts:
+            click.echo(f'Nothing came on {name}.', err=True)

@@ -67,13 +67,13 @@ class LiveParameters:
 
     Args:
         node: where to declare the parameters.
-        changed: called after each accepted change.
+        changed: called after each accepted change, with the configuration before it.
 
     Raises:
         SettingError: the node was started with parameters that cannot be.
     """
 
-    def __init__(self, node: Node, changed: Callable[[], None]) -> None:
+    def __init__(self, node: Node, changed: Callable[[Configuration], None]) -> None:
         self._node = node
         self._changed = changed
         for row in PARAMETERS.values():
@@ -94,11 +94,15 @@ class LiveParameters:
 
         Raises:
             OSError: the file cannot be written.
+            RuntimeError: there is no such home directory.
+            ValueError: the name is not one of a file.
         """
         name = self._node.get_fully_qualified_name().strip('/').replace('/', '.')
         given = self.configuration.node.parameters_file
-        home = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros')
-        path = Path(given).expanduser() if given else home / 'socialcircle' / f'{name}.yaml'
+        if given:
+            path = Path(given).expanduser()
+        else:
+            path = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros') / 'socialcircle' / f'{name}.yaml'
         overrides = self._node.get_parameters_by_prefix('qos_overrides')
         values = self.configuration.to_ros() | {
             f'qos_overrides.{key}': item.value for key, item in overrides.items()
@@ -125,8 +129,8 @@ class LiveParameters:
 
     def _apply(self, changes: list[RosParameter]) -> None:
         if any(change.name in PARAMETERS for change in changes):
-            self.configuration = Configuration.from_ros(self._values())
-            self._changed()
+            before, self.configuration = self.configuration, Configuration.from_ros(self._values())
+            self._changed(before)
 
 
 def _plain(parameter: RosParameter) -> Any:

@@ -67,15 +67,16 @@ class Player(Node):
     def wait_for_listeners(self, topics: Collection[str], timeout: float) -> list[str]:
         """Wait until each of `topics` has a subscriber that can hear it; the ones that have none by then."""
         end = time.monotonic() + timeout
-        while True:
+        while rclpy.ok(context=self.context):
             lonely = [
                 name
                 for name in topics
                 if name in self._players and self._players[name].get_subscription_count() == 0
             ]
-            if not lonely or time.monotonic() > end or not rclpy.ok(context=self.context):
+            if not lonely or time.monotonic() > end:
                 return lonely
             time.sleep(_LONGEST_WAIT)
+        return []
 
     def play(
         self,

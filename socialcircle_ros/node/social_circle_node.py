@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
@@ -20,20 +19,18 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SocialCircleError, StackError, printable
 from socialcircle_ros.messages import diagnostics, image, joint_state
-from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.image import encode_image
-from socialcircle_ros.messages.point_cloud import TYPE, encode_point_cloud
+from socialcircle_ros.messages.point_cloud import TYPE
 from socialcircle_ros.pipeline import clean
-from socialcircle_ros.settings import StackSettings
-from socialcircle_ros.stacking import Refusal, StackAssembler, StackCloud
+from socialcircle_ros.stacking import Refusal, StackCloud
 
 from .connections import SILENT, complaints, node_of
 from .health import Health
-from .parameters import LiveParameters
+from .parameters import Configuration, LiveParameters
 from .stack_input import StackInput
 from .transport import PROFILE
+from .warm_up import WarmUp
 from .worker import LatestWorker
 
 NAME = 'social_circle'
@@ -45,6 +42,7 @@ _OVERRIDABLE = (
     QoSPolicyKind.DURABILITY,
 )
 STACK_TYPES = (image.TYPE, joint_state.TYPE)
+_DRAINING = 5.0  # s that deactivation waits for the cloud at hand
 _LOG_PERIOD = 5.0  # seconds between two log lines of one kind
 
 
@@ -66,7 +64,7 @@ def _reported(transition: Callable[..., Any]) -> Callable[..., Any]:
         try:
             return transition(node, state)
         except Exception as error:  # noqa: BLE001 - any reason is to be read in the log, and ends no node
-            node.get_logger().error(f'{transition.__name__} failed: {type(error).__name__}: {error}')
+            node.transition_failed(transition.__name__, state, error)
             return TransitionCallbackReturn.FAILURE
 
     return reporting
@@ -87,6 +85,8 @@ class SocialCircleNode(LifecycleNode):
         self._clouds: Any = None
         self._stack: StackInput | None = None
         self._last: _Arrival | None = None
+        self._failure = ''
+        self.warm_up = WarmUp()
         self._active_since = float('inf')
         self._live_parameters = LiveParameters(self, self._parameters_changed)
         for name in self._live_parameters.unknown():
@@ -102,9 +102,12 @@ class SocialCircleNode(LifecycleNode):
     def start(self) -> None:
         """Configure and activate, if `autostart` says so."""
         if self._live_parameters.configuration.node.autostart:
-            configured = self.trigger_configure()
-            if configured == TransitionCallbackReturn.SUCCESS:
-                self.trigger_activate()
+            try:
+                if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+                    self.trigger_activate()
+            except RCLError:
+                if self.context.ok():  # a signal ends the context, and with it the transition
+                    raise
 
     def close(self) -> None:
         """Stop the worker and free what the node holds."""
@@ -121,9 +124,10 @@ class SocialCircleNode(LifecycleNode):
         self._repaired = self._publisher(PointCloud2, 'points_repaired')
         self._measurement = self._publisher(DiagnosticStatus, '~/measurement')
         began = time.monotonic()
-        self._warm_up()
+        if not self.warm_up.wait(self.context.ok):
+            return TransitionCallbackReturn.FAILURE
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began:.1f} s).')
-        self._worker = LatestWorker(self._process, self._overtaken)
+        self._worker = LatestWorker(self._process, self._overtaken, self._filter_again)
         self._stack = StackInput(
             self, lambda: self._live_parameters.configuration, self._health, self._filter, _OVERRIDABLE
         )
@@ -133,6 +137,7 @@ class SocialCircleNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen for clouds."""
         result = super().on_activate(state)
+        self._failure = ''
         self._clouds = self.create_subscription(
             PointCloud2,
             'points',
@@ -152,7 +157,8 @@ class SocialCircleNode(LifecycleNode):
         """Listen no more; the cloud at hand is still published."""
         self._ignore()
         if self._worker is not None:
-            self._worker.drain()
+            self._worker.forget()
+            self._worker.drain(_DRAINING)
         return super().on_deactivate(state)
 
     @_reported
@@ -167,6 +173,16 @@ class SocialCircleNode(LifecycleNode):
         self._ignore()
         self._release()
         return super().on_shutdown(state)
+
+    def transition_failed(self, name: str, state: LifecycleState, error: Exception) -> None:
+        """Undo what a failed transition has begun, and say why it failed."""
+        self._failure = printable(f'{name} failed: {type(error).__name__}: {error}')
+        self.get_logger().error(self._failure)
+        if name == 'on_activate':
+            self._ignore()
+            super().on_deactivate(state)
+        elif name == 'on_configure':
+            self._release()
 
     def _ignore(self) -> None:
         """Listen to clouds and frames no more."""
@@ -234,6 +250,8 @@ class SocialCircleNode(LifecycleNode):
 
     def _process(self, arrival: _Arrival) -> None:
         """Filter one cloud and publish; on the worker's thread, so nothing may escape."""
+        # Also a cloud that is refused is filtered again: the change may be the mend.
+        self._last = _Arrival(arrival.message, arrival.at, again=True)
         configuration = self._live_parameters.configuration
         try:
             cleaned = clean(arrival.message, configuration.circle, configuration.output, configuration.repair)
@@ -248,40 +266,36 @@ class SocialCircleNode(LifecycleNode):
             self.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=_LOG_PERIOD)
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
-            self._health.failed(f'{type(error).__name__}: {error}')
-            self.get_logger().error(
-                f'A cloud could not be filtered: {type(error).__name__}: {error}',
-                throttle_duration_sec=_LOG_PERIOD,
-            )
+            if self.context.ok():
+                reason = printable(f'A cloud could not be filtered: {type(error).__name__}: {error}')
+                self._health.failed(reason)
+                self.get_logger().error(reason, throttle_duration_sec=_LOG_PERIOD)
             return
-        self._last = _Arrival(arrival.message, arrival.at, again=True)
         if not arrival.again:
             self._health.published(time.monotonic() - arrival.at)
         if cleaned.status.level != diagnostics.OK:
             self.get_logger().warning(cleaned.status.message, throttle_duration_sec=_LOG_PERIOD)
 
-    def _parameters_changed(self) -> None:
-        last, worker = self._last, self._worker
-        if self._live_parameters.configuration.node.reprocess_last and last is not None and worker is not None:
-            worker.put(last)
+    def _parameters_changed(self, before: Configuration) -> None:
+        """Have the last cloud filtered again, where the change makes a difference to it."""
+        now = self._live_parameters.configuration
+        different = (now.circle, now.repair, now.output) != (before.circle, before.repair, before.output)
+        if now.node.reprocess_last and different and self._worker is not None and self._clouds is not None:
+            self._worker.put_again()
 
-    def _warm_up(self) -> None:
-        """Compile what clouds and frames will need before the first one comes."""
-        configuration = self._live_parameters.configuration
-        rows, columns = np.mgrid[:8, :6]
-        for kind in (np.float32, np.float64):
-            xyz = np.dstack([columns, rows, rows % 2]).astype(kind)
-            clean(encode_point_cloud(Header(), xyz))
-        assembler = StackAssembler()
-        assembler.configure(configuration.focus, StackSettings(pitch_x=1.0, z_step=1.0, frames=3))
-        for pixels in (rows % 3).astype(np.uint8)[None] * np.array([[[1]], [[9]], [[2]]], np.uint8):
-            list(assembler.add_frame(encode_image(Header(), pixels)))
+    def _filter_again(self) -> None:
+        if self._last is not None:
+            self._process(self._last)
 
     # Services and diagnostics
 
     def _finish_stack(self, _: Any, response: Any) -> Any:
-        events = self._stack.finish() if self._stack is not None else None
-        if events is None:
+        try:
+            events = self._stack.finish() if self._stack is not None else []
+        except StackError as error:
+            response.success, response.message = False, str(error)
+            return response
+        if not events:
             response.success, response.message = False, 'No stack is running.'
             return response
         refusals = [event.reason for event in events if isinstance(event, Refusal)]
@@ -293,10 +307,15 @@ class SocialCircleNode(LifecycleNode):
         return response
 
     def _reset(self, _: Any, response: Any) -> Any:
-        if self._stack is not None:
-            self._stack.forget()
+        try:
+            if self._stack is not None:
+                self._stack.forget()
+        except StackError as error:
+            response.success, response.message = False, str(error)
+            return response
         if self._worker is not None:
-            self._worker.drain()
+            self._worker.forget()
+            self._worker.drain(_DRAINING)
         self._last = None
         self._health.reset()
         response.success, response.message = (
@@ -308,15 +327,19 @@ class SocialCircleNode(LifecycleNode):
     def _save_parameters(self, _: Any, response: Any) -> Any:
         try:
             path = self._live_parameters.save()
-        except OSError as error:
+        except (OSError, RuntimeError, ValueError) as error:
+            where = getattr(error, 'filename', None) or self._live_parameters.configuration.node.parameters_file
+            why = getattr(error, 'strerror', None) or str(error)
             response.success = False
-            response.message = f'Cannot write {error.filename}: {error.strerror}; set parameters_file elsewhere.'
+            response.message = f'Cannot write {where}: {why}; set parameters_file elsewhere.'
         else:
             response.success = True
             response.message = f'Saved to {path}; start with --ros-args --params-file {path}.'
         return response
 
     def _publish_diagnostics(self) -> None:
+        if not self.context.ok():
+            return
         name = self.get_fully_qualified_name()
         level, message, values = self._state_of_health()
         status = DiagnosticStatus(
@@ -334,6 +357,8 @@ class SocialCircleNode(LifecycleNode):
         """Level, sentence and values for /diagnostics."""
         _, state = self._state_machine.current_state
         values = {'state': state, **self._health.values()}
+        if self._clouds is None and self._failure:
+            return diagnostics.ERROR, self._failure, values
         if self._clouds is None:
             return diagnostics.OK, f'The node is {state}; it filters once it is active.', values
         topic = self._clouds.topic_name

@@ -14,6 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
+from socialcircle_ros.errors import StackError, printable
 from socialcircle_ros.stacking import Event, Refusal, StackAssembler, StackCloud
 
 from .health import Health
@@ -37,6 +38,7 @@ class _Job:
     """Something to do on the worker's thread."""
 
     act: Callable[[StackAssembler], Iterator[Event]]
+    arrived: float = 0.0
     done: threading.Event | None = None
     events: list[Event] | None = None
 
@@ -66,11 +68,17 @@ class StackInput:
         self._filter = publish
         self._overridable = overridable
         self._assembler = StackAssembler()
-        self._last_frame = float('-inf')
+        self._last_arrival = float('-inf')
+        self._closing_arrival = float('-inf')
         self._subscriptions: list[Any] = []
-        self._points = self._publisher(PointCloud2, 'stack/points')
-        self._image = self._publisher(Image, 'stack/image_in_focus')
-        self._preview = self._publisher(PointCloud2, 'stack/preview')
+        self._publishers: list[Any] = []
+        try:
+            self._points = self._publisher(PointCloud2, 'stack/points')
+            self._image = self._publisher(Image, 'stack/image_in_focus')
+            self._preview = self._publisher(PointCloud2, 'stack/preview')
+        except Exception:
+            self._destroy_publishers()
+            raise
         self._worker = QueueWorker[_Job](self._work, self._look_for_silence, WAITING, PAUSE)
 
     def listen(self) -> None:
@@ -104,10 +112,19 @@ class StackInput:
         """Forget the stack that runs."""
         self._ask(self._forget)
 
-    def finish(self) -> list[Event] | None:
-        """Close the stack that runs, and wait for what comes of it; None where none runs."""
-        if not self._assembler.running:
-            return None
+    def finish(self) -> list[Event]:
+        """Close the stack that runs, and wait for what comes of it; nothing where none runs.
+
+        Frames that DDS has already delivered belong to it: the executor takes one a round, and a service call
+        may come before the last of them.
+
+        Raises:
+            StackError: it did not end in time.
+        """
+        for subscription in self._subscriptions:
+            with subscription.handle:
+                while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+                    subscription.callback(taken[0])
         return self._ask(StackAssembler.finish)
 
     def close(self) -> None:
@@ -115,37 +132,42 @@ class StackInput:
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
         self._worker.stop()
-        for publisher in (self._points, self._image, self._preview):
-            self._node.destroy_lifecycle_publisher(publisher)
+        self._destroy_publishers()
 
     def _publisher(self, kind: Any, topic: str) -> Any:
-        return self._node.create_lifecycle_publisher(
+        publisher = self._node.create_lifecycle_publisher(
             kind,
             topic,
             QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
             qos_overriding_options=QoSOverridingOptions(self._overridable),
         )
+        self._publishers.append(publisher)
+        return publisher
+
+    def _destroy_publishers(self) -> None:
+        while self._publishers:
+            self._node.destroy_lifecycle_publisher(self._publishers.pop())
 
     def _frame_arrived(self, message: bytes) -> None:
         self._health.frame_received()
-        arrived = time.monotonic()
-
-        def add(assembler: StackAssembler) -> Iterator[Event]:
-            self._last_frame = arrived
-            return assembler.add_frame(message)
-
-        if not self._worker.put(_Job(add)):
+        self._last_arrival = time.monotonic()
+        if not self._worker.put_if_room(_Job(lambda assembler: assembler.add_frame(message), self._last_arrival)):
             self._health.frame_dropped()
 
     def _joint_state_arrived(self, message: bytes) -> None:
-        self._worker.put(_Job(lambda assembler: assembler.add_joint_state(message)))
+        self._worker.put(_Job(lambda assembler: assembler.add_joint_state(message), time.monotonic()))
 
-    def _ask(self, act: Callable[[StackAssembler], Iterator[Event]]) -> list[Event] | None:
-        """Have something done after what waits, and wait for it."""
-        job = _Job(act, threading.Event(), [])
-        if not self._worker.put(job) or job.done is None or not job.done.wait(_FINISHING):
-            return None
-        return job.events
+    def _ask(self, act: Callable[[StackAssembler], Iterator[Event]]) -> list[Event]:
+        """Have something done after what waits, and wait for it.
+
+        Raises:
+            StackError: it was not done in time.
+        """
+        done, events = threading.Event(), list[Event]()
+        self._worker.put(_Job(act, time.monotonic(), done, events))
+        if not done.wait(_FINISHING):
+            raise StackError(f'Too many frames wait to be measured; nothing came of it in {_FINISHING:.0f} s.')
+        return events
 
     def _forget(self, _: StackAssembler) -> Iterator[Event]:
         self._assembler = StackAssembler()
@@ -155,24 +177,24 @@ class StackInput:
         """Do a job and publish what comes of it; on the worker's thread, so nothing may escape."""
         configuration = self._configuration()
         self._assembler.configure(configuration.focus, configuration.stack)
+        self._closing_arrival = job.arrived
         try:
             for event in job.act(self._assembler):
                 self._handle(event)
                 if job.events is not None:
                     job.events.append(event)
         except Exception as error:  # noqa: BLE001 - whatever it is, the next frame must be taken
-            self._health.failed(f'{type(error).__name__}: {error}')
-            self._node.get_logger().error(
-                f'A frame could not be used: {type(error).__name__}: {error}', throttle_duration_sec=5.0
-            )
+            reason = printable(f'A frame could not be used: {type(error).__name__}: {error}')
+            self._health.failed(reason)
+            self._node.get_logger().error(reason, throttle_duration_sec=5.0)
         finally:
             if job.done is not None:
                 job.done.set()
 
     def _look_for_silence(self) -> None:
-        timeout = self._configuration().stack.timeout
-        if self._assembler.running and timeout and time.monotonic() - self._last_frame > timeout:
-            self._work(_Job(StackAssembler.finish))
+        timeout = self._assembler.timeout
+        if self._assembler.running and timeout and time.monotonic() - self._last_arrival > timeout:
+            self._work(_Job(StackAssembler.finish, time.monotonic()))
 
     def _handle(self, event: Event) -> None:
         if isinstance(event, Refusal):
@@ -185,6 +207,6 @@ class StackInput:
 
     def _publish(self, cloud: StackCloud) -> None:
         self._points.publish(cloud.points)
-        self._health.stack_finished(time.monotonic() - self._last_frame)
+        self._health.stack_finished(time.monotonic() - self._closing_arrival)
         self._filter(cloud.points)
         self._image.publish(cloud.image)

@@ -1,8 +1,8 @@
 """Threads that work: one on the newest job only, one on every job in its order. No rclpy."""
 
-import contextlib
 import queue
 import threading
+import traceback
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -13,16 +13,21 @@ class LatestWorker(Generic[Job]):
     """Runs `work` on a thread of its own, for one job at a time, always the newest.
 
     A controller wants the answer to the last part, not to the one before it: there is one place to wait in,
-    and a new job takes it over.
+    and a new job takes it over. Work that is asked for again gives way to a job that waits.
 
     Args:
-        work: called with each job on the worker's thread; must not raise.
+        work: called with each job on the worker's thread.
         dropped: called with each job that is overtaken, on the thread that put the newer one.
+        again: does the last work once more, on the worker's thread.
     """
 
-    def __init__(self, work: Callable[[Job], None], dropped: Callable[[Job], None]) -> None:
+    def __init__(
+        self, work: Callable[[Job], None], dropped: Callable[[Job], None], again: Callable[[], None] = lambda: None
+    ) -> None:
         self._work = work
         self._dropped = dropped
+        self._again = again
+        self._again_wanted = False
         self._changed = threading.Condition()
         self._waiting: Job | None = None
         self._busy = False
@@ -38,10 +43,24 @@ class LatestWorker(Generic[Job]):
         if overtaken is not None:
             self._dropped(overtaken)
 
-    def drain(self) -> None:
-        """Wait until nothing waits and nothing is being worked on."""
+    def put_again(self) -> None:
+        """Have the last work done once more, unless a newer job is done first."""
         with self._changed:
-            self._changed.wait_for(lambda: self._stopping or (self._waiting is None and not self._busy))
+            self._again_wanted = True
+            self._changed.notify_all()
+
+    def forget(self) -> None:
+        """Drop what waits."""
+        with self._changed:
+            self._waiting, self._again_wanted = None, False
+
+    def drain(self, timeout: float | None = None) -> None:
+        """Wait until nothing waits and nothing is being worked on, or the time in seconds is over."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._stopping or not (self._busy or self._wanted()), timeout)
+
+    def _wanted(self) -> bool:
+        return self._waiting is not None or self._again_wanted
 
     def stop(self) -> None:
         """Let the job at hand end, drop what waits, and join the thread; may be called twice."""
@@ -54,12 +73,18 @@ class LatestWorker(Generic[Job]):
     def _run(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._stopping or self._waiting is not None)
+                self._changed.wait_for(lambda: self._stopping or self._wanted())
                 if self._stopping:
                     return
-                job, self._waiting, self._busy = self._waiting, None, True
-            if job is not None:
-                self._work(job)
+                # A job that begins now is done as it was asked for: nothing is left to be done again.
+                job, self._waiting, self._again_wanted, self._busy = self._waiting, None, False, True
+            try:
+                if job is not None:
+                    self._work(job)
+                else:
+                    self._again()
+            except Exception:  # noqa: BLE001 - the last resort: without this thread nothing is filtered
+                traceback.print_exc()
             with self._changed:
                 self._busy = False
                 self._changed.notify_all()
@@ -71,9 +96,9 @@ class QueueWorker(Generic[Job]):
     Every frame of a stack counts, so that they wait for each other; only where too many wait is one dropped.
 
     Args:
-        work: called with each job on the worker's thread; must not raise.
-        idle: called on the worker's thread whenever nothing came for `pause` seconds.
-        most: so many jobs may wait.
+        work: called with each job on the worker's thread.
+        idle: called on the worker's thread where nothing waits: after a job, and after each `pause` seconds.
+        most: so many jobs may wait, of those that may be refused.
         pause: seconds.
     """
 
@@ -81,24 +106,27 @@ class QueueWorker(Generic[Job]):
         self._work = work
         self._idle = idle
         self._pause = pause
-        self._jobs: queue.Queue[Job | None] = queue.Queue(most)
+        self._most = most
+        self._jobs: queue.Queue[Job | None] = queue.Queue()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='stack_worker')
         self._thread.start()
 
-    def put(self, job: Job) -> bool:
+    def put(self, job: Job) -> None:
+        """Hand over a job."""
+        self._jobs.put(job)
+
+    def put_if_room(self, job: Job) -> bool:
         """Hand over a job; False where too many wait, and it is dropped."""
-        try:
-            self._jobs.put_nowait(job)
-        except queue.Full:
+        if self._jobs.qsize() >= self._most:
             return False
+        self._jobs.put(job)
         return True
 
     def stop(self) -> None:
         """Let the job at hand end, drop what waits, and join the thread; may be called twice."""
         self._stopping.set()
-        with contextlib.suppress(queue.Full):
-            self._jobs.put_nowait(None)  # wakes the thread at once
+        self._jobs.put(None)  # wakes the thread at once
         self._thread.join()
 
     def _run(self) -> None:
@@ -106,7 +134,13 @@ class QueueWorker(Generic[Job]):
             try:
                 job = self._jobs.get(timeout=self._pause)
             except queue.Empty:
-                self._idle()
-                continue
-            if job is not None and not self._stopping.is_set():
-                self._work(job)
+                job = None
+            if self._stopping.is_set():
+                return
+            try:
+                if job is not None:
+                    self._work(job)
+                if self._jobs.empty():
+                    self._idle()
+            except Exception:  # noqa: BLE001 - the last resort: without this thread no frame is measured
+                traceback.print_exc()

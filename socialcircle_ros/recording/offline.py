@@ -85,7 +85,7 @@ def filter_recording(
     summary = Summary()
     with open_recording(source) as reader:
         cells = _cells(reader, topics, job, summary)
-        produced = {name for cell in cells for name in cell.results}
+        produced = {name for cell in cells for name in cell.replaced}
         summary.replaced = sorted(produced & reader.topics.keys())
         by_input = {name: cell for cell in cells for name in cell.inputs}
         with RecordingWriter(target, compression=compression, overwrite=overwrite, source=source) as writer:
@@ -159,6 +159,7 @@ class _Cell:
         self._assembler.configure(job.focus, job.stack)
         self._last_frame: Message | None = None
         self.inputs = {*self._clouds, *((self._frames, self._joints) if stack else ())}
+        self.replaced = {self._filtered, self._mask, self._measurement, self._repaired}
         self.results = {self._filtered: point_cloud.TYPE, self._measurement: diagnostics.TYPE}
         if job.output.mask:
             self.results[self._mask] = image.TYPE
@@ -166,6 +167,7 @@ class _Cell:
             self.results[self._repaired] = point_cloud.TYPE
         if stack:
             self.results |= {self._points: point_cloud.TYPE, self._image: image.TYPE}
+            self.replaced |= {self._points, self._image}
 
     def take(self, message: Message, writer: RecordingWriter) -> list[Cleaned]:
         """Take in a message of this cell; what was filtered because of it."""
@@ -234,9 +236,17 @@ def _cells(reader: RecordingReader, topics: tuple[str, ...], job: Job, summary: 
             f'{reader.path} has neither clouds ({point_cloud.TYPE}) nor frames (stack/image); it has:'
             f' {_listed(reader)}.'
         )
+        if name.rpartition('/')[2] in (FILTERED, REPAIRED):
+            raise RecordingError(f'{name} is a result of this filter; filter the clouds that it came from.')
     by_namespace: dict[str, list[str]] = {namespace: [] for namespace in stacks}
     for name in clouds:
         by_namespace.setdefault(name.rpartition('/')[0], []).append(name)
+    for names in by_namespace.values():
+        if len(names) > 1:
+            raise RecordingError(
+                f'{" and ".join(names)} are in one namespace, so that their results would mix; filter one'
+                ' at a time.'
+            )
     return [
         _Cell(namespace, names, namespace in stacks, job, summary) for namespace, names in by_namespace.items()
     ]

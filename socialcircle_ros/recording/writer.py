@@ -220,7 +220,7 @@ class RecordingWriter:
             return
         if not self._overwrite:
             raise RecordingError(
-                f'{self.path} exists already: give another name, or ask for it to be overwritten.'
+                f'{self.path} exists already: give another name, or ask for it to be overwritten (--overwrite).'
             )
         if self._is_file != self.path.is_file() or not (self._is_file or _is_only_a_recording(self.path)):
             raise RecordingError(

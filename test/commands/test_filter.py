@@ -65,6 +65,18 @@ def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, argum
     assert sorted(tmp_path.iterdir()) == before
 
 
+def test_a_recording_of_which_no_cloud_could_be_filtered_fails(run):
+    done = run('filter', BAGS / 'stack.mcap', '-o', 'x.mcap')
+    assert done.code == 1
+    assert 'stack.pitch_x is not set' in done.err
+
+
+def test_a_number_with_an_exponent_is_a_number(run):
+    done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.radius:=1e2')
+    assert done.code == 0, done.err
+    assert ' 0 of 153600' in done.out
+
+
 def test_a_recording_that_is_cut_off_is_filtered_up_to_there_with_a_warning(run, tmp_path):
     data = (BAGS / 'parts.mcap').read_bytes()
     (tmp_path / 'cut.mcap').write_bytes(data[: len(data) // 2])

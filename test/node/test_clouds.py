@@ -108,6 +108,7 @@ def with_whole_numbers():
 
 
 BAD = {
+    'a name that is no text': (cloud().replace(b'x\0', b'\xff\0', 1), "no field 'x'; its fields are: \\udcff"),
     'not organized': (broken(height=1, width=64 * 70), 'not organized: height 1'),
     'no z': (without_z(), "no field 'z'"),
     'integers': (with_whole_numbers(), "field 'x' is 1 × INT32"),

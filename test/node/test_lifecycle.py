@@ -140,6 +140,24 @@ def test_a_silent_publisher_is_reported(start_cell):
     cell.clean(cloud())
 
 
+def test_what_a_failed_activation_began_is_undone(start_cell):
+    cell = start_cell(active=False, parameters={'qos_overrides./odd.subscription.reliability': 'sometimes'},
+                      arguments=('-r', 'stack/image:=/odd'))  # fmt: skip
+    cell.wait_for_state('inactive')
+    found = cell.diagnosis(lambda found: 'on_activate failed' in found.status.message)
+    assert found.status.level == b'\2'
+    assert cell.clouds.get_subscription_count() == 0
+
+
+def test_a_signal_while_it_compiles_ends_it_without_waiting(tmp_path, monkeypatch, start_cell):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cold'))
+    cell = start_cell(active=False)
+    cell.wait_for(lambda: ('social_circle', cell.namespace) in cell.peer.get_node_names_and_namespaces())
+    cell.node_process.process.send_signal(signal.SIGTERM)
+    assert cell.node_process.process.wait(5) == 0
+    assert 'Traceback' not in cell.node_process.log.read_text()
+
+
 def test_a_bad_qos_override_is_told_and_leaves_the_node_unconfigured(start_cell):
     cell = start_cell(active=False, parameters={'qos_overrides./odd.publisher.reliability': 'sometimes'},
                       arguments=('-r', 'points_filtered:=/odd'))  # fmt: skip

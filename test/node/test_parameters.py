@@ -102,12 +102,33 @@ def test_what_is_saved_starts_a_node_with_the_same_parameters(start_cell, tmp_pa
     assert second.get('parameters_file') == str(path)
 
 
-def test_a_file_that_cannot_be_written_is_told(cell):
-    cell.set(parameters_file='/proc/nowhere/tuned.yaml')
+@pytest.mark.parametrize('path', ['/proc/nowhere/tuned.yaml', '~nobody_here/tuned.yaml', '.'])
+def test_a_file_that_cannot_be_written_is_told(cell, path):
+    cell.set(parameters_file=path)
     saved = cell.trigger('save_parameters')
     cell.set(parameters_file='')
     assert not saved.success
-    assert 'Cannot write /proc/nowhere' in saved.message
+    assert 'Cannot write ' in saved.message
+    assert cell.state() == 'active'
+
+
+def test_a_cloud_that_was_refused_for_a_setting_is_filtered_once_that_is_mended(cell):
+    cell.set(circle__vote_region=[900, 900, 60, 60])
+    cell.publish(cloud(stamp=7_000_000_000))
+    cell.diagnosis(lambda found: found.values['clouds_refused'] == '1')
+    cell.set(circle__vote_region=[0, 0, 0, 0])
+    _, _, measurement = cell.answer()
+    assert measurement.values['stamp'].startswith('7.')
+
+
+def test_a_change_that_concerns_no_cloud_publishes_none_again(cell):
+    cell.clean(cloud())
+    cell.set(silence=6.0)
+    cell.set(stack__frames=7)
+    cell.set(stack__frames=0, silence=5.0)
+    cell.forget()
+    cell.diagnosis(lambda found: found)
+    assert not any(cell.inbox[result] for result in RESULTS)
 
 
 def test_the_shipped_parameter_file_starts_the_node(start_cell, request):

@@ -123,6 +123,21 @@ def test_a_stack_ends_after_silence(microscope):
     assert scope.output('stack/points')
 
 
+def test_a_stack_ends_after_silence_though_the_stage_goes_on_reporting(microscope):
+    scope = microscope(**{'stack.timeout': '0.3', 'stack.z_source': 'joint_states'})
+    stage = JointState(name=['z'], position=[0.0])
+    scope.publishers['stack/joint_states'].publish(stage)
+    scope.scan()
+    stage.header.stamp.nanosec = 200_000_000
+    stage.position = [5e-5]
+
+    def report():
+        scope.publishers['stack/joint_states'].publish(stage)
+        return scope.outputs.get('stack/points')
+
+    assert scope.cell.wait_for(report)
+
+
 def test_a_preview_is_published_when_asked_for(microscope):
     scope = microscope(**{'stack.preview': '4'})
     scope.scan()

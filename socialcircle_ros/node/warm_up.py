@@ -1,0 +1,102 @@
+"""Compiling before the first cloud comes, on a thread that a signal need not wait for. No rclpy."""
+
+import threading
+from collections.abc import Callable
+
+import numpy as np
+
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import encode_image
+from socialcircle_ros.messages.point_cloud import encode_point_cloud
+from socialcircle_ros.pipeline import clean
+from socialcircle_ros.settings import CircleSettings, FocusSettings, OutputSettings, RepairSettings, StackSettings
+from socialcircle_ros.stacking import StackAssembler
+
+_LOOK = 0.05  # s between two looks whether somebody still waits
+
+
+class WarmUp:
+    """Compiles, or loads from the cache, what clouds and frames need: first the common, then the rare.
+
+    Compiling takes seconds on the very first start, and cannot be interrupted; so it has a thread of its own,
+    which the process may leave behind when it ends.
+    """
+
+    def __init__(self) -> None:
+        self._thread: threading.Thread | None = None
+        self._ready = threading.Event()
+        self._error: Exception | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether something is still being compiled."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def wait(self, wanted: Callable[[], bool]) -> bool:
+        """Begin, if that has not been done, and wait until the common is ready.
+
+        Args:
+            wanted: asked again and again; once it says no, nothing is waited for.
+
+        Returns:
+            Whether it is ready.
+
+        Raises:
+            SocialCircleError: something could not be compiled.
+        """
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name='warm_up', daemon=True)
+            self._thread.start()
+        while wanted():
+            if self._ready.wait(_LOOK):
+                if self._error is not None:
+                    raise SocialCircleError(f'The filter cannot be compiled: {self._error}')
+                return True
+        return False
+
+    def _run(self) -> None:
+        try:
+            _compile_common()
+        except Exception as error:  # noqa: BLE001 - told to whom waits
+            self._error = error
+        self._ready.set()
+        if self._error is None:
+            _compile_rare()
+
+
+def _compile_common() -> None:
+    """Clouds of both types under default settings, and a stack of 8 bits."""
+    for kind in (np.float32, np.float64):
+        clean(_cloud(kind))
+    _measure(np.uint8)
+
+
+def _compile_rare() -> None:
+    """What a setting or another camera asks for."""
+    for kind in (np.float32, np.float64):
+        clean(_cloud(kind), CircleSettings(window=5))
+        for method in ('biharmonic', 'spline'):
+            clean(_cloud(kind), None, OutputSettings(repaired=True), RepairSettings(method=method))
+    _measure(np.uint16)
+    pixels = np.frombuffer(bytes(48), np.uint8)  # read-only, as in a message
+    for blue_first in (False, True):
+        gray_of_colour(pixels.reshape(4, 4, 3), blue_first=blue_first)
+    gray_of_mosaic(pixels.reshape(6, 8))
+
+
+def _cloud(kind: type[np.floating]) -> bytes:
+    """A rough plane with a spike, so that there is something to remove and to repair."""
+    rows, columns = np.mgrid[:12, :10]
+    heights = (rows % 2).astype(float)
+    heights[6, 5] = 99.0
+    return encode_point_cloud(Header(), np.dstack([columns, rows, heights]).astype(kind))
+
+
+def _measure(kind: type[np.unsignedinteger]) -> None:
+    assembler = StackAssembler()
+    assembler.configure(FocusSettings(), StackSettings(pitch_x=1.0, z_step=1.0, frames=3))
+    texture = (np.indices((8, 6)).sum(axis=0) % 3).astype(kind)
+    for brightness in (1, 9, 2):
+        list(assembler.add_frame(encode_image(Header(), texture * kind(brightness))))
