@@ -11,6 +11,8 @@ from socialcircle_ros.errors import CloudError
 Cloud = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
+_ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+
 
 def organized(xyz: Any) -> Cloud:
     """Check that `xyz` is an organized cloud, and make it readable for the kernels.
@@ -36,14 +38,78 @@ def organized(xyz: Any) -> Cloud:
     return cloud  # type: ignore[no-any-return]
 
 
-@kernel
+def flattened(xyz: Cloud) -> tuple[Any, int, int]:
+    """The cloud as the kernels take it, so that each is compiled once for a data type, whatever the layout.
+
+    Args:
+        xyz: (H, W, 3), any strides.
+
+    Returns:
+        The values, (n,), contiguous and read-only, the row step and the point step, in values: x of the point
+        at (row, column) is `values[row * row_step + column * point_step]`, y and z follow it. A view where
+        x, y and z lie together and rows and columns ascend in memory, as they nearly always do, else a copy.
+    """
+    height, width, _ = xyz.shape
+    size = xyz.itemsize
+    memory: Any = xyz
+    row_bytes, point_bytes, coordinate_bytes = xyz.strides
+    ascending = xyz.size > 0 and row_bytes > 0 and point_bytes >= 3 * size and coordinate_bytes == size
+    if not ascending or row_bytes % size or point_bytes % size:
+        memory = np.array(xyz, order='C')
+        row_bytes, point_bytes = 3 * size * width, 3 * size
+    row_step, point_step = row_bytes // size, point_bytes // size
+    length = (height - 1) * row_step + (width - 1) * point_step + 3 if xyz.size else 0
+    values = np.lib.stride_tricks.as_strided(memory, (length,), (size,), writeable=False)
+    return values, row_step, point_step
+
+
 def measured_points(xyz: Cloud) -> Mask:
     """Mask (H, W) of the measured points: those whose x, y and z are all finite."""
-    height, width = xyz.shape[:2]
+    height, width, _ = xyz.shape
     measured = np.empty((height, width), np.bool_)
-    for row in range(height):
-        for column in range(width):
-            # 0 · finite is 0, 0 · Inf and 0 · NaN are NaN: one sum tests all three.
-            x, y, z = xyz[row, column, 0], xyz[row, column, 1], xyz[row, column, 2]
-            measured[row, column] = (x * 0 + y * 0) + z * 0 == 0
+    _measure(*flattened(xyz), np.empty((4, width + 2), xyz.dtype), measured)
     return measured
+
+
+@kernel
+def _measure(values: Any, row_step: int, point_step: int, line: Any, measured: Mask) -> None:
+    height, width = measured.shape
+    for row in range(height):
+        load_row(values, row * row_step, point_step, width, line)
+        x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
+        for column in range(width):
+            measured[row, column] = is_measured(x[column], y[column], z[column])
+
+
+@kernel
+def is_measured(x: Any, y: Any, z: Any) -> Any:
+    """Whether all three are finite: finite - finite is 0, Inf - Inf and NaN - NaN are NaN."""
+    return (x - x) + (y - y) + (z - z) == 0
+
+
+@kernel
+def load_row(values: Any, start: int, point_step: int, width: int, line: Any) -> None:
+    """Write x, y and z of one row of points into the first three of `line`, (4, ≥ W + 2), from index 1 on.
+
+    Loops over such lines are vectorised. So is this one, where the step is a constant and a point is read
+    whole: 0.4 ms instead of 1.9 ms for 1.2 million points of 4 values, of which the fourth is of no use.
+    Unsigned indices spare the test for indices from the end, which would forbid it.
+    """
+    x, y, z, spare = line[0, 1:], line[1, 1:], line[2, 1:], line[3, 1:]
+    at = np.uint64(start)
+    done = 0
+    if point_step == 3:
+        for column in range(width):
+            i = at + _THREE * np.uint64(column)
+            x[column], y[column], z[column] = values[i], values[i + _ONE], values[i + _TWO]
+        done = width
+    elif point_step == 4:
+        # Behind the last point of a cloud there may be no fourth value.
+        for column in range(width - 1):
+            i = at + _FOUR * np.uint64(column)
+            x[column], y[column], z[column] = values[i], values[i + _ONE], values[i + _TWO]
+            spare[column] = values[i + _THREE]
+        done = width - 1
+    for column in range(done, width):
+        i = at + np.uint64(point_step) * np.uint64(column)
+        x[column], y[column], z[column] = values[i], values[i + _ONE], values[i + _TWO]
