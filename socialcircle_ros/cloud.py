@@ -66,17 +66,25 @@ def flattened(xyz: Cloud) -> tuple[Any, int, int]:
 def measured_points(xyz: Cloud) -> Mask:
     """Mask (H, W) of the measured points: those whose x, y and z are all finite."""
     height, width, _ = xyz.shape
-    return _measured_points(*flattened(xyz), height, width)
+    measured = np.empty((height, width), np.bool_)
+    _measure(*flattened(xyz), np.empty((4, width + 2), xyz.dtype), measured)
+    return measured
 
 
 @kernel
-def _measured_points(values: Any, row_step: int, point_step: int, height: int, width: int) -> Mask:
-    measured = np.empty((height, width), np.bool_)
-    line = np.empty((4, width + 2), values.dtype)
+def _measure(values: Any, row_step: int, point_step: int, line: Any, measured: Mask) -> None:
+    height, width = measured.shape
     for row in range(height):
         load_row(values, row * row_step, point_step, width, line)
-        measured_in_row(line, measured[row])
-    return measured
+        x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
+        for column in range(width):
+            measured[row, column] = is_measured(x[column], y[column], z[column])
+
+
+@kernel
+def is_measured(x: Any, y: Any, z: Any) -> Any:
+    """Whether all three are finite: finite - finite is 0, Inf - Inf and NaN - NaN are NaN."""
+    return (x - x) + (y - y) + (z - z) == 0
 
 
 @kernel
@@ -105,12 +113,3 @@ def load_row(values: Any, start: int, point_step: int, width: int, line: Any) ->
     for column in range(done, width):
         i = at + np.uint64(point_step) * np.uint64(column)
         x[column], y[column], z[column] = values[i], values[i + _ONE], values[i + _TWO]
-
-
-@kernel
-def measured_in_row(line: Any, measured: Any) -> None:
-    """Write which of the loaded points are measured, (n,)."""
-    x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
-    for column in range(len(measured)):
-        # finite - finite is 0, Inf - Inf and NaN - NaN are NaN: one sum tests all three.
-        measured[column] = (x[column] - x[column]) + (y[column] - y[column]) + (z[column] - z[column]) == 0

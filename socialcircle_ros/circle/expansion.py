@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask, flattened, load_row, measured_points
+from socialcircle_ros.cloud import Cloud, Mask, flattened, is_measured, load_row, measured_points
 from socialcircle_ros.compiled import kernel
 
 _ZERO, _ONE, _LAST = np.uint64(0), np.uint64(1), np.uint64(63)
@@ -36,10 +36,16 @@ def divide(xyz: Cloud, seed: tuple[int, int], limit: Any, window: int) -> tuple[
     values, row_step, point_step = flattened(xyz)
     limit = xyz.dtype.type(limit)
     if window > 3:
-        members = _grow_in_order(values, row_step, point_step, height, width, seed[0], seed[1], limit, window // 2)
+        members, queue = np.zeros((height, width), np.bool_), np.empty((height * width, 2), np.int32)
+        _grow_in_order(values, row_step, point_step, seed[0], seed[1], limit, window // 2, members, queue)
         return members, measured_points(xyz) & ~members
-    links = _links(values, row_step, point_step, height, width, limit)
-    joined = _grow(links, seed[0], seed[1])
+    words = (width + _WORD - 1) // _WORD
+    links = np.zeros((5, height, words + 2), np.uint64)
+    rows = np.full((3, 4, words * _WORD + 2), np.nan, xyz.dtype)  # round the cloud nothing is measured
+    _link(values, row_step, point_step, width, limit, rows, links)
+    joined, reached = np.zeros((height, words + 2), np.uint64), np.empty(words + 2, np.uint64)
+    first, last = np.full((2, height), words + 2), np.full((2, height), -1)
+    _grow(links, seed[0], seed[1], joined, first, last, reached)
     return _mask(joined, width), _mask(links[_MEASURED] & ~joined, width)
 
 
@@ -55,30 +61,26 @@ def _mask(words: npt.NDArray[np.uint64], width: int) -> Mask:
 
 
 @kernel
-def _links(values: Any, row_step: int, point_step: int, height: int, width: int, limit: Any) -> Any:
-    """Which neighbours are less than R apart, (5, H, words + 2): four planes of links and the measured points.
+def _link(values: Any, row_step: int, point_step: int, width: int, limit: Any, rows: Any, links: Any) -> None:
+    """Write which neighbours are less than R apart, and which points are measured, to `links`, (5, H, words + 2).
 
     Bit i of word w + 1 belongs to column 64 w + i. A NaN or an infinite distance is never below the limit, so
-    that points that are not measured, and those outside the cloud, have no links.
+    that points that are not measured, and those outside the cloud, have no links. `rows`, (3, 4, 64 words + 2),
+    comes full of NaN: the two rows at hand, and that below the last one.
     """
-    words = (width + _WORD - 1) // _WORD
-    planes = np.zeros((5, height, words + 2), np.uint64)
-    rows = np.full((2, 4, words * _WORD + 2), np.nan, values.dtype)  # round the cloud nothing is measured
+    _, height, words = links.shape
     load_row(values, 0, point_step, width, rows[0])
     for row in range(height):
-        this, below = rows[row % 2], rows[(row + 1) % 2]
+        this, below = rows[row % 2], rows[2 if row + 1 == height else (row + 1) % 2]
         if row + 1 < height:
             load_row(values, (row + 1) * row_step, point_step, width, below)
-        else:
-            below[:] = np.nan
-        for word in range(words):
-            _links_of_word(this, below, limit, planes, row, word)
-    return planes
+        for word in range(words - 2):
+            _links_of_word(this, below, limit, links, row, word)
 
 
 @kernel
-def _links_of_word(this: Any, below: Any, limit: Any, planes: Any, row: int, word: int) -> None:
-    """`_links` of 64 points, from them and the row below."""
+def _links_of_word(this: Any, below: Any, limit: Any, links: Any, row: int, word: int) -> None:
+    """`_link` of 64 points, from them and the row below."""
     x, y, z = this[0], this[1], this[2]
     u, v, w = below[0], below[1], below[2]
     east = south = south_east = south_west = measured = _ZERO
@@ -90,12 +92,12 @@ def _links_of_word(this: Any, below: Any, limit: Any, planes: Any, row: int, wor
         south |= np.uint64(_near(x[c], y[c], z[c], u[c], v[c], w[c], limit)) << bit
         south_east |= np.uint64(_near(x[c], y[c], z[c], u[b], v[b], w[b], limit)) << bit
         south_west |= np.uint64(_near(x[c], y[c], z[c], u[a], v[a], w[a], limit)) << bit
-        measured |= np.uint64((x[c] - x[c]) + (y[c] - y[c]) + (z[c] - z[c]) == 0) << bit
-    planes[_EAST, row, word + 1] = east
-    planes[_SOUTH, row, word + 1] = south
-    planes[_SOUTH_EAST, row, word + 1] = south_east
-    planes[_SOUTH_WEST, row, word + 1] = south_west
-    planes[_MEASURED, row, word + 1] = measured
+        measured |= np.uint64(is_measured(x[c], y[c], z[c])) << bit
+    links[_EAST, row, word + 1] = east
+    links[_SOUTH, row, word + 1] = south
+    links[_SOUTH_EAST, row, word + 1] = south_east
+    links[_SOUTH_WEST, row, word + 1] = south_west
+    links[_MEASURED, row, word + 1] = measured
 
 
 @kernel
@@ -106,18 +108,16 @@ def _near(x: Any, y: Any, z: Any, u: Any, v: Any, w: Any, limit: Any) -> Any:
 
 
 @kernel
-def _grow(links: Any, seed_row: int, seed_column: int) -> Any:
-    """The points that links join to the seed, as a plane of bits, (H, words + 2).
+def _grow(links: Any, seed_row: int, seed_column: int, joined: Any, first: Any, last: Any, reached: Any) -> None:
+    """Write the points that links join to the seed to `joined`, (H, words + 2), a plane of bits that comes empty.
 
     Sweeps down and up the grid: each row hands the points that joined on to the next one, which fills along
-    its own links. `first` and `last` tell between which words a row has points that it has not yet handed
-    down [0] or up [1]. Two or three sweeps reach nearly all of a surface; the others look only at the words
-    where something still moves, so that a maze costs little more than a plain.
+    its own links. `first` and `last`, (2, H), tell between which words a row has points that it has not yet handed
+    down [0] or up [1]; they come as words + 2 and -1: none. Two or three sweeps reach nearly all of a surface; the
+    others look only at the words where something still moves, so that a maze costs little more than a plain.
+    `reached`, (words + 2,), is for work.
     """
     _, height, words = links.shape
-    joined = np.zeros((height, words), np.uint64)
-    first, last = np.full((2, height), words), np.full((2, height), -1)
-    reached = np.zeros(words, np.uint64)
     word = seed_column // _WORD + 1
     reached[word] = _ONE << np.uint64(seed_column % _WORD)
     _join(links[_EAST, seed_row], reached, word, word, joined[seed_row], first[:, seed_row], last[:, seed_row])
@@ -139,7 +139,6 @@ def _grow(links: Any, seed_row: int, seed_column: int) -> Any:
                     to = row - 1
                     _reach_up(links[:, to], joined[row], left, right, reached)
                 _join(links[_EAST, to], reached, left, right, joined[to], first[:, to], last[:, to])
-    return joined
 
 
 @kernel
@@ -194,7 +193,7 @@ def _join(east: Any, reached: Any, left: int, right: int, joined: Any, first: An
         if new:
             joined[w] = _filled(joined[w] | new, east[w])
             _widen(first, last, w)
-        elif w <= left:
+        elif w < left:
             break
 
 
@@ -232,24 +231,23 @@ def _grow_in_order(
     values: Any,
     row_step: int,
     point_step: int,
-    height: int,
-    width: int,
     seed_row: int,
     seed_column: int,
     limit: Any,
     k: int,
-) -> Mask:
-    """Who joins with a window of 2k+1 points a side, (H, W).
+    joined: Any,
+    queue: Any,
+) -> None:
+    """Write who joins with a window of 2k+1 points a side to `joined`, (H, W), which comes empty.
 
-    V1 and V2 of the paper, each emptied in the order in which it was filled, are together one queue.
+    V1 and V2 of the paper, each emptied in the order in which it was filled, are together one `queue`, (H · W, 2).
     """
-    joined = np.zeros((height, width), np.bool_)
-    queue = np.empty((height * width, 2), np.int32)
+    height, width = joined.shape
     joined[seed_row, seed_column] = True
-    queue[0] = seed_row, seed_column
+    queue[0, 0], queue[0, 1] = seed_row, seed_column
     first, last = 0, 1
     while first < last:
-        row, column = queue[first]
+        row, column = queue[first, 0], queue[first, 1]
         first += 1
         p = row * row_step + column * point_step
         for r in range(max(row - k, 0), min(row + k + 1, height)):
@@ -260,6 +258,5 @@ def _grow_in_order(
                 if _near(values[p], values[p + 1], values[p + 2], values[q], values[q + 1], values[q + 2], limit):
                     joined[r, c] = True
                     if max(abs(r - row), abs(c - column)) == k:
-                        queue[last] = r, c
+                        queue[last, 0], queue[last, 1] = r, c
                         last += 1
-    return joined

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, flattened, load_row, measured_in_row, measured_points
+from socialcircle_ros.cloud import Cloud, flattened, is_measured, load_row, measured_points
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import NoSeedError
 
@@ -20,6 +20,13 @@ CANDIDATES = 64
 """So many candidates are compared for their roughness, so that the choice costs the same for any cloud."""
 
 _PEAK = 1 / math.sqrt(2 * math.pi)
+_ERROR = 1.5e-6  # of a float32 distance between points of a cloud that reaches from -1 to 1
+_LEAF = 32  # most points of a leaf of the k-d tree
+_FEW = 12  # so many ranks to each side a value is sought one by one
+_LANES = 32
+_ZERO, _ONE, _TOP = np.uint64(0), np.uint64(1), np.uint64(58)
+_DE_BRUIJN = np.uint64(0x03F79D71B4CB0A89)  # shifted by i, its top six bits tell i: the place of a lone bit
+_PLACE = np.argsort([(0x03F79D71B4CB0A89 << i & 0xFFFFFFFFFFFFFFFF) >> 58 for i in range(64)])
 
 
 def elect_seed(xyz: Cloud, region: Region | None) -> tuple[int, int]:
@@ -45,7 +52,8 @@ def elect_seed(xyz: Cloud, region: Region | None) -> tuple[int, int]:
             ' zeros to have it chosen.'
         )
     mu = _medians(x, y, z)
-    contenders = _contenders(x, y, z, mu)
+    estimates, margin = _estimates(x, y, z, mu)
+    contenders = np.flatnonzero(estimates >= estimates.max() - margin)
     winner = contenders[np.argmax(_scores(x, y, z, mu, contenders))]
     row, column = divmod(int(places[winner]), square.shape[1])
     return top + row, left + column
@@ -77,41 +85,267 @@ def _voters(xyz: Cloud) -> tuple[Any, Any, Any, Any]:
     return np.flatnonzero(measured), x, y, z
 
 
-@kernel
 def _medians(x: Any, y: Any, z: Any) -> Any:
-    """mu_p (eq. 5) of each point p, (n,).
+    """mu_p (eq. 5) of each point p, (n,), exactly as sorting all distances gives it.
 
-    Squares have the same order as their roots: the median is found among the squared distances, and only
-    its one or two members are rooted. Neighbours have nearly the same median, so that it is sought first
-    among the distances close to that of the point before: about a tenth of them.
+    Squares have the same order as their roots: the median is sought among the squared distances, and only its
+    one or two members are rooted. Its radius is nearly that of the point before, a neighbour, so that only
+    points near a sphere have to be looked at one by one. The others are counted by whole leaves of a k-d tree,
+    whose boxes lie within or beyond that sphere. Where the guess was wrong, counts show it, and it is widened.
+
+    All this is done in float32, with the region's half extent as the unit, which is twice as fast. A box bounds
+    its points' distances to the last bit, because both are computed alike, and rounding never changes an order.
+    A float32 distance is off the float64 one by less than `_ERROR`: rounded coordinates (at most 1) and their
+    rounded differences (at most 2) make 5e-7 in space, squares, sums and thresholds another 6e-7. So the median
+    of the ones is not farther off the median of the others, and who is more than twice that from the first is on
+    the same side of the second. The dozen that are not are looked at in float64.
     """
     n = len(x)
     mu = np.zeros(n)
-    squared, near = np.empty(n), np.empty(n)
+    if n < 2:
+        return mu
+    xyz = np.stack((x, y, z))
+    ends = np.stack((xyz.min(axis=1), xyz.max(axis=1))) / 2
+    extent, error = float((ends[1] - ends[0]).max()), _ERROR
+    if not 1e-100 < extent < 1e100:  # float64 squares lose digits there: every point is looked at
+        extent, error = math.inf, math.inf
+    order, starts = np.arange(n), np.empty(n + 1, np.int64)
+    leaves = _plant(x, y, z, order, starts, np.empty((n + 1, 2), np.int64))
+    starts, sizes = starts[:leaves], np.diff(starts[: leaves + 1])
+    unit = ((xyz[:, order] - ends.sum(axis=0)[:, None]) / extent).astype(np.float32)
+    points = np.full((3, leaves * _LEAF), np.nan, np.float32)  # what is no point is nowhere
+    points[:, np.arange(n) + (np.arange(leaves) * _LEAF - starts).repeat(sizes)] = unit
+    boxes = np.concatenate((np.minimum.reduceat(unit, starts, axis=1), np.maximum.reduceat(unit, starts, axis=1)))
+    work = (
+        np.empty((8, leaves), np.float32),
+        np.empty((3, leaves), np.int64),
+        np.empty(leaves * _LEAF + 64, np.float32),
+    )
+    _find_medians(x, y, z, order, starts, sizes, points, boxes, extent, error, *work, np.empty(n), mu)
+    return mu
+
+
+@kernel
+def _find_medians(
+    x: Any,
+    y: Any,
+    z: Any,
+    order: Any,
+    starts: Any,
+    sizes: Any,
+    points: Any,
+    boxes: Any,
+    extent: float,
+    error: float,
+    bounds: Any,
+    names: Any,
+    squared: Any,
+    distances: Any,
+    mu: Any,
+) -> None:
+    """The loop of `_medians`: of n points `order`ed into L leaves with `starts` and `sizes`, (L,), all to `mu`.
+
+    Float32: `points` (3, 32 L) and `boxes` (6, L). For work: `bounds` (8, L), `names` (3, L), `squared`
+    (32 L + 64,) and `distances` (n,).
+    """
+    n, leaves = len(x), len(starts)
     upper_rank = (n - 1) // 2 + 1  # behind p itself, whose distance 0 comes first
     lower_rank = upper_rank - (n % 2)
-    upper = 0.0
-    for p in range(n if n > 1 else 0):
-        for q in range(n):
-            dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-            squared[q] = (dx * dx + dy * dy) + dz * dz
-        low, high = 0.9 * upper, 1.1 * upper
-        below, count = 0, 0
-        for q in range(n):
-            below += squared[q] < low
-            near[count] = squared[q]
-            count += (squared[q] >= low) & (squared[q] <= high)
-        if below <= lower_rank and upper_rank < below + count:
-            candidates, skipped = near[:count], below
+    # For the leaf at hand, the leaves that are neither within nor beyond the spheres of all of its points.
+    near, near_sizes, looked_at = names[0], names[1], names[2]
+    near_boxes, least, most = bounds[:6], bounds[6], bounds[7]
+    radius = math.inf
+    px, py, pz = points[0, 0], points[1, 0], points[2, 0]
+    for leaf in range(leaves):
+        box = boxes[0, leaf], boxes[1, leaf], boxes[2, leaf], boxes[3, leaf], boxes[4, leaf], boxes[5, leaf]
+        half = math.sqrt((box[3] - box[0]) ** 2 + (box[4] - box[1]) ** 2 + (box[5] - box[2]) ** 2) / 2
+        within, beyond, inside, count = math.inf, -math.inf, 0, 0
+        for i in range(sizes[leaf]):
+            p, place = order[starts[leaf] + i], leaf * _LEAF + i
+            dx, dy, dz = points[0, place] - px, points[1, place] - py, points[2, place] - pz
+            px, py, pz = points[0, place], points[1, place], points[2, place]
+            reach = 0.8 * math.sqrt(dx * dx + dy * dy + dz * dz) + error
+            while True:
+                inner, outer = radius - reach, radius + reach
+                if radius == math.inf:
+                    inner = -math.inf
+                if inner < within or outer > beyond:
+                    within, beyond = inner - half, outer + half
+                    _bound(boxes, leaves, box, least, most)
+                    low, high = _square(within - 3 * error), _square(beyond + 3 * error)
+                    inside, count = _choose(least, most, sizes, leaves, low, high, near)
+                    for j in range(count):
+                        near_sizes[j] = sizes[near[j]]
+                        for end in range(6):
+                            near_boxes[end, j] = boxes[end, near[j]]
+                _bound(near_boxes, count, (px, py, pz, px, py, pz), least, most)
+                low, high = _square(inner - 3 * error), _square(outer + 3 * error)
+                below, m = _choose(least, most, near_sizes, count, low, high, looked_at)
+                below += inside
+                for j in range(m):
+                    looked_at[j] = near[looked_at[j]]
+                    _distances(points, looked_at[j], px, py, pz, squared, j)
+                values, low, high = squared[: m * _LEAF], _square(inner), _square(outer)
+                under, upto = _counts(values, low, high)
+                if below + under <= lower_rank and upper_rank < below + upto:
+                    break
+                reach *= 3
+                if not reach < 4 * radius:
+                    radius = math.inf
+            low, high = _narrowed(values, low, high, under, upto, lower_rank - below, upper_rank - below)
+            low, high = _square(math.sqrt(low) - 2 * error), _square(math.sqrt(high) + 2 * error)
+            below += _counts(values, low, high)[0]
+            for j in range(m * _LEAF, m * _LEAF + 64):  # the last 64 may reach there
+                squared[j] = np.nan
+            candidates = 0
+            for first in range(0, m * _LEAF, 64):
+                between = _between(squared, first, low, high)
+                while between:
+                    lowest = between & (~between + _ONE)
+                    between ^= lowest
+                    at = first + _PLACE[(lowest * _DE_BRUIJN) >> _TOP]
+                    q = order[starts[looked_at[at // _LEAF]] + at % _LEAF]
+                    ex, ey, ez = x[q] - x[p], y[q] - y[p], z[q] - z[p]
+                    distances[candidates] = (ex * ex + ey * ey) + ez * ez
+                    candidates += 1
+            found = distances[:candidates]
+            upper = select(found, upper_rank - below)
+            if lower_rank == upper_rank:
+                mu[p] = math.sqrt(upper)
+            else:
+                mu[p] = (math.sqrt(found[: upper_rank - below].max()) + math.sqrt(upper)) / 2
+            radius = math.sqrt(upper) / extent
+
+
+@kernel
+def _plant(x: Any, y: Any, z: Any, order: Any, starts: Any, boxes: Any) -> int:
+    """Bring the `order` of the points, (n,), into that of a k-d tree; write where its leaves start; how many.
+
+    A box is cut at the middle of its longest side, so that far points are soon alone, until it has no more than
+    `_LEAF` points. `boxes`, (n + 1, 2), is for work: those still to be cut.
+    """
+    boxes[0, 0], boxes[0, 1] = 0, len(x)
+    waiting, leaves = 1, 0
+    while waiting:
+        waiting -= 1
+        first, last = boxes[waiting, 0], boxes[waiting, 1]
+        if last - first <= _LEAF:
+            starts[leaves] = first
+            leaves += 1
+            continue
+        side, line, middle = -1.0, x, 0.0
+        for axis in range(3):
+            values = x if axis == 0 else y if axis == 1 else z
+            low, high = math.inf, -math.inf
+            for i in range(first, last):
+                low, high = min(low, values[order[i]]), max(high, values[order[i]])
+            if high / 2 - low / 2 > side:
+                side, line, middle = high / 2 - low / 2, values, high / 2 + low / 2
+        cut = first
+        for i in range(first, last):
+            if line[order[i]] < middle:
+                order[i], order[cut] = order[cut], order[i]
+                cut += 1
+        if not first < cut < last:  # all at one place
+            cut = (first + last) // 2
+        boxes[waiting, 0], boxes[waiting, 1] = cut, last
+        boxes[waiting + 1, 0], boxes[waiting + 1, 1] = first, cut
+        waiting += 2
+    starts[leaves] = len(x)
+    return leaves
+
+
+@kernel
+def _square(radius: float) -> Any:
+    """The square of a radius as a threshold of float32 distances; nothing is within a negative radius."""
+    return np.float32(radius * radius) if radius > 0 else np.float32(0)
+
+
+@kernel
+def _bound(boxes: Any, count: int, box: Any, least: Any, most: Any) -> None:
+    """Write the least and the most squared distance that points in each of the `boxes` can have from `box`."""
+    x0, y0, z0, x1, y1, z1 = boxes[0], boxes[1], boxes[2], boxes[3], boxes[4], boxes[5]
+    a0, b0, c0, a1, b1, c1 = box
+    none = np.float32(0)
+    for i in range(count):
+        dx, dy, dz = max(x0[i] - a1, a0 - x1[i]), max(y0[i] - b1, b0 - y1[i]), max(z0[i] - c1, c0 - z1[i])
+        dx, dy, dz = max(dx, none), max(dy, none), max(dz, none)
+        least[i] = (dx * dx + dy * dy) + dz * dz
+    for i in range(count):
+        dx, dy, dz = max(x1[i] - a0, a1 - x0[i]), max(y1[i] - b0, b1 - y0[i]), max(z1[i] - c0, c1 - z0[i])
+        most[i] = (dx * dx + dy * dy) + dz * dz
+
+
+@kernel
+def _choose(least: Any, most: Any, sizes: Any, count: int, low: Any, high: Any, chosen: Any) -> tuple[int, int]:
+    """Write which leaves may have distances from low to high.
+
+    Returns how many points the leaves below have, and how many leaves it wrote.
+    """
+    below, m = 0, 0
+    for i in range(count):
+        below += sizes[i] * (most[i] < low)
+        chosen[m] = i
+        m += (most[i] >= low) & (least[i] <= high)
+    return below, m
+
+
+@kernel
+def _distances(points: Any, leaf: int, px: Any, py: Any, pz: Any, squared: Any, place: int) -> None:
+    """Write the squared distances of a leaf's points from p as the leaf at `place`."""
+    x, y, z = points[0], points[1], points[2]
+    start, to = np.uint64(leaf * _LEAF), np.uint64(place * _LEAF)
+    for i in range(_LEAF):
+        q = start + np.uint64(i)
+        dx, dy, dz = x[q] - px, y[q] - py, z[q] - pz
+        squared[to + np.uint64(i)] = (dx * dx + dy * dy) + dz * dz
+
+
+@kernel
+def _counts(values: Any, low: Any, high: Any) -> tuple[int, int]:
+    """How many values are below `low`, and how many are not above `high`."""
+    under, upto = 0, 0
+    for i in range(len(values)):  # by index: a loop over the values themselves is not vectorised
+        under += values[i] < low
+        upto += values[i] <= high
+    return under, upto
+
+
+@kernel
+def _between(values: Any, first: int, low: Any, high: Any) -> Any:
+    """Which of 64 values are from low to high, as the bits of a word: this is vectorised, picking them is not."""
+    bits = _ZERO
+    for i in range(64):
+        value = values[np.uint64(first) + np.uint64(i)]
+        bits |= np.uint64((value >= low) & (value <= high)) << np.uint64(i)
+    return bits
+
+
+@kernel
+def _narrowed(
+    values: Any, low: Any, high: Any, under: int, upto: int, lower_rank: int, upper_rank: int
+) -> tuple[Any, Any]:
+    """Narrower bounds between which the values at both ranks lie; `under` and `upto` are the counts at the first.
+
+    Squared distances from a point on a surface are spread evenly, so that a rank tells the value within a few.
+    """
+    for _ in range(8):
+        if upto - under <= 2 * _FEW or high == math.inf:
+            break
+        per_rank = (high - low) / (upto - under)
+        middle = low + (upper_rank - under) * per_rank
+        new_low = max(np.float32(middle - _FEW * per_rank), low)
+        new_high = min(np.float32(middle + _FEW * per_rank), high)
+        new_under, new_upto = _counts(values, new_low, new_high)
+        if new_under <= lower_rank and upper_rank < new_upto:
+            low, high, under, upto = new_low, new_high, new_under, new_upto
+        elif upper_rank < new_under:
+            high, upto = new_low, new_under
+        elif new_upto <= lower_rank:
+            low, under = new_high, new_upto
         else:
-            candidates, skipped = squared, 0
-        upper = select(candidates, upper_rank - skipped)
-        if lower_rank == upper_rank:
-            mu[p] = math.sqrt(upper)
-        else:
-            lower = candidates[: upper_rank - skipped].max()
-            mu[p] = (math.sqrt(lower) + math.sqrt(upper)) / 2
-    return mu
+            break
+    return low, high
 
 
 @kernel
@@ -140,35 +374,79 @@ def _vote(distance: float, mu: float) -> float:
 
 
 @kernel
-def _contenders(x: Any, y: Any, z: Any, mu: Any) -> Any:
-    """The points that can have the highest score, in row order.
+def _estimates(x: Any, y: Any, z: Any, mu: Any) -> tuple[Any, float]:
+    """Estimates of those scores that may be the highest, (n,), and how far below the highest a winner can be.
 
-    All scores are estimated, each vote with an error below 1e-7: exp(-t) = exp(-t/16)^16, the inner one by
-    six terms of its series, whose error t⁷/(16⁶ 7!) e^-t is at most 9e-9; such a loop is vectorised, exp is
-    not. Whose estimate lies further below the best than both errors cannot win, and the few that remain
-    are counted exactly. (Each point's vote for itself adds the same to all. Votes are estimated without
-    their common factor.)
+    All others are -Inf. Few scores are estimated, and bound the others: the votes of p are a Gaussian bell over
+    space, whose second derivative is at most 2 e^(-3/2) / mu_p² in any direction. So with the estimate M(q), its
+    gradient g, and C = e^(-3/2) Σ 1 / mu_p², a point at q + d has a score of at most M(q) + g·d + C |d|². The
+    point with the highest bound is asked next, until no bound reaches the best estimate: for points on a surface
+    after some fifty, however many there are.
+
+    Estimates have errors: exp(-t) = exp(-t/16)^16, the inner one by six terms of its series, is wrong by less than
+    1e-7 (t⁷ / (16⁶ 7!) e^-t is at most 9e-9), and 0 beyond t = 32. The gradient is then wrong by less than
+    8e-7 Σ 1 / mu_p, which times |d| is below 4e-7 Σ (1 + |d|² / mu_p²): C is enlarged by more than that.
+    A point whose mu_p is 0 or beyond all measure has no such bell, and counts as one that may vote for anybody.
+    Each point's vote for itself adds the same to all. Votes are estimated without their common factor.
     """
     n = len(x)
-    estimates = np.zeros(n)
+    voters = np.empty((4, n))  # x, y, z and 1 / mu² of those with a bell
+    bells, total = 0, 0.0
     for p in range(n):
-        spread = 32 * mu[p] * mu[p]
-        if not 1e-200 < spread < 1e200:
-            for q in range(n):
-                dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-                estimates[q] += _vote(math.sqrt((dx * dx + dy * dy) + dz * dz), mu[p]) / _PEAK
-            continue
-        scale = 1 / spread
-        for q in range(n):
-            dx, dy, dz = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-            t = ((dx * dx + dy * dy) + dz * dz) * scale
-            t = t if t < 2 else 2.0  # e^-32 is nothing
+        if 1e-100 < mu[p] < 1e100:
+            voters[0, bells], voters[1, bells], voters[2, bells] = x[p], y[p], z[p]
+            voters[3, bells] = 1 / (mu[p] * mu[p])
+            total += voters[3, bells]
+            bells += 1
+    curvature = 0.224 * total  # e^-1.5 = 0.22313
+    margin = 4e-6 * n + (n - bells)
+    bounds, estimates = np.full(n, np.inf), np.full(n, -np.inf)
+    best = -math.inf
+    for _ in range(n):
+        q = np.argmax(bounds)
+        if bounds[q] < best - margin:
+            break
+        estimate, gx, gy, gz = _estimate(voters, bells, x[q], y[q], z[q])
+        estimates[q] = estimate
+        best = max(best, estimate)
+        for i in range(n):
+            dx, dy, dz = x[i] - x[q], y[i] - y[q], z[i] - z[q]
+            bound = estimate + (gx * dx + gy * dy + gz * dz) + curvature * ((dx * dx + dy * dy) + dz * dz)
+            bounds[i] = min(bounds[i], bound)  # as it was where the bound is NaN
+        bounds[q] = -math.inf
+    return estimates, margin
+
+
+@kernel
+def _estimate(voters: Any, count: int, qx: float, qy: float, qz: float) -> tuple[float, float, float, float]:
+    """The sum of the voters' votes for the place q, and its gradient.
+
+    Each vote is added to one of several sums: such a loop is vectorised, a single sum is not.
+    """
+    x, y, z, sharpness = voters[0], voters[1], voters[2], voters[3]
+    sums = np.zeros((4, _LANES))
+    for start in range(0, count, _LANES):
+        for lane in range(min(_LANES, count - start)):
+            p = np.uint64(start) + np.uint64(lane)
+            dx, dy, dz = x[p] - qx, y[p] - qy, z[p] - qz
+            t = ((dx * dx + dy * dy) + dz * dz) * sharpness[p] / 32
             series = 1 - t * (1 - t / 2 * (1 - t / 3 * (1 - t / 4 * (1 - t / 5 * (1 - t / 6)))))
             series *= series
             series *= series
             series *= series
-            estimates[q] += series * series
-    return np.flatnonzero(estimates >= estimates.max() - 2e-7 * n)
+            vote = series * series if t < 2 else 0.0
+            pull = vote * sharpness[p] if t < 2 else 0.0
+            sums[0, lane] += vote
+            sums[1, lane] += pull * dx
+            sums[2, lane] += pull * dy
+            sums[3, lane] += pull * dz
+    estimate, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
+    for lane in range(_LANES):
+        estimate += sums[0, lane]
+        gx += sums[1, lane]
+        gy += sums[2, lane]
+        gz += sums[3, lane]
+    return estimate, gx, gy, gz
 
 
 @kernel
@@ -220,14 +498,25 @@ def choose_region(xyz: Cloud) -> Region:
     rows = _starts(xyz.shape[0], height)
     columns = _starts(xyz.shape[1], width)
     values, row_step, point_step = flattened(xyz)
-    counts = _measured_in(values, row_step, point_step, xyz.shape[1], rows, columns, height, width)
+    of_columns = np.zeros((len(rows), xyz.shape[1]), np.uint8)  # a side has fewer than 256 points
+    line = np.empty((4, xyz.shape[1] + 2), xyz.dtype)
+    _measured_in(values, row_step, point_step, rows, height, line, of_columns)
+    sums = np.pad(of_columns.cumsum(axis=1, dtype=np.int64), ((0, 0), (1, 0)))
+    counts = (sums[:, columns + width] - sums[:, columns]).ravel()
     if counts.max() == 0:
         raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
     kept = np.flatnonzero(counts >= 0.95 * counts.max())
     if len(kept) > CANDIDATES:
         kept = kept[np.arange(CANDIDATES) * len(kept) // CANDIDATES]
     tops, lefts = rows[kept // len(columns)], columns[kept % len(columns)]
-    best = _smoothest(values, row_step, point_step, tops, lefts, height, width)
+    differences = np.full((2, height, width), np.nan)  # along rows, along columns; the ends have none
+    work = (
+        np.empty((4, width + 2), xyz.dtype),
+        np.empty((height, width)),
+        differences,
+        np.empty(2 * height * width),
+    )
+    best = _smoothest(values, row_step, point_step, tops, lefts, *work)
     return int(tops[best]), int(lefts[best]), height, width
 
 
@@ -238,63 +527,64 @@ def _starts(extent: int, side: int) -> npt.NDArray[np.int64]:
 
 @kernel
 def _measured_in(
-    values: Any,
-    row_step: int,
-    point_step: int,
-    columns_of_cloud: int,
-    rows: Any,
-    columns: Any,
-    height: int,
-    width: int,
-) -> Any:
-    """Number of measured points of each candidate, (rows · columns,) in row order, in one pass over the cloud."""
-    counts = np.zeros((len(rows), len(columns)), np.int64)
-    of_column = np.zeros((len(rows), columns_of_cloud), np.uint8)  # a side has fewer than 256 points
-    line = np.empty((4, columns_of_cloud + 2), values.dtype)
-    measured = np.empty(columns_of_cloud, np.bool_)
-    first = 0  # of the candidates, row by row, that the row at hand may be in
+    values: Any, row_step: int, point_step: int, rows: Any, height: int, line: Any, of_columns: Any
+) -> None:
+    """Add up each column's measured points between the top and the bottom of candidates that start at `rows`.
+
+    One pass over the cloud; `of_columns` is (rows, W), `line` a row for work.
+    """
+    width = of_columns.shape[1]
+    first = 0  # of the candidates that the row at hand may be in
     for row in range(rows[-1] + height):
-        load_row(values, row * row_step, point_step, columns_of_cloud, line)
-        measured_in_row(line, measured)
+        load_row(values, row * row_step, point_step, width, line)
+        x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
         while row >= rows[first] + height:
             first += 1
         for i in range(first, len(rows)):
             if row < rows[i]:
                 break
-            column_counts = of_column[i]
-            for column in range(columns_of_cloud):
-                column_counts[column] += measured[column]
-    for i in range(len(rows)):
-        for j in range(len(columns)):
-            for column in range(columns[j], columns[j] + width):
-                counts[i, j] += of_column[i, column]
-    return counts.ravel()
+            counts = of_columns[i]
+            for column in range(width):
+                counts[column] += is_measured(x[column], y[column], z[column])
 
 
 @kernel
-def _smoothest(values: Any, row_step: int, point_step: int, tops: Any, lefts: Any, height: int, width: int) -> int:
-    """Which candidate is the least rough: the first of equally rough ones.
+def _smoothest(
+    values: Any,
+    row_step: int,
+    point_step: int,
+    tops: Any,
+    lefts: Any,
+    line: Any,
+    heights: Any,
+    differences: Any,
+    known: Any,
+) -> int:
+    """Which candidate is the least rough: the first of equally rough ones. The arrays behind `lefts` are for work.
 
     A candidate's roughness is sought only where it is below the least so far, and that a count tells: more
     than half of its differences are below. Of 64 candidates this leaves the median of about five.
     """
-    line = np.empty((4, width + 2), values.dtype)
-    measured = np.empty(width, np.bool_)
-    heights = np.empty((height, width))
-    differences = np.full((2, height, width), np.nan)  # along rows, along columns; the ends have none
+    height, width = heights.shape
     best, least = 0, math.inf
     for candidate in range(len(tops)):
         for row in range(height):
             start = (tops[candidate] + row) * row_step + lefts[candidate] * point_step
             load_row(values, start, point_step, width, line)
-            measured_in_row(line, measured)
+            x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
             for column in range(width):
-                heights[row, column] = line[2, column + 1] if measured[column] else np.nan
+                measured = is_measured(x[column], y[column], z[column])
+                heights[row, column] = z[column] if measured else np.nan
         n, below = _second_differences(heights, differences, least)
         rank = (n - 1) // 2
         if n and below > rank:
-            known = differences.ravel()
-            best, least = candidate, select(known[~np.isnan(known)], rank)
+            n = 0
+            for axis in range(2):
+                for row in range(height):
+                    for difference in differences[axis, row]:
+                        known[n] = difference
+                        n += not np.isnan(difference)
+            best, least = candidate, select(known[:n], rank)
     return best
 
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from clouds import SURFACES, Recipe, flat, grid, measured_points, recipes
+from clouds import LAYOUTS, SURFACES, Recipe, flat, grid, laid_out, measured_points, recipes
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from naive import circle as naive
 
-from socialcircle_ros.circle.expansion import expand
+from socialcircle_ros.circle.expansion import divide, expand
 
 WINDOWS = (3, 5, 7, 9)
 FLAT_LIMIT = np.float64(5.0)  # eq. 7 on a flat grid of pitch 1
@@ -65,6 +65,120 @@ def test_members_of_a_community_full_of_gaps_are_those_of_the_reference(random, 
     limit = xyz.dtype.type(radius) * xyz.dtype.type(radius)
 
     np.testing.assert_array_equal(expand(xyz, seed, limit, window), naive.expand(xyz, seed, limit, window))
+
+
+# Window 3 works on words of 64 points: what is wider than a word, and what turns often.
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    recipes(6, 300, least_columns=60),
+    st.integers(0, 6 * 300),
+    st.sampled_from([1.2, 2.2360679775, 3.0, 20.0]),
+)
+def test_members_of_clouds_wider_than_a_word_are_those_of_the_reference(recipe, pick, radius):
+    xyz = recipe.cloud()
+    points = measured_points(xyz)
+    assume(points)
+    seed = points[pick % len(points)]
+    with np.errstate(all='ignore'):
+        reach = xyz.dtype.type(radius) * pitch_of(xyz)
+        limit = reach * reach
+    assume(not np.isnan(limit))
+
+    np.testing.assert_array_equal(expand(xyz, seed, limit, 3), naive.expand(xyz, seed, limit, 3))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 2**16),
+    st.sampled_from([0.3, 0.45, 0.55, 0.6]),
+    st.sampled_from([63, 64, 65, 127, 128, 129, 200]),
+    st.booleans(),
+)
+def test_members_of_a_maze_of_chance_are_those_of_the_reference(random, missing, columns, on_its_side):
+    generator = np.random.default_rng(random)
+    heights = np.where(generator.random((40, columns)) < missing, np.nan, 0.0)
+    xyz = grid(heights.T if on_its_side else heights, dtype='float32')
+    points = measured_points(xyz)
+    seed = points[len(points) // 2]
+    limit = np.float32(generator.choice([1.5, 2.5]))  # with and without diagonal links
+
+    np.testing.assert_array_equal(expand(xyz, seed, limit, 3), naive.expand(xyz, seed, limit, 3))
+
+
+def spiral(side):
+    """A corridor one point wide that winds from a corner to the middle; NaN is wall."""
+    heights = np.full((side, side), np.nan)
+    row, column, way = 0, 0, (0, 1)
+    heights[0, 0] = 0.0
+    for length in [side - 1, *[reach for reach in range(side - 1, 1, -2) for _ in range(2)]]:
+        for _ in range(length):
+            row, column = row + way[0], column + way[1]
+            heights[row, column] = 0.0
+        way = (way[1], -way[0])
+    return heights, (row, column)
+
+
+@pytest.mark.parametrize('side', [31, 131])
+@pytest.mark.parametrize('mirrored', [False, True])
+def test_a_spiral_is_followed_from_its_middle_to_its_end(side, mirrored):
+    heights, middle = spiral(side)
+    xyz = grid(heights)
+    if mirrored:
+        xyz, middle = xyz[:, ::-1], (middle[0], side - 1 - middle[1])
+
+    joined = expand(xyz, middle, np.float64(1.5), 3)
+
+    np.testing.assert_array_equal(joined, np.isfinite(xyz[..., 2]))
+    assert joined.sum() > side
+
+
+@pytest.mark.parametrize('upright', [False, True])
+@pytest.mark.parametrize('end', [(0, 0), (130, 192)])
+def test_a_corridor_that_turns_at_every_wall_is_followed_to_its_end(upright, end):
+    heights = np.zeros((131, 193))
+    if upright:
+        heights[1:, 1::4], heights[:-1, 3::4] = np.nan, np.nan
+    else:
+        heights[1::4, 1:], heights[3::4, :-1] = np.nan, np.nan
+
+    joined = expand(grid(heights), end, np.float64(1.5), 3)
+
+    np.testing.assert_array_equal(joined, heights == 0.0)
+
+
+@pytest.mark.parametrize('layout', LAYOUTS)
+@pytest.mark.parametrize('dtype', ['float32', 'float64'])
+def test_members_do_not_depend_on_the_layout_in_memory(layout, dtype):
+    contiguous = Recipe(7, 133, dtype, 'noise', missing=0.2, random=3).cloud()
+    limit = contiguous.dtype.type(6.0)
+    seed = measured_points(contiguous)[400]
+
+    joined = expand(laid_out(contiguous, layout), seed, limit, 3)
+
+    np.testing.assert_array_equal(joined, naive.expand(contiguous, seed, limit, 3))
+
+
+def test_nothing_behind_the_last_point_is_read():
+    # A view that ends with the z of its last point, as x, y and z of the end of a message do.
+    values = np.zeros(4 * 6 - 1, np.float32)
+    values[::4] = np.arange(6)
+    xyz = np.lib.stride_tricks.as_strided(values, (2, 3, 3), (48, 16, 4))
+
+    assert expand(xyz, (0, 0), np.float32(100.0), 3).all()
+
+
+def test_members_and_outliers_are_all_measured_points():
+    xyz = Recipe(30, 150, 'float32', 'noise', spikes=0.2, missing=0.2, random=1).cloud()
+    for window in (3, 5):
+        members, outliers = divide(xyz, measured_points(xyz)[900], np.float32(5.0), window)
+
+        assert not (members & outliers).any()
+        np.testing.assert_array_equal(members | outliers, np.isfinite(xyz).all(axis=2))
+
+
+# All windows
 
 
 @pytest.mark.parametrize('surface', SURFACES)

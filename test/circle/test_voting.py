@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 from clouds import Recipe, flat, grid, measured_points, recipes
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from naive import circle as naive
 
+from socialcircle_ros.circle import voting
 from socialcircle_ros.circle.voting import choose_region, elect_seed, vote_scores
 from socialcircle_ros.errors import NoSeedError
 
@@ -165,6 +166,106 @@ def test_seed_lies_on_the_surface_under_heavy_contamination():
     seed = elect_seed(grid(heights), (0, 0, 20, 20))
 
     assert not outlier[seed]
+
+
+# The shortcuts to the seed: medians without sorting, and few scores.
+
+
+def sheet(rows, columns, seed=0):
+    """x, y and z of a noisy surface, each (n,), and the generator."""
+    generator = np.random.default_rng(seed)
+    y, x = (axis.ravel() for axis in np.mgrid[:rows, :columns].astype(float))
+    return x, y, generator.normal(0, 0.1, x.size), generator
+
+
+def adversaries():
+    """Point sets by name, (3, n): what would break a wrong bound or a rank one off."""
+    for rows, columns in ((1, 2), (1, 3), (4, 8), (3, 11), (5, 13), (23, 29), (34, 34)):
+        x, y, z, generator = sheet(rows, columns)
+        n = x.size
+        far = generator.random(n) < 0.1
+        named = {
+            'flat': (x, y, 0 * z),
+            'noisy': (x, y, z),
+            'far from the origin': (x + 1e6, y - 1e7, z + 3),
+            'lost in the offset': (x + 1e16, y - 1e17, z),
+            'heights far above the pitch': (x, y, z * 1e7),
+            'heights far below the pitch': (x, y, z * 1e-12),
+            'quantized': (x, y, np.round(10 * z)),
+            'all at one place': (0 * x, 0 * y, 0 * z),
+            'groups at one place': (np.floor(x / 7), np.floor(y / 7), 0 * z),
+            'on a line': (generator.random(n), 0 * y, 0 * z),
+            'a ball': tuple(generator.normal(0, 1, (3, n))),
+            'heavy tails': tuple(generator.standard_cauchy((3, n))),
+            'every scale': (2.0 ** np.linspace(-300, 300, n), 2.0 ** np.linspace(300, -300, n), z),
+            'two places': (np.where(far, 1e5, 0.0) + 1e-9 * x, y, z),
+            'subnormal squares': (x * 1e-161, y * 1e-161, z * 1e-161),
+            'infinite distances': (x * 1e153, y * 1e153, z),
+            'one infinitely far': (np.where(np.arange(n) == n // 2, 1e200, x), y, z),
+        }
+        for height in (5.0, 50.0, 1e4, 1e9, 1e15):
+            heights = np.where(far, generator.uniform(-height, height, n), z)
+            named[f'outliers up to {height:g}'] = (x, y, heights)
+        for name, points in named.items():
+            yield pytest.param(np.array(points), id=f'{name} {rows}×{columns}')
+
+
+def sorted_medians(points):
+    """mu of each point, by sorting its distances to the others."""
+    mu = []
+    for p in range(points.shape[1]):
+        dx, dy, dz = np.delete(points, p, axis=1) - points[:, p, None]
+        distances = np.sort(np.sqrt((dx * dx + dy * dy) + dz * dz))
+        middle = len(distances) // 2
+        odd = len(distances) % 2
+        mu.append(distances[middle] if odd else (distances[middle - 1] + distances[middle]) / 2)
+    return np.array(mu)
+
+
+@pytest.mark.parametrize('points', list(adversaries()))
+def test_medians_and_the_winner_are_those_of_brute_force(points):
+    with np.errstate(over='ignore', under='ignore'):
+        expected = sorted_medians(points)
+
+        np.testing.assert_array_equal(voting._medians(*points), expected)
+        scores = vote_scores(points.T[None])
+        assert elect_seed(points.T[None], (0, 0, 1, points.shape[1])) == (0, np.argmax(scores))
+
+
+@settings(max_examples=40, deadline=None)
+@given(recipes(40, 60, least_rows=20, least_columns=30))
+def test_seed_of_a_larger_region_has_the_highest_score(recipe):
+    xyz = recipe.cloud()
+    assume(measured_points(xyz))
+
+    row, column = elect_seed(xyz, (0, 0, *xyz.shape[:2]))
+
+    scores = vote_scores(xyz)
+    assert row * xyz.shape[1] + column == np.nanargmax(scores)
+
+
+@pytest.mark.parametrize('side', [59, 60])
+@pytest.mark.parametrize('offset', [0.0, 1e5])
+def test_seed_of_a_symmetric_region_is_the_first_highest_to_the_last_bit(side, offset):
+    # Four points in the middle have the same score but for rounding.
+    xyz = grid(np.zeros((side, side)))
+    xyz[..., 0] += offset
+
+    assert elect_seed(xyz, (0, 0, side, side)) == divmod(int(np.argmax(vote_scores(xyz))), side)
+
+
+def test_estimated_scores_are_right_within_the_margin_and_bound_the_others():
+    x, y, z, generator = sheet(40, 40)
+    z[generator.random(z.size) < 0.2] += 30
+    mu = voting._medians(x, y, z)
+    exact = voting._scores(x, y, z, mu, np.arange(x.size)) / PEAK + 1  # with each point's vote for itself
+
+    estimates, margin = voting._estimates(x, y, z, mu)
+
+    asked = np.isfinite(estimates)
+    assert asked.sum() < x.size / 4
+    np.testing.assert_allclose(estimates[asked], exact[asked], rtol=0, atol=1e-7 * x.size)
+    assert (exact[~asked] < estimates.max() - margin).all()
 
 
 # Region
