@@ -79,7 +79,7 @@ def contamination(
         for name, values in curve.items():
             own, _, variant = name.rpartition(', ')
             number = filters.index(own)
-            style = '-' if variant == 'best' or number == 0 else '--'
+            style = '-' if variant == 'best' else '--'
             axis.plot(
                 [100 * share for share in shares], values, style, color=_COLOURS[number], label=name,
                 marker='os^v'[number], markersize=4, linewidth=2.4 if number == 0 else 1.4,

@@ -6,12 +6,13 @@ from pathlib import Path
 from socialcircle_ros.errors import SocialCircleError
 
 from .benchmarks import hardware
+from .contamination import contaminations
 from .figures import figure4, figure8, figure10, figure11
 from .lineup import Lineup
 from .page import render
 from .real import RealCloud, real_surfaces
 from .report import Section
-from .table1 import contaminations, table1
+from .table1 import table1
 
 EXPERIMENTS: dict[str, Sequence[Callable[[Lineup], list[Section]]]] = {
     'table1': (table1, contaminations),

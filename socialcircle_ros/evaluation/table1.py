@@ -2,18 +2,16 @@
 
 import functools
 from collections.abc import Sequence
-from itertools import product
-from typing import Any, get_args
 
 import numpy as np
 
-from . import drawings, verdicts
+from . import verdicts
 from .lineup import Lineup, judged, mean_scores
-from .methods import KINDS, Method, in_words, median_times, method, name_of, peers_in_words, peers_of
-from .report import Cell, Column, Picture, Section, Table
+from .methods import KINDS, Method, in_words, median_times, name_of, peers_in_words, peers_of
+from .report import Cell, Column, Section, Table
 from .scores import recall_by, roc_area
-from .search import SPACES, best_settings
-from .subjects import NOT_MEASURED, PAPERS_SCENES, TITLES, Kind, Subject, painted
+from .search import SPACES
+from .subjects import NOT_MEASURED, PAPERS_SCENES, TITLES, Subject
 from .verdicts import Outcome
 
 _PAPER = Table(
@@ -96,8 +94,8 @@ def _found(outcomes: Sequence[Outcome]) -> str:
     sentences = [
         verdicts.in_a_sentence(words, [judge(each) for each in others])
         for words, others in (
-            ('a filter of the paper’s (radius, statistical; default, best)', papers),
-            ('a filter of PCL or Open3D', peers),
+            ('the paper’s radius and statistical filter, default and best', papers),
+            ('the same of PCL and Open3D', peers),
         )
         if others
     ]
@@ -214,66 +212,3 @@ def _settings(lineup: Lineup) -> Section:
             )
         ],
     )
-
-
-def contaminations(lineup: Lineup) -> list[Section]:
-    """F1 of each filter from little to heavy contamination, for each kind of outlier."""
-    plan = lineup.plan
-    kinds: list[Kind] = [kind for kind in get_args(Kind) if kind != 'own']
-    others = [f'{name_of(kind)}, {variant}' for kind in KINDS[1:] for variant in ('default', 'best')]
-    names = [f'{name_of(KINDS[0])}, default', *others]
-    curves: dict[tuple[str, str], dict[str, list[float]]] = {}
-    rows: list[list[Cell]] = []
-    for scene, kind, share in product(PAPERS_SCENES, kinds, plan.shares):
-        lineup.tell(f'{scene}: {100 * share:g} % {kind} outliers')
-        known = [painted(scene, plan.smaller, seed, kind, share) for seed in plan.search_seeds]
-        methods = [method(KINDS[0](), 'default')]
-        for other in KINDS[1:]:
-            methods += [method(other(), 'default'), method(best_settings(other, known), 'best')]
-        subjects = [painted(scene, plan.smaller, seed, kind, share) for seed in plan.seeds]
-        means = [float(np.mean([judged(each(s.points).outliers, s).f1 for s in subjects])) for each in methods]
-        rows.append([TITLES[scene], kind, share, *means])
-        curve = curves.setdefault((TITLES[scene], kind), {name: [] for name in names})
-        for name, value in zip(names, means, strict=True):
-            curve[name].append(value)
-    kinds_explained = (
-        f'Clouds of {plan.smaller[1]}×{plan.smaller[0]} points. Isolated outliers stand alone; clustered ones lie'
-        ' in blobs of 2 to 8 points radius that are displaced together, with sharp flanks; blurred blobs rise'
-        ' over their whole radius, so that each point is near the next.'
-    )
-    caption = (
-        'F1 over the share of outliers. Solid: best settings, searched for each single point of the curve on other'
-        ' seeds; dashed: defaults; black: the social circle at its default.'
-    )
-    columns = [
-        Column('scene'),
-        Column('outliers'),
-        Column('share', '.0%'),
-        *(Column(name, '.3f') for name in names),
-    ]
-    return [
-        Section(
-            'From 2 to 45 % outliers',
-            [kinds_explained],
-            findings=_where_best(rows, kinds),
-            items=[
-                Picture('contamination', drawings.contamination(plan.shares, curves), caption),
-                Table('contamination', 'F1 by scene, kind and share of outliers', columns, rows),
-            ],
-        )
-    ]
-
-
-def _where_best(rows: Sequence[Sequence[Any]], kinds: Sequence[str]) -> list[str]:
-    """For each kind of outlier: how often ours leads, and over which range its F1 goes."""
-    sentences = []
-    for kind in kinds:
-        of_kind = [row for row in rows if row[1] == kind]
-        leads = sum(row[3] >= max(row[4:]) for row in of_kind)
-        ours = [row[3] for row in of_kind]
-        sentences.append(
-            f'{kind.capitalize()} outliers: the social circle has the highest F1 in {leads} of {len(of_kind)}'
-            f' conditions, with the others at their best settings for each; its F1 goes from {min(ours):.3f} to'
-            f' {max(ours):.3f}.'
-        )
-    return sentences

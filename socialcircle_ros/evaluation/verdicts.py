@@ -74,8 +74,8 @@ def in_a_sentence(others: str, verdicts: Sequence[Verdict]) -> str:
     holding = sum(verdict.holds for verdict in verdicts)
     whole = {0: 'against none', total: f'against all {total}'}.get(holding, f'against {holding} of {total}')
     return (
-        f'Of {total} times {others}, the social circle {parts[0]}, {parts[1]} and {parts[2]}; the whole claim'
-        f' holds {whole}.'
+        f'Against {others} ({total} in all), the social circle {parts[0]}, {parts[1]} and {parts[2]} of them; the'
+        f' whole claim holds {whole}.'
     )
 
 
@@ -84,8 +84,8 @@ def standing(outcomes: Sequence[Outcome]) -> str:
     order = sorted(outcomes, key=lambda each: -each.scores.f1)
     best, ours = order[0], outcomes[0]
     return (
-        f'The highest F1 has {best.method.label}: {best.scores.f1:.3f}; {ours.method.label} has'
-        f' {ours.scores.f1:.3f}, number {order.index(ours) + 1} of {len(order)}.'
+        f'The highest F1 is that of {best.method.label} ({best.scores.f1:.3f}); {ours.method.label} is number'
+        f' {order.index(ours) + 1} of {len(order)} ({ours.scores.f1:.3f}).'
     )
 
 
