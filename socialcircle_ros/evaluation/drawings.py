@@ -40,13 +40,15 @@ def removal_maps(subject: Subject, answers: Answers) -> bytes:
         image = axis.imshow(thinned(np.where(found, np.nan, z)), extent=_extent(z.shape, subject.pitch), **shown)
         axis.set_title(name)
         _frame(axis, box, subject.pitch)
-    axes[0, 0].set_ylabel('heights [µm]')
+    axes[0, 0].set_ylabel('what remains')
     figure.colorbar(image, ax=axes[0], label='z [µm]', shrink=0.8)
     part: dict[str, Any] = {'extent': _box_extent(box, subject.pitch), 'interpolation': 'nearest'}
     axes[1, 0].imshow(z[box], **(shown | part))
     axes[1, 0].set_ylabel('the framed part')
     for axis, (_, found) in zip(axes[1, 1:], answers, strict=True):
         axis.imshow(_judged_colours(subject, found, box), **part)
+    for axis in axes[1]:
+        axis.set_xlabel('x, y [µm]')
     _legend(figure, axes[1, -1], _WORDS)
     return _png(figure)
 
@@ -236,6 +238,11 @@ def _legend(figure: Any, axis: Any, words: Mapping[str, str]) -> None:
 
 
 def _png(figure: Any) -> bytes:
-    out = io.BytesIO()
-    figure.savefig(out, format='png')
+    """The figure in 256 colours: a third of the size, in a page that holds all pictures itself."""
+    from PIL import Image  # noqa: PLC0415 - comes with matplotlib
+
+    drawn, out = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format='png')
+    with Image.open(drawn) as image:
+        image.convert('RGB').quantize(256, dither=Image.Dither.NONE).save(out, format='png', optimize=True)
     return out.getvalue()

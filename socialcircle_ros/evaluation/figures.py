@@ -196,16 +196,32 @@ def _mean_quality(clouds: Sequence[tuple[drawings.Heights, Subject]]) -> list[Ce
     return [float(value) for value in np.mean(found, axis=0)]
 
 
+_WHOLE = 0.95
+"""Share of the points that must have a height for an RMSE to speak of the whole surface."""
+
+
 def _ranking(title: str, rows: Sequence[Sequence[Cell]]) -> str:
     """Where the social circle stands by RMSE with the paper's repair, and what the biharmonic repair changes."""
     spline = [row for row in rows if row[1] == _REPAIR_NAMES['spline']]
-    order = sorted(spline, key=lambda row: float(row[2] or 0))
     ours = next(row for row in spline if row[0] == 'Social circle, default')
-    better = next(row for row in rows if row[0] == ours[0] and row[1] == _REPAIR_NAMES['biharmonic'])
+    other = next(row for row in rows if row[0] == ours[0] and row[1] == _REPAIR_NAMES['biharmonic'])
+    whole = sorted((row for row in spline if _number(row[3]) >= _WHOLE), key=lambda row: _number(row[2]))
+    lowest = f'; the lowest RMSE is {whole[0][2]:.3f} µm ({whole[0][0]})' if whole else ''
+    if ours not in whole:
+        standing = (
+            f'the social circle (default) leaves no whole surface: {_number(ours[3]):.1%} of the points have a'
+            f' height; {len(whole)} of {len(spline)} leave at least {_WHOLE:.0%}{lowest}'
+        )
+    else:
+        standing = (
+            f'the social circle (default) has an RMSE of {ours[2]:.3f} µm, number {whole.index(ours) + 1} of the'
+            f' {len(whole)} that leave at least {_WHOLE:.0%} of the points with a height{lowest}'
+        )
     return (
-        f'{title}, filtered and repaired with the paper’s spline: the social circle (default) has an RMSE of'
-        f' {ours[2]:.3f} µm on {100 * float(ours[3] or 0):.1f} % of the points, number {order.index(ours) + 1} of'
-        f' {len(order)}; the lowest is {order[0][2]:.3f} µm ({order[0][0]}, on'
-        f' {100 * float(order[0][3] or 0):.1f} %). With the biharmonic repair the social circle’s is'
-        f' {better[2]:.3f} µm.'
+        f'{title}, filtered and repaired with the paper’s spline: {standing}. The biharmonic repair changes the'
+        f' RMSE of the social circle from {ours[2]:.3f} to {other[2]:.3f} µm.'
     )
+
+
+def _number(cell: Cell) -> float:
+    return float(cell or 0)
