@@ -15,7 +15,8 @@ import numpy.typing as npt
 from socialcircle_ros.messages import image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import RecordingWriter, ros_topic
-from socialcircle_ros.recording.simulated import node_parameters, write_simulation
+from socialcircle_ros.recording.simulated import pitch_of, write_simulation
+from socialcircle_ros.recording.stacks import node_parameters
 from socialcircle_ros.settings import yaml_text
 from socialcircle_ros.simulation import Scene, Simulation, make_scene, simulate
 
@@ -67,7 +68,8 @@ def write_stack(name: str, simulation: Simulation) -> None:
     """Write a focus stack with joint states and truth, and the parameters that measure it."""
     with RecordingWriter(HERE / f'{name}.mcap', compression='zstd', overwrite=True) as writer:
         write_simulation(simulation, writer)
-    (HERE / f'{name}.yaml').write_text(yaml_text(node_parameters(simulation)), encoding='utf-8')
+    parameters = node_parameters(len(simulation), *pitch_of(simulation))
+    (HERE / f'{name}.yaml').write_text(yaml_text(parameters, whole=False), encoding='utf-8')
 
 
 def holes(shape: tuple[int, ...], seed: int) -> npt.NDArray[np.bool_]:

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from .circle import CircleResult, remove_outliers
     from .errors import SocialCircleError
     from .focus import FocusResult, FocusStack, depth_from_focus
-    from .settings import CircleSettings, FocusSettings
+    from .repair import RepairResult, repair_holes
+    from .settings import CircleSettings, FocusSettings, RepairSettings
 
 __all__ = [
     'CircleResult',
@@ -18,9 +19,12 @@ __all__ = [
     'FocusResult',
     'FocusSettings',
     'FocusStack',
+    'RepairResult',
+    'RepairSettings',
     'SocialCircleError',
     'depth_from_focus',
     'remove_outliers',
+    'repair_holes',
 ]
 
 _ROOMS = {
@@ -29,9 +33,12 @@ _ROOMS = {
     'FocusResult': 'focus',
     'FocusSettings': 'settings',
     'FocusStack': 'focus',
+    'RepairResult': 'repair',
+    'RepairSettings': 'settings',
     'SocialCircleError': 'errors',
     'depth_from_focus': 'focus',
     'remove_outliers': 'circle',
+    'repair_holes': 'repair',
 }
 
 

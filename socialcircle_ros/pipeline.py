@@ -12,7 +12,8 @@ from .circle import remove_outliers
 from .messages import diagnostics
 from .messages.image import encode_image, mask_pixels
 from .messages.point_cloud import PointCloud
-from .settings import CircleSettings, OutputSettings
+from .repair import repair_holes
+from .settings import CircleSettings, OutputSettings, RepairSettings
 
 STATUS_NAME = 'social_circle: measurement'
 
@@ -25,6 +26,8 @@ class Cleaned:
     """PointCloud2 as it came, with x, y and z of the outliers NaN."""
     mask: bytes | None
     """Image mono8; None where it is not wanted."""
+    repaired: bytes | None
+    """PointCloud2 as the filtered one, with holes of outliers filled; None where it is not wanted."""
     points: int
     measured: int
     outliers: int
@@ -44,13 +47,19 @@ class Cleaned:
         return diagnostics.Status(status.level, status.name, status.message, status.hardware_id, values)
 
 
-def clean(message: bytes, circle: CircleSettings, output: OutputSettings) -> Cleaned:
+def clean(
+    message: bytes,
+    circle: CircleSettings | None = None,
+    output: OutputSettings | None = None,
+    repair: RepairSettings | None = None,
+) -> Cleaned:
     """Filter one serialized PointCloud2.
 
     Args:
         message: the cloud as it came, in CDR.
         circle: how to filter.
         output: what is wanted.
+        repair: how holes are filled, where that is wanted.
 
     Returns:
         The messages to publish; the same for the same cloud and settings, but for the times.
@@ -59,6 +68,7 @@ def clean(message: bytes, circle: CircleSettings, output: OutputSettings) -> Cle
         MessageError: the message is not an organized cloud, or contradicts itself.
         CloudError: the method can give no answer for this cloud.
     """
+    circle, output = circle or CircleSettings(), output or OutputSettings()
     clock = _Stages()
     cloud = PointCloud.decode(message)
     xyz = cloud.xyz()
@@ -74,17 +84,25 @@ def clean(message: bytes, circle: CircleSettings, output: OutputSettings) -> Cle
     clock.stage('cloud')
     mask = encode_image(cloud.header, mask_pixels(result.inliers, result.outliers)) if output.mask else None
     clock.stage('mask')
+    repaired, filled = None, 0
+    if output.repaired:
+        repair_result = repair_holes(xyz, result.outliers, repair)
+        filled = int(np.count_nonzero(repair_result.filled))
+        dense = measured - outliers + filled == points
+        repaired = cloud.replaced(result.outliers, repair_result.xyz, dense=dense)
+        clock.stage('repair')
     clock.times['total'] = sum(clock.times.values())
     return Cleaned(
         filtered=filtered,
         mask=mask,
+        repaired=repaired,
         points=points,
         measured=measured,
         outliers=outliers,
         seed=result.seed,
         radius=result.radius,
         times=clock.times,
-        status=_status(cloud, measured, outliers, result.seed, result.radius, circle),
+        status=_status(cloud, measured, outliers, filled, result.seed, result.radius, circle),
     )
 
 
@@ -108,6 +126,7 @@ def _status(
     cloud: PointCloud,
     measured: int,
     outliers: int,
+    filled: int,
     seed: tuple[int, int],
     radius: float,
     circle: CircleSettings,
@@ -132,6 +151,7 @@ def _status(
         'measured': str(measured),
         'kept': str(measured - outliers),
         'outliers': str(outliers),
+        'repaired': str(filled),
         'seed_row': str(seed[0]),
         'seed_column': str(seed[1]),
         'radius': repr(radius),

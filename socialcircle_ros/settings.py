@@ -601,17 +601,20 @@ PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in
 """Every parameter of the node by its full name."""
 
 
-def yaml_text(values: Mapping[str, RosValue]) -> str:
+def yaml_text(values: Mapping[str, RosValue], *, whole: bool = True) -> str:
     """A parameter file that a node starts from, each parameter of the table under its sentence.
 
     It applies to a node of any name in any namespace. Names beyond the table (such as qos_overrides) follow
     at the end, without a sentence.
 
     Args:
-        values: full names to values; a parameter of the table that is missing gets its default.
+        values: full names to values.
+        whole: whether the parameters that are not among them follow at their defaults.
     """
     lines = ['/**:', '  ros__parameters:']
     for name, row in PARAMETERS.items():
+        if not whole and name not in values:
+            continue
         unit = f' [{row.unit}]' if row.unit else ''
         comment = f'{row.sentence} Allowed: {row.allowed}.{unit}'
         lines += textwrap.wrap(comment, 100, initial_indent='    # ', subsequent_indent='    # ')

@@ -19,6 +19,7 @@ LEVELS = [
     {'pipeline', 'stacking'},
     {'simulation', 'messages'},
     {'circle', 'focus', 'repair', 'baselines'},
+    {'cloud'},
     {'settings', 'errors', 'compiled'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}

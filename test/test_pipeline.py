@@ -96,3 +96,21 @@ def test_a_circle_that_stayed_on_a_minority_warns():
 def test_a_cloud_without_any_measured_point_is_refused():
     with pytest.raises(SocialCircleError, match='Nothing is measured in this cloud'):
         cleaned(np.full((70, 80, 3), np.nan, np.float32))
+
+
+def test_a_repaired_cloud_differs_from_the_input_only_where_outliers_were():
+    xyz = surface()
+    result = cleaned(xyz, output=OutputSettings(repaired=True))
+    outliers = remove_outliers(xyz).outliers
+    repaired = PointCloud.decode(result.repaired).xyz()
+    np.testing.assert_array_equal(repaired[~outliers], xyz[~outliers])
+    filled = outliers & np.isfinite(repaired).all(axis=2)
+    assert np.count_nonzero(filled) == int(result.status.values['repaired']) == 21
+    np.testing.assert_allclose(repaired[filled][:, 2], np.sin(xyz[filled][:, 0] / 9), atol=0.4)
+    assert 'repair' in result.times
+
+
+def test_nothing_is_repaired_unless_it_is_wanted():
+    result = cleaned(surface())
+    assert result.repaired is None
+    assert result.status.values['repaired'] == '0'

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Cloud, organized
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.settings import MedianSettings
 
-from .cloud import Cloud, organized
 from .networks import Comparators, exchange, merge_network, sort_network
 from .result import FilterResult, Score, judge
 from .window import STRIP

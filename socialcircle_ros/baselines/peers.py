@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from socialcircle_ros.cloud import Cloud, Mask, measured_points, organized
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.settings import RadiusSettings, StatisticalSettings
 
-from .cloud import Cloud, Mask, measured_points, organized
 from .radius import radius_of
 from .result import FilterResult
 

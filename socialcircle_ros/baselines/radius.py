@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
+from socialcircle_ros.cloud import Cloud, organized
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.settings import RadiusSettings
 
-from .cloud import Cloud, organized
 from .result import FilterResult, Score, judge
 from .window import STRIP, load_row
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.compiled import kernel
-
-from .cloud import Mask
 
 Score = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 

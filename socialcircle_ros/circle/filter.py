@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from socialcircle_ros.cloud import Mask, organized
 from socialcircle_ros.settings import CircleSettings
 
-from .cloud import Mask, measured_points, organized
-from .expansion import expand
+from .expansion import divide
 from .radius import circle_limit
 from .voting import elect_seed
 
@@ -64,8 +64,7 @@ def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleR
     voted = time.perf_counter()
     limit = circle_limit(cloud, seed, settings.window, settings.radius, settings.radius_scale)
     measured_radius = time.perf_counter()
-    inliers = expand(cloud, seed, limit, settings.window)
-    outliers = measured_points(cloud) & ~inliers
+    inliers, outliers = divide(cloud, seed, limit, settings.window)
     done = time.perf_counter()
     return CircleResult(
         inliers=inliers,

@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.errors import NoRadiusError
-
-from .cloud import Cloud
 
 
 def ring_limit(xyz: Cloud, seed: tuple[int, int], window: int) -> Any:

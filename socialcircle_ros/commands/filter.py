@@ -37,13 +37,20 @@ def command(
     from socialcircle_ros.pipeline import Cleaned
     from socialcircle_ros.recording import Message, open_recording
     from socialcircle_ros.recording.offline import Job, filter_recording
-    from socialcircle_ros.settings import CircleSettings, FocusSettings, OutputSettings, StackSettings
+    from socialcircle_ros.settings import (
+        CircleSettings,
+        FocusSettings,
+        OutputSettings,
+        RepairSettings,
+        StackSettings,
+    )
 
     values = parameter_values(params_file, parameters)
     job = Job(
         CircleSettings.from_ros(values),
         FocusSettings.from_ros(values),
         StackSettings.from_ros(values),
+        RepairSettings.from_ros(values),
         OutputSettings.from_ros(values),
     )
     console = Console(stderr=True)

@@ -43,7 +43,8 @@ def command(
 
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.recording import RecordingWriter
-    from socialcircle_ros.recording.simulated import node_parameters, write_simulation
+    from socialcircle_ros.recording.simulated import pitch_of, write_simulation
+    from socialcircle_ros.recording.stacks import node_parameters
     from socialcircle_ros.settings import yaml_text
     from socialcircle_ros.simulation import simulate
 
@@ -66,7 +67,8 @@ def command(
         write_simulation(simulation, writer, lambda done: progress.update(task, completed=done))
     parameters = output.with_suffix('.yaml')
     try:
-        parameters.write_text(yaml_text(node_parameters(simulation)), encoding='utf-8')
+        values = node_parameters(len(simulation), *pitch_of(simulation))
+        parameters.write_text(yaml_text(values, whole=False), encoding='utf-8')
     except OSError as error:
         raise SocialCircleError(f'{parameters} cannot be written: {error.strerror}.') from None
     click.echo(

@@ -14,7 +14,6 @@ from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.pipeline import clean
-from socialcircle_ros.settings import CircleSettings, OutputSettings
 from socialcircle_ros.simulation import make_scene
 
 SIZES = ((240, 320), (480, 640), (960, 1280), (1920, 2560))
@@ -60,7 +59,7 @@ def time_filter(repeats: int) -> Iterator[Timing]:
             columns,
             vote=1e3 * statistics.median(step['vote'] for step in steps),
             radius_and_expansion=1e3 * statistics.median(step['radius'] + step['expansion'] for step in steps),
-            pipeline=_median(partial(clean, message, CircleSettings(), OutputSettings()), repeats),
+            pipeline=_median(partial(clean, message), repeats),
             copy=_median(np.frombuffer(message, np.uint8).copy, repeats),
         )
 

@@ -10,6 +10,9 @@ simulated stacks. The odds are 0.125 (c - 0.3)^1.5 v^-0.75, with two numbers of 
 ln(F_peak / F_lowest), and v, the variance of the fitted peak in squares of the curve's width.
 """
 
+import itertools
+import os
+from concurrent.futures import ThreadPoolExecutor
 from enum import IntFlag
 
 import numpy as np
@@ -74,6 +77,10 @@ _BATCH = 4
 _SUMS = 10
 
 
+_PIXELS_PER_THREAD = 100_000
+"""A thread that fits fewer pixels costs more than it saves."""
+
+
 def fit_peaks(
     curves: Curves, z: NDArray[np.float64], first: int, *, three: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]:
@@ -96,23 +103,32 @@ def fit_peaks(
     scale = float(np.median(np.diff(z)))
     # In typical steps from the first place: float32 then resolves 1e-4 of a step over a thousand frames.
     steps = np.pad((z - z[0]) / scale, REACH).astype(np.float32)
-    _fit(
-        curves.slots,
-        curves.centre,
-        curves.since,
-        curves.until,
-        curves.peak,
-        curves.lowest,
-        curves.outside,
-        z,
-        steps,
-        first,
-        scale,
-        three,
-        depth,
-        quality,
-        reasons,
-    )
+
+    def fit(band: slice) -> None:
+        _fit(
+            curves.slots[band],
+            curves.centre[band],
+            curves.since[band],
+            curves.until[band],
+            curves.peak[band],
+            curves.lowest[band],
+            curves.outside[band],
+            z,
+            steps,
+            first,
+            scale,
+            three,
+            depth[band],
+            quality[band],
+            reasons[band],
+        )
+
+    # Somebody waits for the last frame's cloud: the fit may take every core for these milliseconds. Pixels do
+    # not know of each other, so that the number of threads changes nothing.
+    threads = max(1, min(os.cpu_count() or 1, depth.size // _PIXELS_PER_THREAD))
+    edges = np.linspace(0, shape[0], threads + 1).astype(int)
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(fit, [slice(first_row, end) for first_row, end in itertools.pairwise(edges)]))
     return depth, quality, reasons
 
 

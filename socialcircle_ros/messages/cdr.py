@@ -93,11 +93,16 @@ class CdrWriter:
     """Builds a message in little-endian CDR, padding set to zero."""
 
     def __init__(self) -> None:
-        self._parts = bytearray(_LITTLE_ENDIAN_HEADER)
+        self._parts: list[bytes | memoryview] = [_LITTLE_ENDIAN_HEADER]
+        self._length = ENCAPSULATION
+
+    def _append(self, part: bytes | memoryview) -> None:
+        self._parts.append(part)
+        self._length += len(part)
 
     def _number(self, code: str, size: int, value: float) -> None:
-        self._parts += bytes((ENCAPSULATION - len(self._parts)) % size)
-        self._parts += struct.pack('<' + code, value)
+        self._append(bytes((ENCAPSULATION - self._length) % size))
+        self._append(struct.pack('<' + code, value))
 
     def uint8(self, value: int) -> None:
         """Write one byte."""
@@ -124,10 +129,10 @@ class CdrWriter:
         self.octets(value.encode('utf-8', 'surrogateescape') + b'\0')
 
     def octets(self, value: bytes | memoryview) -> None:
-        """Write a sequence of bytes."""
+        """Write a sequence of bytes, which are read when the message is finished."""
         self.uint32(len(value))
-        self._parts += value
+        self._append(value)
 
     def finish(self) -> bytes:
         """The message."""
-        return bytes(self._parts)
+        return b''.join(self._parts)

@@ -114,10 +114,8 @@ def encode_image(header: Header, pixels: npt.NDArray[Any]) -> bytes:
 
 def mask_pixels(inliers: npt.NDArray[np.bool_], outliers: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
     """The outlier mask as pixels, (H, W) uint8: 0 kept, 255 outlier, 127 not measured."""
-    pixels = np.full(inliers.shape, NOT_MEASURED, np.uint8)
-    pixels[inliers] = KEPT
-    pixels[outliers] = OUTLIER
-    return pixels
+    unmeasured = ~(inliers | outliers)
+    return outliers * np.uint8(OUTLIER) + unmeasured * np.uint8(NOT_MEASURED)
 
 
 def decode_mono8(message: bytes) -> npt.NDArray[np.uint8]:

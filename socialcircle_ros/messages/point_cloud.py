@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import MessageError
 
 from .cdr import CdrReader, CdrWriter
@@ -166,21 +167,54 @@ class PointCloud:
             The serialized message.
         """
         message = bytearray(self.message)
-        rows, columns = np.nonzero(outliers)
-        for name in 'xyz':
-            self._values(message, self.field(name))[rows, columns] = np.nan
+        # As whole numbers, so that byte order plays no part for the compiled loop.
+        (x, nan_x), (y, nan_y), (z, nan_z) = (
+            (values.view(f'=u{values.itemsize}'), np.full(1, np.nan, values.dtype).view(f'=u{values.itemsize}')[0])
+            for values in (self._values(message, self.field(name)) for name in 'xyz')
+        )
+        _fill(x, y, z, outliers, nan_x, nan_y, nan_z)
         message[self.data_start + self.data_length] = dense
         return bytes(message)
+
+    def replaced(self, where: npt.NDArray[np.bool_], xyz: npt.NDArray[Any], *, dense: bool) -> bytes:
+        """This message with other x, y and z for some points; every other byte stays as it came.
+
+        Args:
+            where: (height, width) mask of the points.
+            xyz: (height, width, 3) what they get.
+            dense: whether every point of the result is measured: what is_dense will say.
+
+        Returns:
+            The serialized message.
+        """
+        message = bytearray(self.message)
+        rows, columns = np.nonzero(where)
+        for axis, name in enumerate('xyz'):
+            self._values(message, self.field(name))[rows, columns] = xyz[rows, columns, axis]
+        message[self.data_start + self.data_length] = dense
+        return bytes(message)
+
+    def _kind(self, field: PointField) -> np.dtype[Any]:
+        return np.dtype(('>' if self.is_bigendian else '<') + DATATYPES[field.datatype])
 
     def _values(self, message: bytes | bytearray, field: PointField) -> npt.NDArray[Any]:
         """One field of all points as a (height, width) view of `message`, which has this cloud's layout."""
         return np.ndarray(
             (self.height, self.width),
-            np.dtype(('>' if self.is_bigendian else '<') + DATATYPES[field.datatype]),
+            self._kind(field),
             message,
             offset=self.data_start + field.offset,
             strides=(self.row_step, self.point_step),
         )
+
+
+@kernel
+def _fill(x: Any, y: Any, z: Any, where: Any, new_x: Any, new_y: Any, new_z: Any) -> None:
+    """Write new values where the mask says so, in one pass over the cloud."""
+    for row in range(where.shape[0]):
+        for column in range(where.shape[1]):
+            if where[row, column]:
+                x[row, column], y[row, column], z[row, column] = new_x, new_y, new_z
 
 
 def encode_point_cloud(

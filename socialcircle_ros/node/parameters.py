@@ -18,6 +18,7 @@ from socialcircle_ros.settings import (
     NodeSettings,
     OutputSettings,
     Parameter,
+    RepairSettings,
     RosValue,
     StackSettings,
     yaml_text,
@@ -31,6 +32,7 @@ class Configuration:
     circle: CircleSettings
     focus: FocusSettings
     stack: StackSettings
+    repair: RepairSettings
     output: OutputSettings
     node: NodeSettings
 
@@ -45,13 +47,14 @@ class Configuration:
             CircleSettings.from_ros(values),
             FocusSettings.from_ros(values),
             StackSettings.from_ros(values),
+            RepairSettings.from_ros(values),
             OutputSettings.from_ros(values),
             NodeSettings.from_ros(values),
         )
 
     def to_ros(self) -> dict[str, RosValue]:
         """Every parameter under its full name."""
-        groups = (self.circle, self.focus, self.stack, self.output, self.node)
+        groups = (self.circle, self.focus, self.stack, self.repair, self.output, self.node)
         return {name: value for group in groups for name, value in group.to_ros().items()}
 
 

@@ -118,6 +118,7 @@ class SocialCircleNode(LifecycleNode):
         """Make the publishers, compile the filter, start the worker."""
         self._filtered = self._publisher(PointCloud2, 'points_filtered')
         self._mask = self._publisher(Image, 'outlier_mask')
+        self._repaired = self._publisher(PointCloud2, 'points_repaired')
         self._measurement = self._publisher(DiagnosticStatus, '~/measurement')
         began = time.monotonic()
         self._warm_up()
@@ -178,7 +179,7 @@ class SocialCircleNode(LifecycleNode):
     def _release(self) -> None:
         self._stop_workers()
         self._last = None
-        for name in ('_filtered', '_mask', '_measurement'):
+        for name in ('_filtered', '_mask', '_repaired', '_measurement'):
             publisher = self.__dict__.pop(name, None)
             if publisher is not None:
                 self.destroy_lifecycle_publisher(publisher)
@@ -235,10 +236,12 @@ class SocialCircleNode(LifecycleNode):
         """Filter one cloud and publish; on the worker's thread, so nothing may escape."""
         configuration = self._live_parameters.configuration
         try:
-            cleaned = clean(arrival.message, configuration.circle, configuration.output)
+            cleaned = clean(arrival.message, configuration.circle, configuration.output, configuration.repair)
             self._filtered.publish(cleaned.filtered)
             if cleaned.mask is not None:
                 self._mask.publish(cleaned.mask)
+            if cleaned.repaired is not None:
+                self._repaired.publish(cleaned.repaired)
             self._measurement.publish(cleaned.measurement.encode())
         except SocialCircleError as refusal:
             self._health.refused(str(refusal))
@@ -268,7 +271,7 @@ class SocialCircleNode(LifecycleNode):
         rows, columns = np.mgrid[:8, :6]
         for kind in (np.float32, np.float64):
             xyz = np.dstack([columns, rows, rows % 2]).astype(kind)
-            clean(encode_point_cloud(Header(), xyz), type(configuration.circle)(), configuration.output)
+            clean(encode_point_cloud(Header(), xyz))
         assembler = StackAssembler()
         assembler.configure(configuration.focus, StackSettings(pitch_x=1.0, z_step=1.0, frames=3))
         for pixels in (rows % 3).astype(np.uint8)[None] * np.array([[[1]], [[9]], [[2]]], np.uint8):

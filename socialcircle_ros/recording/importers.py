@@ -59,9 +59,11 @@ def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> I
 
 
 def _height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
-    arrays = _load_npz(path)
+    arrays = load_npz(path)
     if 'frames' in arrays:
-        raise ImportFileError(f'{path} holds a focus stack, not a height map: simulate or play it as a stack.')
+        raise ImportFileError(
+            f'{path} holds a focus stack, not a height map: import it by itself, with --pitch and --z-step.'
+        )
     for key in ('z', 'dx', 'dy'):
         if key not in arrays:
             raise ImportFileError(
@@ -90,7 +92,12 @@ def _height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
     return _checked(path, ImportedCloud(path.stem, points, fields, unit))
 
 
-def _load_npz(path: Path) -> dict[str, Array]:
+def load_npz(path: Path) -> dict[str, Array]:
+    """The arrays of an .npz archive.
+
+    Raises:
+        ImportFileError: it is not one, or is cut off.
+    """
     try:
         archive = np.load(path, allow_pickle=False)
         if isinstance(archive, np.lib.npyio.NpzFile):

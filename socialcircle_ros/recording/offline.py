@@ -7,7 +7,7 @@ from pathlib import Path
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.messages import diagnostics, image, point_cloud
 from socialcircle_ros.pipeline import Cleaned, clean
-from socialcircle_ros.settings import CircleSettings, FocusSettings, OutputSettings, StackSettings
+from socialcircle_ros.settings import CircleSettings, FocusSettings, OutputSettings, RepairSettings, StackSettings
 from socialcircle_ros.stacking import Event, Refusal, StackAssembler
 
 from .reader import RecordingReader, open_recording
@@ -16,6 +16,7 @@ from .writer import Compression, RecordingWriter
 
 INPUT, FRAMES, JOINT_STATES = 'points', 'stack/image', 'stack/joint_states'
 FILTERED, MASK, MEASUREMENT = 'points_filtered', 'outlier_mask', 'social_circle/measurement'
+REPAIRED = 'points_repaired'
 STACK_POINTS, STACK_IMAGE = 'stack/points', 'stack/image_in_focus'
 
 
@@ -26,6 +27,7 @@ class Job:
     circle: CircleSettings = field(default_factory=CircleSettings)
     focus: FocusSettings = field(default_factory=FocusSettings)
     stack: StackSettings = field(default_factory=StackSettings)
+    repair: RepairSettings = field(default_factory=RepairSettings)
     output: OutputSettings = field(default_factory=OutputSettings)
 
 
@@ -150,6 +152,7 @@ class _Cell:
         self._filtered, self._mask, self._measurement = (
             f'{namespace}/{name}' for name in (FILTERED, MASK, MEASUREMENT)
         )
+        self._repaired = f'{namespace}/{REPAIRED}'
         self._frames, self._joints = f'{namespace}/{FRAMES}', f'{namespace}/{JOINT_STATES}'
         self._points, self._image = f'{namespace}/{STACK_POINTS}', f'{namespace}/{STACK_IMAGE}'
         self._assembler = StackAssembler()
@@ -159,6 +162,8 @@ class _Cell:
         self.results = {self._filtered: point_cloud.TYPE, self._measurement: diagnostics.TYPE}
         if job.output.mask:
             self.results[self._mask] = image.TYPE
+        if job.output.repaired:
+            self.results[self._repaired] = point_cloud.TYPE
         if stack:
             self.results |= {self._points: point_cloud.TYPE, self._image: image.TYPE}
 
@@ -194,7 +199,7 @@ class _Cell:
     def _clean(self, cloud: bytes, message: Message, writer: RecordingWriter) -> list[Cleaned]:
         """Filter one cloud; a refusal is counted with its reason, and ends nothing."""
         try:
-            cleaned = clean(cloud, self._job.circle, self._job.output)
+            cleaned = clean(cloud, self._job.circle, self._job.output, self._job.repair)
         except SocialCircleError as refusal:
             self._summary.refuse(str(refusal))
             return []
@@ -202,6 +207,8 @@ class _Cell:
         results = {self._filtered: cleaned.filtered, self._measurement: cleaned.status.encode()}
         if cleaned.mask is not None:
             results[self._mask] = cleaned.mask
+        if cleaned.repaired is not None:
+            results[self._repaired] = cleaned.repaired
         self._write(writer, message, results)
         return [cleaned]
 

@@ -139,7 +139,7 @@ def open_recording(path: str | Path) -> RecordingReader:
 
 def _parts(folder: Path) -> list[Path]:
     """Name the MCAP files of a rosbag2 directory, in their order."""
-    found = sorted((file for file in folder.iterdir() if file.is_file()), key=_natural_order)
+    found = sorted((file for file in folder.iterdir() if file.is_file()), key=natural_order)
     recorded = [file for file in found if file.suffix == '.mcap']
     if any(file.suffix == '.zstd' for file in found) and not recorded:
         raise RecordingError(
@@ -165,6 +165,6 @@ def _listed_files(metadata: Path) -> list[str]:
         return []
 
 
-def _natural_order(path: Path) -> list[tuple[int, str]]:
+def natural_order(path: Path) -> list[tuple[int, str]]:
     """Sort `bag_10.mcap` after `bag_9.mcap`."""
     return [(int(part), '') if part.isdigit() else (-1, part) for part in re.split(r'(\d+)', path.name)]

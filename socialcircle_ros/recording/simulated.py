@@ -4,23 +4,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from socialcircle_ros.messages import diagnostics, image, joint_state, point_cloud
+from socialcircle_ros.messages import diagnostics, point_cloud
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.settings import RosValue
 from socialcircle_ros.simulation import Simulation
 
+from .stacks import FRAME_ID, add_stack_topics, write_frame, write_joint_state
 from .topics import ros_topic
 from .writer import RecordingWriter
 
 START = 1_700_000_000_000_000_000  # ns; any fixed time, so that the same simulation gives the same bytes
-FRAME = 'microscope'
-JOINT = 'stage_z'
-TOPICS = {
-    'stack/image': image.TYPE,
-    'stack/joint_states': joint_state.TYPE,
-    'truth/surface': point_cloud.TYPE,
-    'truth/description': diagnostics.TYPE,
-}
+SURFACE, DESCRIPTION = '/truth/surface', '/truth/description'
 
 
 def write_simulation(
@@ -36,52 +29,36 @@ def write_simulation(
         writer: where to.
         done: called with the number of frames written so far.
     """
-    for name, kind in TOPICS.items():
-        writer.add_topic(ros_topic(f'/{name}', kind))
+    add_stack_topics(writer)
+    writer.add_topic(ros_topic(SURFACE, point_cloud.TYPE))
+    writer.add_topic(ros_topic(DESCRIPTION, diagnostics.TYPE))
     travel = simulation.travel
-    writer.write('/truth/surface', _true_surface(simulation), START)
-    writer.write('/truth/description', _description(simulation).encode(), START)
+    writer.write(SURFACE, _true_surface(simulation), START)
+    writer.write(DESCRIPTION, _description(simulation).encode(), START)
     joints = list(zip(travel.joint_stamps, travel.joint_z, strict=True))
     for frame in simulation.frames():
         # A joint state is known when it is measured, a frame when it is exposed.
         while joints and joints[0][0] <= frame.stamp:
-            _write_joint_state(writer, *joints.pop(0))
-        stamp = START + frame.stamp
-        writer.write('/stack/image', image.encode_image(Header.at(stamp, FRAME), frame.image), stamp)
+            stamp, z = joints.pop(0)
+            write_joint_state(writer, START + int(stamp), float(z) * 1e-6)
+        write_frame(writer, START + frame.stamp, frame.image)
         done(frame.index + 1)
     for stamp, z in joints:
-        _write_joint_state(writer, stamp, z)
+        write_joint_state(writer, START + int(stamp), float(z) * 1e-6)
 
 
-def node_parameters(simulation: Simulation) -> dict[str, RosValue]:
-    """The parameters with which the node measures this stack, in metres."""
-    pitch_x, pitch_y = _pitch(simulation)
-    return {
-        'stack.pitch_x': pitch_x,
-        'stack.pitch_y': pitch_y,
-        'stack.z_source': 'joint_states',
-        'stack.joint': JOINT,
-        'stack.frames': len(simulation),
-    }
-
-
-def _pitch(simulation: Simulation) -> tuple[float, float]:
+def pitch_of(simulation: Simulation) -> tuple[float, float]:
+    """Distance of two pixels along x and y, in metres."""
     grid = simulation.specimen.grid
     return round(grid.dx * 1e-6, 15), round(grid.dy * 1e-6, 15)
 
 
-def _write_joint_state(writer: RecordingWriter, stamp: np.int64, z: np.float64) -> None:
-    at = START + int(stamp)
-    state = joint_state.JointState(Header.at(at, ''), [JOINT], [float(z) * 1e-6])
-    writer.write('/stack/joint_states', state.encode(), at)
-
-
 def _true_surface(simulation: Simulation) -> bytes:
     truth = simulation.truth
-    pitch_x, pitch_y = _pitch(simulation)
+    pitch_x, pitch_y = pitch_of(simulation)
     rows, columns = np.indices(truth.depth.shape)
     xyz = np.dstack([columns * pitch_x, rows * pitch_y, truth.depth * 1e-6])
-    return point_cloud.encode_point_cloud(Header.at(START, FRAME), xyz, {'cause': truth.cause})
+    return point_cloud.encode_point_cloud(Header.at(START, FRAME_ID), xyz, {'cause': truth.cause})
 
 
 def _description(simulation: Simulation) -> diagnostics.Status:
@@ -94,5 +71,5 @@ def _description(simulation: Simulation) -> diagnostics.Status:
         'depth_of_field_m': repr(simulation.optics.depth_of_field * 1e-6),
     }
     return diagnostics.Status(
-        diagnostics.OK, 'simulation', 'What the simulated stack was made with.', FRAME, values
+        diagnostics.OK, 'simulation', 'What the simulated stack was made with.', FRAME_ID, values
     )

@@ -7,9 +7,13 @@ from typing import NamedTuple
 from socialcircle_ros.recording.schemas import schema_text, type_hash
 
 _FOREVER = 'sec: 9223372036\n    nsec: 854775807'
-DEFAULT_QOS = f"""\
+
+
+def offered_qos(depth: int) -> str:
+    """Reliable, keep last `depth`, volatile, as the YAML of rosbag2 in Jazzy."""
+    return f"""\
 - history: keep_last
-  depth: 1
+  depth: {depth}
   reliability: reliable
   durability: volatile
   deadline:
@@ -20,7 +24,10 @@ DEFAULT_QOS = f"""\
   liveliness_lease_duration:
     {_FOREVER}
   avoid_ros_namespace_conventions: false"""
-"""The QoS that our topics offer (reliable, keep last 1, volatile) as the YAML of rosbag2 in Jazzy."""
+
+
+DEFAULT_QOS = offered_qos(1)
+"""What our topics offer: the newest message counts."""
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.compiled import kernel
 
-from .cloud import Cloud, Mask
 from .holes import Index, Reals
 
 

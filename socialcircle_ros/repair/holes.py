@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.compiled import kernel
-
-from .cloud import Mask
 
 Index = npt.NDArray[np.int32]
 Reals = npt.NDArray[np.float64]

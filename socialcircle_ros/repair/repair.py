@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from socialcircle_ros.cloud import Cloud, Mask, measured_points, organized
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.settings import RepairSettings
 
 from .biharmonic import biharmonic_heights
-from .cloud import Cloud, Mask, measured_points, organized
 from .grid import fill_points
 from .holes import choose_points, find_holes, find_rims, number_points
 from .spline import spline_heights

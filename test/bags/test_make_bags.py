@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
+from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, Image, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.recording import open_recording
 
@@ -67,3 +67,13 @@ def test_the_padded_one_has_padding_more_fields_and_holes():
     assert {'x', 'y', 'z'} < {field.name for field in cloud.fields}
     assert np.isnan(cloud.xyz()).any()
     assert np.any(decode_mono8(truth.data) == NOT_MEASURED)
+
+
+def test_the_stack_is_what_the_simulator_makes(made):
+    new, shipped = messages(made / 'stack.mcap'), messages(BAGS / 'stack.mcap')
+    assert [message.topic for message in new] == [message.topic for message in shipped]
+    for here, there in zip(new, shipped, strict=True):
+        if here.topic == '/stack/image':
+            frames = [Image.decode(message.data).pixels().astype(int) for message in (here, there)]
+            assert np.mean(abs(frames[0] - frames[1]) > 1) < 0.001
+    assert (made / 'stack.yaml').read_text() == (BAGS / 'stack.yaml').read_text()

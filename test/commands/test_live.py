@@ -120,12 +120,16 @@ def test_recording_nothing_says_so(run):
 def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
     done = run('demo', timeout=300)
     assert done.code == 0, done.err
-    for name in ('metal_groove', 'parts', 'padded'):
+    for name in ('metal_groove', 'parts', 'padded', 'stack'):
         assert f'out/demo/{name}_cleaned.mcap' in done.out
         assert (tmp_path / f'out/demo/{name}.png').stat().st_size > 10_000
-    rows = [line.split() for line in done.out.splitlines() if line.startswith(('metal_groove', 'parts', 'padded'))]
-    assert len(rows) == 11
-    assert all(float(row[-1]) > 0.99 and float(row[-2]) > 0.99 for row in rows)
+    rows = [
+        line.split()
+        for line in done.out.splitlines()
+        if line.startswith(('metal_groove', 'parts', 'padded', 'stack'))
+    ]
+    assert len(rows) == 12
+    assert all(float(row[-1]) > 0.99 and float(row[-2]) > 0.99 for row in rows if row[0] != 'stack')
     topics, messages = contents(tmp_path / 'out/demo/metal_groove_cleaned.mcap')
     assert {'/points', '/points_filtered', '/outlier_mask', '/social_circle/measurement'} == set(topics)
     assert len(messages) == 4

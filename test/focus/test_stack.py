@@ -287,3 +287,16 @@ def test_a_pass_is_fast_enough_for_fifty_frames_a_second():
             stack.add(frame, z)
             took.append(time.perf_counter() - start)
     assert np.median(took) < 0.02
+
+
+def test_the_result_does_not_depend_on_the_number_of_threads(monkeypatch):
+    texture = np.random.default_rng(0).integers(0, 200, (41, 37)).astype(np.float32)
+    stack = FocusStack()
+    for place in range(15):
+        stack.add((texture * np.exp(-(((place - 7) / 3) ** 2))).astype(np.uint8), float(place))
+    one = stack.finish()
+    monkeypatch.setattr('socialcircle_ros.focus.fit._PIXELS_PER_THREAD', 100)
+    monkeypatch.setattr('os.cpu_count', lambda: 3)
+    three = stack.finish()
+    for name in ('depth', 'quality', 'reasons', 'image'):
+        np.testing.assert_array_equal(getattr(one, name), getattr(three, name))

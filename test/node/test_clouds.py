@@ -8,7 +8,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from socialcircle_ros import remove_outliers
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.point_cloud import DATATYPES, encode_point_cloud
+from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud
 
 pytestmark = pytest.mark.live
 
@@ -175,3 +175,21 @@ def test_a_mask_that_is_not_wanted_is_not_published(cell):
     cell.publish(cloud())
     cell.wait_for(lambda: cell.inbox['social_circle/measurement'])
     assert not cell.inbox['outlier_mask']
+
+
+def test_holes_are_filled_when_repair_is_on(cell):
+    received = []
+    subscription = cell.peer.create_subscription(PointCloud2, 'points_repaired', received.append, 1, raw=True)
+    cell.wait_for(lambda: cell.peer.count_publishers('points_repaired') == 1)
+    cell.set(output__repaired=True)
+    try:
+        filtered, _, measurement = cell.clean(cloud())
+        message = cell.wait_for(lambda: received)[0]
+    finally:
+        cell.set(output__repaired=False)
+        cell.peer.destroy_subscription(subscription)
+    repaired = PointCloud.decode(message).xyz()
+    assert measurement.values['repaired'] == '26'
+    kept = np.isfinite(filtered.xyz())
+    np.testing.assert_array_equal(repaired[kept], filtered.xyz()[kept])
+    assert np.count_nonzero(np.isnan(repaired[..., 2])) == 6

@@ -17,6 +17,7 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.node.replay import Player
 from socialcircle_ros.recording import Message, open_recording, ros_topic
 from socialcircle_ros.recording.offline import Job, filter_recording
+from socialcircle_ros.recording.topics import offered_qos
 from socialcircle_ros.settings import FocusSettings, StackSettings
 
 pytestmark = pytest.mark.live
@@ -166,7 +167,7 @@ def test_no_frame_is_lost_at_50_a_second_while_clouds_are_filtered(microscope):
         messages.append(Message('/stack/image', frame, time, time, number))
         if number % 10 == 0:
             messages.append(Message('/points', cloud(stamp=number), time, time, number))
-    topics = [ros_topic('/stack/image', image.TYPE), ros_topic('/points', point_cloud.TYPE)]
+    topics = [ros_topic('/stack/image', image.TYPE, offered_qos(50)), ros_topic('/points', point_cloud.TYPE)]
     player = Player(topics, scope.cell.namespace, context=scope.cell.context)
     assert player.wait_for_listeners([topic.name for topic in topics], PATIENCE) == []
     player.play(messages)

@@ -140,4 +140,4 @@ def test_closing_closes_the_files(tmp_path):
 
 def test_parts_are_sorted_by_number(tmp_path):
     paths = [tmp_path / f'bag_{i}.mcap' for i in (10, 9, 1)]
-    assert sorted(paths, key=reader._natural_order) == paths[::-1]
+    assert sorted(paths, key=reader.natural_order) == paths[::-1]

@@ -1,0 +1,116 @@
+"""What every step asks of an organized cloud, checked once."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.compiled import kernel
+from socialcircle_ros.errors import CloudError
+
+Cloud = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+_ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+
+
+def organized(xyz: Any) -> Cloud:
+    """Check that `xyz` is an organized cloud, and make it readable for the kernels.
+
+    Args:
+        xyz: (H, W, 3) float32 or float64, any strides; rows are y, columns are x.
+
+    Returns:
+        The same array where its memory is native and aligned, else a copy that is.
+
+    Raises:
+        CloudError: another shape or data type, or no point at all.
+    """
+    cloud: Any = np.asarray(xyz)
+    if cloud.ndim != 3 or cloud.shape[2] != 3:
+        raise CloudError(f'An organized cloud has the shape (rows, columns, 3), not {cloud.shape}.')
+    if cloud.dtype.kind != 'f' or cloud.dtype.itemsize not in (4, 8):
+        raise CloudError(f'Coordinates must be float32 or float64, not {cloud.dtype}.')
+    if cloud.size == 0:
+        raise CloudError(f'The cloud has no point: its shape is {cloud.shape}.')
+    if not cloud.dtype.isnative or not cloud.flags.aligned:
+        cloud = cloud.astype(cloud.dtype.newbyteorder('='), order='C')
+    return cloud  # type: ignore[no-any-return]
+
+
+def flattened(xyz: Cloud) -> tuple[Any, int, int]:
+    """The cloud as the kernels take it, so that each is compiled once for a data type, whatever the layout.
+
+    Args:
+        xyz: (H, W, 3), any strides.
+
+    Returns:
+        The values, (n,), contiguous and read-only, the row step and the point step, in values: x of the point
+        at (row, column) is `values[row * row_step + column * point_step]`, y and z follow it. A view where
+        x, y and z lie together and rows and columns ascend in memory, as they nearly always do, else a copy.
+    """
+    height, width, _ = xyz.shape
+    size = xyz.itemsize
+    memory: Any = xyz
+    row_bytes, point_bytes, coordinate_bytes = xyz.strides
+    ascending = xyz.size > 0 and row_bytes > 0 and point_bytes >= 3 * size and coordinate_bytes == size
+    if not ascending or row_bytes % size or point_bytes % size:
+        memory = np.array(xyz, order='C')
+        row_bytes, point_bytes = 3 * size * width, 3 * size
+    row_step, point_step = row_bytes // size, point_bytes // size
+    length = (height - 1) * row_step + (width - 1) * point_step + 3 if xyz.size else 0
+    values = np.lib.stride_tricks.as_strided(memory, (length,), (size,), writeable=False)
+    return values, row_step, point_step
+
+
+def measured_points(xyz: Cloud) -> Mask:
+    """Mask (H, W) of the measured points: those whose x, y and z are all finite."""
+    height, width, _ = xyz.shape
+    return _measured_points(*flattened(xyz), height, width)
+
+
+@kernel
+def _measured_points(values: Any, row_step: int, point_step: int, height: int, width: int) -> Mask:
+    measured = np.empty((height, width), np.bool_)
+    line = np.empty((4, width + 2), values.dtype)
+    for row in range(height):
+        load_row(values, row * row_step, point_step, width, line)
+        measured_in_row(line, measured[row])
+    return measured
+
+
+@kernel
+def load_row(values: Any, start: int, point_step: int, width: int, line: Any) -> None:
+    """Write x, y and z of one row of points into the first three of `line`, (4, ≥ W + 2), from index 1 on.
+
+    Loops over such lines are vectorised. So is this one, where the step is a constant and a point is read
+    whole: 0.4 ms instead of 1.9 ms for 1.2 million points of 4 values, of which the fourth is of no use.
+    Unsigned indices spare the test for indices from the end, which would forbid it.
+    """
+    x, y, z, spare = line[0, 1:], line[1, 1:], line[2, 1:], line[3, 1:]
+    at = np.uint64(start)
+    done = 0
+    if point_step == 3:
+        for column in range(width):
+            i = at + _THREE * np.uint64(column)
+            x[column], y[column], z[column] = values[i], values[i + _ONE], values[i + _TWO]
+        done = width
+    elif point_step == 4:
+        # Behind the last point of a cloud there may be no fourth value.
+        for column in range(width - 1):
+            i = at + _FOUR * np.uint64(column)
+            x[column], y[column], z[column] = values[i], values[i + _ONE], values[i + _TWO]
+            spare[column] = values[i + _THREE]
+        done = width - 1
+    for column in range(done, width):
+        i = at + np.uint64(point_step) * np.uint64(column)
+        x[column], y[column], z[column] = values[i], values[i + _ONE], values[i + _TWO]
+
+
+@kernel
+def measured_in_row(line: Any, measured: Any) -> None:
+    """Write which of the loaded points are measured, (n,)."""
+    x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
+    for column in range(len(measured)):
+        # finite - finite is 0, Inf - Inf and NaN - NaN are NaN: one sum tests all three.
+        measured[column] = (x[column] - x[column]) + (y[column] - y[column]) + (z[column] - z[column]) == 0

@@ -1,0 +1,63 @@
+"""`socialcircle simulate`, and stacks through import and filter."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.recording import open_recording
+
+
+def contents(path):
+    with open_recording(path) as reader:
+        return {message.topic: message.data for message in reader.messages()}
+
+
+def test_a_simulated_stack_is_filtered_with_the_parameters_beside_it(run, tmp_path):
+    done = run('simulate', 'flat', '-o', 'flat.mcap', '--size', '40', '50', '--frames', '20', '--seed', '2')
+    assert done.code == 0, done.err
+    assert '20 frames of 40×50 pixels' in done.out
+    filtered = run('filter', 'flat.mcap', '--params-file', 'flat.yaml', '-o', 'cleaned.mcap')
+    assert filtered.code == 0, filtered.err
+    assert '1 stacks became clouds; 1 clouds filtered' in filtered.out
+    messages = contents(tmp_path / 'cleaned.mcap')
+    depth = PointCloud.decode(messages['/stack/points']).xyz()[..., 2]
+    truth = PointCloud.decode(messages['/truth/surface']).xyz()[..., 2]
+    assert np.nanmedian(np.abs(depth - truth)) < 0.5e-6
+
+
+def test_the_same_seed_gives_the_same_recording(run, tmp_path):
+    for name in ('a', 'b'):
+        run('simulate', 'pits', '-o', f'{name}.mcap', '--size', '30', '40', '--frames', '5', '--seed', '4')
+    assert contents(tmp_path / 'a.mcap') == contents(tmp_path / 'b.mcap')
+
+
+def test_a_real_or_imported_stack_needs_its_pitch_and_step(run, tmp_path):
+    frames = np.random.default_rng(0).integers(0, 255, (5, 20, 30), np.uint8)
+    np.savez(tmp_path / 's.npz', frames=frames, z=np.arange(5))
+    refused = run('import', 's.npz', '-o', 's.mcap')
+    assert refused.code == 1
+    assert 'give --pitch and --z-step in metres' in refused.err
+    done = run('import', 's.npz', '-o', 's.mcap', '--pitch', '2e-6', '--z-step', '1e-5')
+    assert done.code == 0, done.err
+    filtered = run('filter', 's.mcap', '--params-file', 's.yaml', '-o', 'cleaned.mcap')
+    assert '1 stacks became clouds' in filtered.out
+    assert PointCloud.decode(contents(tmp_path / 'cleaned.mcap')['/stack/points']).xyz()[0, 1, 0] == np.float32(
+        2e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'code', 'sentence'),
+    [
+        (['marble', '-o', 'x.mcap'], 1, 'marble'),
+        (['flat', '-o', 'x.mcap', '--instrument', '1000x'], 1, "There is no instrument '1000x'"),
+        (['flat', '-o', 'x.mcap', '--seed', '-1'], 2, 'must not be negative'),
+        (['flat', '-o', 'no/folder/x.mcap', '--frames', '3'], 1, 'no/folder'),
+    ],
+)
+def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, arguments, code, sentence):
+    done = run('simulate', *arguments)
+    assert done.code == code
+    assert sentence in done.err
+    assert 'Traceback' not in done.err
+    assert list(tmp_path.iterdir()) == []
