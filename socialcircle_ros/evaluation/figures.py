@@ -207,19 +207,16 @@ def _ranking(title: str, rows: Sequence[Sequence[Cell]]) -> str:
     other = next(row for row in rows if row[0] == ours[0] and row[1] == _REPAIR_NAMES['biharmonic'])
     whole = sorted((row for row in spline if _number(row[3]) >= _WHOLE), key=lambda row: _number(row[2]))
     lowest = f'; the lowest RMSE is {whole[0][2]:.3f} µm ({whole[0][0]})' if whole else ''
+    head = f'{title}, filtered and repaired with the paper’s spline: the social circle (default)'
     if ours not in whole:
-        standing = (
-            f'the social circle (default) leaves no whole surface: {_number(ours[3]):.1%} of the points have a'
-            f' height; {len(whole)} of {len(spline)} leave at least {_WHOLE:.0%}{lowest}'
-        )
-    else:
-        standing = (
-            f'the social circle (default) has an RMSE of {ours[2]:.3f} µm, number {whole.index(ours) + 1} of the'
-            f' {len(whole)} that leave at least {_WHOLE:.0%} of the points with a height{lowest}'
+        return (
+            f'{head} leaves no whole surface, {_number(ours[3]):.1%} of the points have a height; {len(whole)} of'
+            f' {len(spline)} filters leave at least {_WHOLE:.0%}{lowest}.'
         )
     return (
-        f'{title}, filtered and repaired with the paper’s spline: {standing}. The biharmonic repair changes the'
-        f' RMSE of the social circle from {ours[2]:.3f} to {other[2]:.3f} µm.'
+        f'{head} has an RMSE of {ours[2]:.3f} µm, number {whole.index(ours) + 1} of the {len(whole)} that leave at least'
+        f' {_WHOLE:.0%} of the points with a height{lowest}. The biharmonic repair makes it'
+        f' {other[2]:.3f} µm.'
     )
 
 

@@ -59,7 +59,7 @@ def quick_plan(seeds: tuple[int, ...]) -> Plan:
         smaller=(96, 128),
         shares=(0.02, 0.45),
         repeats=2,
-        votes=2,
+        votes=1,
         painted=('metal_groove', 'steep_groove'),
         scanned=('metal_groove',),
         drawn=('best',),

@@ -19,8 +19,8 @@ from .methods import FilterSettings
 from .scores import f1_at, score
 from .subjects import Subject
 
-_WINDOWS = (3, 5, 7, 9, 13)
-_RADII = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 9.0)  # pitches
+_WINDOWS = (3, 5, 7, 9, 15)
+_RADII = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0)  # pitches
 _PARTS = (0.25, 0.5, 0.75, 1.0)  # of the window's places
 _STD_FACTORS = np.round(np.arange(-2.0, 8.05, 0.1), 1)
 _MEDIAN_WINDOWS = (5, 11, 15, 21, 31)
