@@ -214,8 +214,8 @@ def _ranking(title: str, rows: Sequence[Sequence[Cell]]) -> str:
             f' {len(spline)} filters leave at least {_WHOLE:.0%}{lowest}.'
         )
     return (
-        f'{head} has an RMSE of {ours[2]:.3f} µm, number {whole.index(ours) + 1} of the {len(whole)} that leave at least'
-        f' {_WHOLE:.0%} of the points with a height{lowest}. The biharmonic repair makes it'
+        f'{head} has an RMSE of {ours[2]:.3f} µm, number {whole.index(ours) + 1} of the {len(whole)} that leave'
+        f' at least {_WHOLE:.0%} of the points with a height{lowest}. The biharmonic repair makes it'
         f' {other[2]:.3f} µm.'
     )
 

@@ -188,8 +188,8 @@ def _as_table(name: str, title: str, outcomes: Sequence[Outcome]) -> Table:
         for each in outcomes
     ]
     note = (
-        'PCL and Open3D: the settings of our defaults, without a window; the first seed, one run, the time that the'
-        ' tool itself gives, without files.'
+        'PCL and Open3D: the settings of our defaults, without a window; the first seed, one run, the time that'
+        ' the tool itself gives, without files.'
     )
     has_peers = any(each.method.is_peer for each in outcomes)
     return Table(name, title, columns, rows, note if has_peers else '')
