@@ -1,8 +1,12 @@
 """`socialcircle experiment`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from socialcircle_ros.evaluation.real import RealCloud
 
 NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all')
 
@@ -15,7 +19,11 @@ NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all')
 )  # fmt: skip
 @click.option('--quick', is_flag=True, help='Small clouds, to see it work; the numbers say little.')
 @click.option('--seeds', default='1,2,3', show_default=True, help='Of the clouds that the scores come from.')
-def command(name: str, out: Path, quick: bool, seeds: str) -> None:
+@click.option(
+    '--data', type=click.Path(path_type=Path, exists=True, file_okay=False), envvar='SOCIALCIRCLE_DATA',
+    help='Directory of measured surfaces (.npz), for figure8 and all; default: $SOCIALCIRCLE_DATA.',
+)  # fmt: skip
+def command(name: str, out: Path, quick: bool, seeds: str, data: Path | None) -> None:
     """Repeat the experiments of the paper with known truth, and say where its claims hold.
 
     Compares the social circle with the radius, the statistical and the median filter, each at its default and at
@@ -25,24 +33,53 @@ def command(name: str, out: Path, quick: bool, seeds: str) -> None:
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    from socialcircle_ros.evaluation.experiments import run, write
+    from socialcircle_ros.evaluation.experiments import prepare, run, write
     from socialcircle_ros.evaluation.lineup import Lineup, Plan, quick_plan
     from socialcircle_ros.evaluation.pictures import new_figure
 
     chosen = _numbers(seeds)
     plan = quick_plan(chosen) if quick else Plan(chosen)
     new_figure(1, 1)  # says that matplotlib is missing now, not after minutes
+    prepare(out)
+    surfaces = _surfaces(data) if data is not None else []
+    if quick:
+        surfaces = surfaces[:1]
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(name, total=None)
-        sections = run(name, Lineup(plan, lambda step: progress.update(task, description=step)))
+
+        def tell(step: str) -> None:
+            progress.update(task, description=step)
+            if not console.is_terminal:
+                click.echo(f'{progress.tasks[task].elapsed or 0:4.0f} s  {step}', err=True)
+
+        sections = run(name, Lineup(plan, tell), surfaces)
     called = f'socialcircle experiment {name} --seeds {seeds}{" --quick" if quick else ""}'
     written = write(out, name, called, sections)
     for section in sections:
         for finding in section.findings:
             click.echo(f'- {finding}')
     click.echo(f'{len(written)} files written; next: open {written[0]}')
+
+
+def _surfaces(folder: Path) -> 'list[RealCloud]':
+    """The height maps of a folder; its focus stacks are no surfaces yet, and are passed over."""
+    import numpy as np
+
+    from socialcircle_ros.evaluation.real import RealCloud
+    from socialcircle_ros.recording import import_cloud
+
+    clouds = []
+    for path in sorted(folder.glob('*.npz')):
+        with np.load(path) as arrays:
+            if 'frames' in arrays:
+                continue
+        cloud = import_cloud(path)
+        clouds.append(
+            RealCloud(cloud.name, cloud.points, 'µm' if cloud.unit == 'um' else cloud.unit or 'unit of the file')
+        )
+    return clouds
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .pictures import new_figure, thinned
+from .pictures import any_in_tile, new_figure, thinned
 from .scores import Mask
 from .subjects import Subject
 
+Heights = npt.NDArray[Any]
 Answers = Sequence[tuple[str, Mask]]
 """Names of filters, and what each called outliers, (H, W) bool."""
 
@@ -39,13 +40,15 @@ def removal_maps(subject: Subject, answers: Answers) -> bytes:
         image = axis.imshow(thinned(np.where(found, np.nan, z)), extent=_extent(z.shape, subject.pitch), **shown)
         axis.set_title(name)
         _frame(axis, box, subject.pitch)
-    axes[0, 0].set_ylabel('heights [µm]')
+    axes[0, 0].set_ylabel('what remains')
     figure.colorbar(image, ax=axes[0], label='z [µm]', shrink=0.8)
     part: dict[str, Any] = {'extent': _box_extent(box, subject.pitch), 'interpolation': 'nearest'}
     axes[1, 0].imshow(z[box], **(shown | part))
     axes[1, 0].set_ylabel('the framed part')
     for axis, (_, found) in zip(axes[1, 1:], answers, strict=True):
         axis.imshow(_judged_colours(subject, found, box), **part)
+    for axis in axes[1]:
+        axis.set_xlabel('x, y [µm]')
     _legend(figure, axes[1, -1], _WORDS)
     return _png(figure)
 
@@ -78,7 +81,7 @@ def contamination(
         for name, values in curve.items():
             own, _, variant = name.rpartition(', ')
             number = filters.index(own)
-            style = '-' if variant == 'best' or number == 0 else '--'
+            style = '-' if variant == 'best' else '--'
             axis.plot(
                 [100 * share for share in shares], values, style, color=_COLOURS[number], label=name,
                 marker='os^v'[number], markersize=4, linewidth=2.4 if number == 0 else 1.4,
@@ -92,6 +95,99 @@ def contamination(
         axis.set_ylabel('F1')
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc='outside lower center', ncols=4)
     return _png(figure)
+
+
+def elections(panels: Sequence[tuple[str, Subject, tuple[slice, slice], tuple[int, int]]]) -> bytes:
+    """Vote regions as point clouds, the elected seed in red: as the paper's figure 4.
+
+    Args:
+        panels: title, cloud, vote region, and row and column of the seed in the cloud.
+    """
+    figure = new_figure(5.2 * len(panels), 5.2)
+    for number, (title, subject, region, seed) in enumerate(panels, 1):
+        axis = figure.add_subplot(1, len(panels), number, projection='3d')
+        x, y, z = subject.points[region].reshape(-1, 3).T
+        bad = subject.outlier[region].ravel()
+        axis.scatter(x[~bad], y[~bad], z[~bad], s=3, color='#7d8b99', label='good', depthshade=False)
+        axis.scatter(x[bad], y[bad], z[bad], s=3, color='#e69f00', label='outlier', depthshade=False)
+        # Drawn over everything: the seed of a rough surface lies amid its neighbours.
+        axis.scatter(
+            *subject.points[seed], s=110, color='#d00000', marker='o', label='seed', zorder=1000, depthshade=False
+        )
+        axis.computed_zorder = False
+        axis.set(title=title, xlabel='x [µm]', ylabel='y [µm]', zlabel='z [µm]')
+        axis.view_init(elev=18, azim=-60)
+    figure.legend(*axis.get_legend_handles_labels(), loc='outside lower center', ncols=3, markerscale=1.5)
+    return _png(figure)
+
+
+def repaired_surfaces(subject: Subject, repaired: Sequence[tuple[str, npt.NDArray[Any]]]) -> bytes:
+    """Filtered and repaired surfaces under a slanting light, and below how far they are off the true one.
+
+    Args:
+        subject: the cloud and its truth.
+        repaired: title and heights (H, W), NaN where nothing is.
+    """
+    from matplotlib.colors import LightSource, LogNorm  # noqa: PLC0415 - an extra
+
+    box = densest_box(subject.outlier, 0.3)
+    low, high = _range(subject.z_true)
+    light = LightSource(azdeg=315, altdeg=40)
+    everything = [('as measured', subject.points[..., 2]), *repaired]
+    figure = new_figure(3.9 * len(everything), 6.8)
+    axes = figure.subplots(2, len(everything), sharex=True, sharey=True)
+    extent = _box_extent(box, subject.pitch)
+    nearest, furthest = 0.05 * subject.pitch, 50 * subject.pitch
+    for (above, below), (name, heights) in zip(axes.T, everything, strict=True):
+        z = heights[box].astype(np.float64)
+        filled = np.where(np.isfinite(z), np.clip(z, low - 20 * subject.pitch, high + 20 * subject.pitch), np.nan)
+        shaded = light.shade(
+            np.ma.masked_invalid(filled), cmap=_colour_map(), vmin=low, vmax=high, blend_mode='soft',
+            dx=subject.pitch, dy=subject.pitch,
+        )  # fmt: skip
+        shaded[~np.isfinite(z)] = 1.0
+        above.imshow(shaded, extent=extent, interpolation='nearest')
+        above.set_title(name)
+        error = np.maximum(np.abs(z - subject.z_true[box]), nearest)
+        image = below.imshow(
+            error, extent=extent, interpolation='nearest', cmap='magma_r', norm=LogNorm(nearest, furthest)
+        )
+    axes[0, 0].set_ylabel('lit from the upper left')
+    axes[1, 0].set_ylabel('distance to the true surface')
+    figure.colorbar(image, ax=axes, label='|z − true z| [µm]', shrink=0.7)
+    return _png(figure)
+
+
+def real_surface(points: npt.NDArray[Any], unit: str, answers: Answers) -> bytes:
+    """A measured surface, and for each filter what it leaves, with what it removed in red below."""
+    z = points[..., 2].astype(np.float64)
+    low, high = _range(z)
+    height = 3.1 * min(max(z.shape[0] / z.shape[1], 0.4), 2.0)
+    figure = new_figure(3.7 * (len(answers) + 1), 2 * height + 1.6)
+    axes = figure.subplots(2, len(answers) + 1)
+    shown: dict[str, Any] = {'interpolation': 'nearest', 'vmin': low, 'vmax': high, 'aspect': 'auto'}
+    titled = [(f'{name}\n{np.count_nonzero(found):,} removed', found) for name, found in answers]
+    everything = [('as measured\n', np.zeros(z.shape, np.bool_)), *titled]
+    for (above, below), (name, found) in zip(axes.T, everything, strict=True):
+        image = above.imshow(thinned(np.where(found, np.nan, z)), cmap='viridis', **shown)
+        above.set_title(name)
+        below.imshow(thinned(z), cmap='gray', **shown)
+        red = np.zeros((*thinned(found).shape, 4))
+        red[any_in_tile(found)] = (0.85, 0, 0, 1)
+        below.imshow(red, interpolation='nearest', aspect='auto')
+        for axis in (above, below):
+            axis.set_xticks([])
+            axis.set_yticks([])
+    axes[0, 0].set_ylabel('what remains')
+    axes[1, 0].set_ylabel('what was removed, in red')
+    figure.colorbar(image, ax=axes, label=f'z [{unit}]', shrink=0.7)
+    return _png(figure)
+
+
+def _colour_map() -> Any:
+    from matplotlib import colormaps  # noqa: PLC0415 - an extra
+
+    return colormaps['viridis']
 
 
 def _judged_colours(subject: Subject, found: Mask, box: tuple[slice, slice]) -> npt.NDArray[Any]:
@@ -142,6 +238,11 @@ def _legend(figure: Any, axis: Any, words: Mapping[str, str]) -> None:
 
 
 def _png(figure: Any) -> bytes:
-    out = io.BytesIO()
-    figure.savefig(out, format='png')
+    """The figure in 256 colours: a third of the size, in a page that holds all pictures itself."""
+    from PIL import Image  # noqa: PLC0415 - comes with matplotlib
+
+    drawn, out = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format='png')
+    with Image.open(drawn) as image:
+        image.convert('RGB').quantize(256, dither=Image.Dither.NONE).save(out, format='png', optimize=True)
     return out.getvalue()

@@ -6,42 +6,60 @@ from pathlib import Path
 from socialcircle_ros.errors import SocialCircleError
 
 from .benchmarks import hardware
-from .figures import figure8
+from .contamination import contaminations
+from .figures import figure4, figure8, figure10, figure11
 from .lineup import Lineup
 from .page import render
+from .real import RealCloud, real_surfaces
 from .report import Section
-from .table1 import contaminations, table1
+from .table1 import table1
 
 EXPERIMENTS: dict[str, Sequence[Callable[[Lineup], list[Section]]]] = {
     'table1': (table1, contaminations),
+    'figure4': (figure4,),
     'figure8': (figure8,),
+    'figure10': (figure10,),
+    'figure11': (figure11,),
 }
 """What belongs to each experiment, in the order of the page."""
 
 _INTRODUCTION = (
     'The experiments of "Fast outlier removing method for point cloud of microscopic 3D measurement based on'
-    ' social circle", repeated with known truth. Does the social circle keep more points, remove more'
-    ' outliers, and take less time than other filters? Every sentence under "What was found" is computed'
-    ' from this run.'
+    ' social circle", repeated with known truth. Does the social circle keep more points, remove more outliers,'
+    ' and take less time than other filters? Every sentence under "What was found" is computed from this run.'
 )
 
 
-def run(name: str, lineup: Lineup) -> list[Section]:
+def run(name: str, lineup: Lineup, real: Sequence[RealCloud] = ()) -> list[Section]:
     """One experiment, or all of them.
 
     Args:
         name: of `EXPERIMENTS`, or 'all'.
         lineup: what takes part.
+        real: measured clouds, which are shown with figure 8.
     """
     parts = [part for parts in EXPERIMENTS.values() for part in parts] if name == 'all' else EXPERIMENTS[name]
-    return [section for part in parts for section in part(lineup)]
+    sections = [section for part in parts for section in part(lineup)]
+    return sections + real_surfaces(lineup, real) if real and name in ('figure8', 'all') else sections
+
+
+def prepare(folder: Path) -> None:
+    """Make the folder of the results, so that a wrong one is told before the work and not after it.
+
+    Raises:
+        SocialCircleError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SocialCircleError(f'{folder} cannot be written: {error.strerror}; choose another with -o.') from None
 
 
 def write(folder: Path, name: str, command: str, sections: Sequence[Section]) -> list[Path]:
     """Write the tables as CSV, the pictures as PNG, and everything as one page.
 
     Args:
-        folder: made if it is not there.
+        folder: which is there.
         name: of the page, without its ending.
         command: that made it, for the page.
         sections: what it shows.
@@ -59,7 +77,6 @@ def write(folder: Path, name: str, command: str, sections: Sequence[Section]) ->
     ]
     written = [page]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         for section in sections:
             for table in section.tables:
                 written.append(folder / f'{table.name}.csv')

@@ -8,7 +8,7 @@ import numpy as np
 from .methods import KINDS, FilterSettings, Method, method
 from .scores import Mask, Scores, score
 from .search import best_settings
-from .subjects import PAPER_SIZE, Subject, other_seeds, painted, scanned
+from .subjects import PAPER_SIZE, PAPERS_SCENES, TITLES, Subject, other_seeds, painted, scanned
 
 
 @dataclass(frozen=True)
@@ -18,18 +18,31 @@ class Plan:
     Attributes:
         seeds: of the clouds that the scores come from.
         size: rows and columns of the painted clouds.
-        small: rows and columns where many clouds are needed: over contaminations, and for focus stacks.
+        small: rows and columns of the clouds that settings are searched on, and of focus stacks.
+        smaller: rows and columns where many clouds are needed: over contaminations, and for elections.
         shares: of outliers.
         repeats: how often each time is taken.
         votes: how many elections for each line of figure 4.
+        painted: the scenes with outliers painted on.
+        scanned: the scenes that are also scanned by the virtual instrument.
+        drawn: which settings of a filter are drawn in figure 8.
     """
 
     seeds: tuple[int, ...]
     size: tuple[int, int] = PAPER_SIZE
     small: tuple[int, int] = (480, 640)
+    smaller: tuple[int, int] = (240, 320)
     shares: tuple[float, ...] = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45)
     repeats: int = 7
     votes: int = 20
+    painted: tuple[str, ...] = tuple(TITLES)
+    scanned: tuple[str, ...] = PAPERS_SCENES
+    drawn: tuple[str, ...] = ('default', 'best')
+
+    @property
+    def scenes(self) -> list[tuple[str, bool]]:
+        """Every scene, and whether it comes from a rendered focus stack."""
+        return [(scene, False) for scene in self.painted] + [(scene, True) for scene in self.scanned]
 
     @property
     def search_seeds(self) -> tuple[int, ...]:
@@ -39,7 +52,18 @@ class Plan:
 
 def quick_plan(seeds: tuple[int, ...]) -> Plan:
     """A plan for trying the experiments out: its numbers say little."""
-    return Plan(seeds[:1], (144, 192), (96, 128), (0.02, 0.45), repeats=2, votes=2)
+    return Plan(
+        seeds[:1],
+        size=(144, 192),
+        small=(96, 128),
+        smaller=(96, 128),
+        shares=(0.02, 0.45),
+        repeats=2,
+        votes=1,
+        painted=('metal_groove', 'steep_groove'),
+        scanned=('metal_groove',),
+        drawn=('best',),
+    )
 
 
 @dataclass(frozen=True)
@@ -61,7 +85,8 @@ class Lineup:
         key = scene, from_stack
         if key not in self._best:
             self.tell(f'{scene}: making clouds to search on')
-            subjects = [self.subject(scene, seed, from_stack=from_stack) for seed in self.plan.search_seeds]
+            make = scanned if from_stack else painted
+            subjects = [make(scene, self.plan.small, seed) for seed in self.plan.search_seeds]
             self._best[key] = [self._search(scene, kind, subjects) for kind in KINDS]
         return self._best[key]
 

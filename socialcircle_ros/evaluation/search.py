@@ -1,6 +1,8 @@
 """The best settings of each filter on clouds of known truth, so that none is crippled in the comparison."""
 
+import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -10,17 +12,18 @@ import numpy.typing as npt
 
 from socialcircle_ros.baselines import FilterResult, median_filter, radius_filter, statistical_filter
 from socialcircle_ros.circle import remove_outliers
+from socialcircle_ros.circle.voting import elect_seed
 from socialcircle_ros.settings import CircleSettings, MedianSettings, RadiusSettings, StatisticalSettings
 
 from .methods import FilterSettings
 from .scores import f1_at, score
 from .subjects import Subject
 
-_WINDOWS = (3, 5, 7, 9)
-_RADII = (1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)  # pitches
+_WINDOWS = (3, 5, 7, 9, 15)
+_RADII = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0)  # pitches
 _PARTS = (0.25, 0.5, 0.75, 1.0)  # of the window's places
 _STD_FACTORS = np.round(np.arange(-2.0, 8.05, 0.1), 1)
-_MEDIAN_WINDOWS = (3, 5, 7, 9, 11, 15, 21)
+_MEDIAN_WINDOWS = (5, 11, 15, 21, 31)
 _THRESHOLDS = np.array([float(f'{value:.3g}') for value in np.geomspace(0.2, 40, 100)])  # pitches
 _SCALES = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0)
 
@@ -51,11 +54,15 @@ def best_settings(kind: type[FilterSettings], subjects: Sequence[Subject]) -> Fi
     """
     if kind is CircleSettings:
         return _best_circle(subjects)
-    found: list[tuple[float, FilterSettings]] = []
-    for trial in _TRIALS[kind](subjects[0].pitch):
+
+    def tried(trial: _Trial) -> tuple[float, FilterSettings]:
         f1 = np.mean([_f1(trial, subject) for subject in subjects], axis=0)
         best = int(np.argmax(f1))
-        found.append((float(f1[best]), trial.settings(best)))
+        return float(f1[best]), trial.settings(best)
+
+    # The filters release the GIL.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = list(pool.map(tried, _TRIALS[kind](subjects[0].pitch)))
     return max(found, key=lambda each: each[0])[1]
 
 
@@ -138,10 +145,17 @@ def _with(base: FilterSettings, name: str, values: npt.NDArray[Any], index: int)
 
 def _best_circle(subjects: Sequence[Subject]) -> CircleSettings:
     """Our own filter is searched in the same way, although it has no score and each setting is a run."""
+    # All settings have the same seed: it is elected once for each cloud, and then is its own vote region.
+    seeds = [(*elect_seed(subject.points, None), 1, 1) for subject in subjects]
 
     def mean_f1(settings: CircleSettings) -> float:
-        found = [remove_outliers(subject.points, settings).outliers for subject in subjects]
-        scores = [score(mask, each.outlier, each.counted) for mask, each in zip(found, subjects, strict=True)]
-        return float(np.mean([each.f1 for each in scores]))
+        f1 = []
+        for subject, seed in zip(subjects, seeds, strict=True):
+            found = remove_outliers(subject.points, replace(settings, vote_region=seed)).outliers
+            f1.append(score(found, subject.outlier, subject.counted).f1)
+        return float(np.mean(f1))
 
-    return max((CircleSettings(window=w, radius_scale=s) for w in (3, 5) for s in _SCALES), key=mean_f1)
+    trials = [CircleSettings(window=window, radius_scale=scale) for window in (3, 5) for scale in _SCALES]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = list(zip(pool.map(mean_f1, trials), trials, strict=True))
+    return max(found, key=lambda each: each[0])[1]

@@ -25,6 +25,9 @@ TITLES = {
 }
 """The scenes: of the paper, and one whose walls of 80° the exact mode cannot climb."""
 
+PAPERS_SCENES = ('metal_groove', 'composite')
+"""The two of the paper."""
+
 _SIZES = ((1, 1, 'isolated'), (2, 19, 'clusters to 19'), (20, 59, '20 to 59'), (60, 10**9, '60 and more'))
 
 

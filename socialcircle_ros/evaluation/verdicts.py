@@ -60,8 +60,8 @@ def judge(ours: Outcome, other: Outcome) -> Verdict:
     )
 
 
-def in_a_sentence(title: str, verdicts: Sequence[Verdict]) -> str:
-    """What the verdicts on one subject come to."""
+def in_a_sentence(others: str, verdicts: Sequence[Verdict]) -> str:
+    """What the verdicts against some others come to."""
     total = len(verdicts)
     parts = []
     for words, values in (
@@ -74,8 +74,18 @@ def in_a_sentence(title: str, verdicts: Sequence[Verdict]) -> str:
     holding = sum(verdict.holds for verdict in verdicts)
     whole = {0: 'against none', total: f'against all {total}'}.get(holding, f'against {holding} of {total}')
     return (
-        f'{title}: of the {total} other filters, the social circle {parts[0]}, {parts[1]} and {parts[2]};'
-        f' the whole claim holds {whole}.'
+        f'Against {others} ({total} in all), the social circle {parts[0]}, {parts[1]} and {parts[2]} of them; the'
+        f' whole claim holds {whole}.'
+    )
+
+
+def standing(outcomes: Sequence[Outcome]) -> str:
+    """Who has the highest F1, and where the first of the outcomes, ours, stands."""
+    order = sorted(outcomes, key=lambda each: -each.scores.f1)
+    best, ours = order[0], outcomes[0]
+    return (
+        f'The highest F1 is that of {best.method.label} ({best.scores.f1:.3f}); {ours.method.label} is number'
+        f' {order.index(ours) + 1} of {len(order)} ({ours.scores.f1:.3f}).'
     )
 
 
