@@ -34,6 +34,7 @@ def command(
     from rich.console import Console
     from rich.progress import Progress
 
+    from socialcircle_ros.messages.diagnostics import OK
     from socialcircle_ros.pipeline import Cleaned
     from socialcircle_ros.recording import Message, open_recording
     from socialcircle_ros.recording.offline import Job, filter_recording
@@ -57,6 +58,7 @@ def command(
     with open_recording(recording) as reader:
         total = reader.message_count
     points = outliers = 0
+    warnings: set[str] = set()
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(f'filtering {recording.name}', total=total)
 
@@ -64,6 +66,7 @@ def command(
             nonlocal points, outliers
             points += sum(result.measured for result in cleaned)
             outliers += sum(result.outliers for result in cleaned)
+            warnings.update(result.status.message for result in cleaned if result.status.level != OK)
             progress.advance(task)
 
         summary = filter_recording(
@@ -81,6 +84,8 @@ def command(
         f'{stacks}{summary.clouds} clouds filtered, {outliers} of {points} measured points are outliers{share}; '
         f'{summary.passed} other messages kept; written to {output}.'
     )
+    for warning in sorted(warnings):
+        click.echo(f'Warning: {warning}', err=True)
     for reason, count in summary.refused.items():
         click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
     if summary.replaced:

@@ -17,6 +17,10 @@ def command(ros_arguments: tuple[str, ...]) -> None:
     """
     import sys
 
+    if ros_arguments and ros_arguments[0] != '--ros-args':
+        raise click.UsageError(
+            f'{ros_arguments[0]!r} is not for this command; arguments for ROS follow --ros-args.'
+        )
     from socialcircle_ros.node.main import main
 
     sys.exit(main(list(ros_arguments)))

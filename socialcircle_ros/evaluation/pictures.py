@@ -1,5 +1,6 @@
 """Pictures of clouds, for people who would rather look than read (extra `pictures`: matplotlib)."""
 
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,7 @@ def before_and_after(
     low, high = np.nanpercentile(scale, [0.5, 99.5])
     extent = _extent(xyz, measured)
     figure = new_figure(15, 15 / 3 * _aspect(extent) + 1.3)
-    figure.suptitle(title)
+    figure.suptitle(textwrap.fill(title, 130))
     axes = figure.subplots(1, 3, sharex=True, sharey=True)
     shown: dict[str, Any] = {'extent': extent, 'interpolation': 'nearest', 'vmin': low, 'vmax': high}
     names = ('as measured', f'{np.count_nonzero(outliers)} outliers in red', 'cleaned; orange: nothing there')

@@ -48,6 +48,8 @@ def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> I
     """
     path = Path(path)
     readers = {'.npz': _height_map, '.ply': _points, '.pcd': _points}
+    if not path.suffix and not path.exists():
+        raise ImportFileError(f'{path} does not exist: check the name of the file or folder.')
     if path.suffix.lower() not in readers:
         raise ImportFileError(f'{path} is of a kind that is not known here: give an .npz, .ply or .pcd file.')
     try:

@@ -71,6 +71,12 @@ def test_a_recording_of_which_no_cloud_could_be_filtered_fails(run):
     assert 'stack.pitch_x is not set' in done.err
 
 
+def test_a_circle_that_kept_less_than_half_is_told(run):
+    done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.radius_scale:=0.4')
+    assert done.code == 0
+    assert 'That is more than half' in done.err
+
+
 def test_a_number_with_an_exponent_is_a_number(run):
     done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.radius:=1e2')
     assert done.code == 0, done.err

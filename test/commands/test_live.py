@@ -85,6 +85,7 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
         (['demo', 'nowhere.mcap'], 1, 'nowhere.mcap'),
         (['demo', '-o', '/proc/demo'], 1, '/proc/demo cannot be made'),
         (['node', '--ros-args', '-p', 'circle.window:=4'], 1, 'circle.window'),
+        (['node', 'circle.window:=5'], 2, 'arguments for ROS follow --ros-args'),
         (['node', '--ros-args', '--params-file', 'nowhere.yaml'], 1, 'nowhere.yaml'),
     ],
 )
