@@ -72,7 +72,9 @@ def _end(node: Any, rclpy: Any) -> None:
     node.close()
     rclpy.try_shutdown()
     if node.warm_up.running:
-        # What is being compiled can neither be interrupted nor waited for; everything else has ended.
+        # What is being compiled can neither be interrupted nor waited for; everything else has ended, and
+        # the context, whose end frees the shared memory, is not left to the interpreter's exit.
+        node.context.destroy()
         sys.stderr.flush()
         os._exit(0)
 
