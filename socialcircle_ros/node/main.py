@@ -74,6 +74,7 @@ def _end(node: Any, rclpy: Any) -> None:
     if node.warm_up.running:
         # What is being compiled can neither be interrupted nor waited for; everything else has ended, and
         # the context, whose end frees the shared memory, is not left to the interpreter's exit.
+        node._state_machine.destroy_when_not_in_use()  # noqa: SLF001 - it holds the node, and that the context
         node.context.destroy()
         sys.stderr.flush()
         os._exit(0)
