@@ -116,7 +116,7 @@ def test_the_reported_change_makes_a_best_effort_publisher_heard(start_cell):
     cell.wait_for(lambda: publisher.get_subscription_count() == 1)
     cell.clouds = publisher
     # Best effort may lose a cloud: it is sent until it is answered.
-    cell.wait_for(lambda: publisher.publish(cloud()) or cell.inbox['points_filtered'])
+    assert cell.wait_for(lambda: publisher.publish(cloud()) or cell.inbox['points_filtered'])
 
 
 def test_a_publisher_of_another_type_is_reported(start_cell):
@@ -162,4 +162,4 @@ def test_a_bad_qos_override_is_told_and_leaves_the_node_unconfigured(start_cell)
     cell = start_cell(active=False, parameters={'qos_overrides./odd.publisher.reliability': 'sometimes'},
                       arguments=('-r', 'points_filtered:=/odd'))  # fmt: skip
     cell.wait_for_state('unconfigured')
-    cell.wait_for(lambda: 'on_configure failed' in cell.node_process.log.read_text())
+    assert cell.wait_for(lambda: 'on_configure failed' in cell.node_process.log.read_text())
