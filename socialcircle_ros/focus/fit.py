@@ -10,15 +10,12 @@ simulated stacks. The odds are 0.125 (c - 0.3)^1.5 v^-0.75, with two numbers of 
 ln(F_peak / F_lowest), and v, the variance of the fitted peak in squares of the curve's width.
 """
 
-import itertools
-import os
-from concurrent.futures import ThreadPoolExecutor
 from enum import IntFlag
 
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.compiled import kernel
+from socialcircle_ros.compiled import in_bands, kernel
 
 from .curve import OCTAVE, REACH, SLOTS, Codes, Curves, Places
 
@@ -57,6 +54,9 @@ _NEAREST = 0.01
 
 _PER_CODE = np.float32(np.log(2) / OCTAVE)
 
+_WEIGHTLESS = int(np.ceil(OCTAVE / np.log(2)))
+"""A frame whose code is so far below the peak's weighs nothing, unless it is one of the two nearest."""
+
 _NOISE, _NOISE_FRAMES = 4e-5, 2
 """What is known of the variance of ln F before the fit, and how many frames that knowledge is worth."""
 
@@ -75,10 +75,6 @@ _BATCH = 4
 """Slots summed at once: the sums of a tile are then read and written once in so many slots."""
 
 _SUMS = 10
-
-
-_PIXELS_PER_THREAD = 100_000
-"""A thread that fits fewer pixels costs more than it saves."""
 
 
 def fit_peaks(
@@ -123,12 +119,7 @@ def fit_peaks(
             reasons[band],
         )
 
-    # Somebody waits for the last frame's cloud: the fit may take every core for these milliseconds. Pixels do
-    # not know of each other, so that the number of threads changes nothing.
-    threads = max(1, min(os.cpu_count() or 1, depth.size // _PIXELS_PER_THREAD))
-    edges = np.linspace(0, shape[0], threads + 1).astype(int)
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(fit, [slice(first_row, end) for first_row, end in itertools.pairwise(edges)]))
+    in_bands(fit, *shape)
     return depth, quality, reasons
 
 
@@ -158,6 +149,7 @@ def _fit(
     farthest = np.empty(_TILE, np.int32)
     origin = np.empty(_TILE, np.float32)
     distance = np.empty(_TILE, np.int32)
+    floor = np.empty(_TILE, np.uint16)
     t = np.zeros(_BATCH * _TILE, np.float32)
     weights = np.empty(_BATCH * _TILE, np.float32)
     logs = np.zeros(_BATCH * _TILE, np.float32)
@@ -178,6 +170,8 @@ def _fit(
                 nearest,
                 farthest,
             )
+            for x in range(peaks.size):
+                floor[x] = max(np.int32(peaks[x]) - np.int32(_WEIGHTLESS), np.int32(0))
             for x in range(_TILE):
                 origin[x] = steps[np.uintp(index[x] + REACH)]
             sums[:] = 0
@@ -185,11 +179,12 @@ def _fit(
             batched = 0
             # In the order of the places, so that rounding does not depend on which frame came first.
             for turn in range(SLOTS):
+                codes = slots[row, (first + turn) % SLOTS, tile]
+                if not _matters(turn, codes, floor, low, high):
+                    continue
                 batch = slice(batched * _TILE, (batched + 1) * _TILE)
                 _find_distance(turn, residue, distance)
-                codes = slots[row, (first + turn) % SLOTS, tile]
-                if not _weigh(codes, peaks, distance, nearest, farthest, three, weights[batch], logs[batch]):
-                    continue
+                _weigh(codes, peaks, distance, nearest, farthest, three, weights[batch], logs[batch])
                 _find_position(index, distance, origin, steps, low, high, t[batch])
                 batched += 1
                 if batched == _BATCH:
@@ -238,6 +233,17 @@ def _locate(
         low = min(low, index[x])
         high = max(high, index[x])
     return int(low), int(high)
+
+
+@kernel
+def _matters(turn: int, codes: Codes, floor: Codes, low: int, high: int) -> bool:
+    """Whether a slot can weigh anything: it is next to a centre of the tile, or sharp enough anywhere."""
+    if (turn - low + 1) % SLOTS <= high - low + 2:
+        return True
+    count = np.int32(0)
+    for x in range(codes.size):
+        count = np.int32(count + np.int32(codes[x] > floor[x]))
+    return bool(count > 0)
 
 
 @kernel
@@ -291,8 +297,8 @@ def _weigh(
     three: bool,
     weights: Row,
     logs: Row,
-) -> bool:
-    """ln(F / F_peak) and weight of one slot, 0 outside nearest to farthest; whether any pixel has one."""
+) -> None:
+    """ln(F / F_peak) and weight of one slot, 0 outside nearest to farthest."""
     slope = np.float32(0) if three else np.float32(1)
     least = np.float32(1) if three else np.float32(_NEAREST)
     for x in range(codes.size):
@@ -303,10 +309,6 @@ def _weigh(
         used = (distance[x] >= nearest[x]) & (distance[x] <= farthest[x]) & (codes[x] > np.uint16(0))
         weight = max(above * above, least if beside else np.float32(0))
         weights[x] = weight if used else np.float32(0)
-    count = np.int32(0)
-    for x in range(codes.size):
-        count = np.int32(count + np.int32(weights[x] > np.float32(0)))
-    return bool(count > 0)
 
 
 @kernel

@@ -174,15 +174,23 @@ def _mark_saturated(
     """Mark the pixels in whose window too many pixels of the all-in-focus image are saturated."""
     height, width = image.shape
     side = 2 * half + 1
+    least = np.int32(level)
     columns = np.zeros(width, np.int32)
     for row in range(-half, height):
         if row + half < height:
+            entering = image[row + half]
             for x in range(width):
-                columns[x] += image[row + half, x] >= level
+                columns[x] += np.int32(np.int32(entering[x]) >= least)
         if row - half - 1 >= 0:
+            leaving = image[row - half - 1]
             for x in range(width):
-                columns[x] -= image[row - half - 1, x] >= level
+                columns[x] -= np.int32(np.int32(leaving[x]) >= least)
         if row < 0:
+            continue
+        most = np.int32(0)
+        for x in range(width):
+            most = max(most, columns[x])
+        if most == 0:
             continue
         count = 0
         for x in range(-half, width):

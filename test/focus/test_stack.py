@@ -1,5 +1,3 @@
-import time
-
 import numpy as np
 import pytest
 from focus.stacks import make_stack
@@ -276,26 +274,13 @@ class TestBadInput:
             depth_from_focus(noisy.frames[:3], noisy.z[:2])
 
 
-def test_a_pass_is_fast_enough_for_fifty_frames_a_second():
-    frames = np.random.default_rng(0).integers(0, 255, (12, 960, 1280), np.uint8)
-    stack, took = FocusStack(), []
-    for _ in range(2):  # the first stack takes its memory from the system
-        stack.reset()
-        took.clear()
-        for z, frame in enumerate(frames):
-            start = time.perf_counter()
-            stack.add(frame, z)
-            took.append(time.perf_counter() - start)
-    assert np.median(took) < 0.02
-
-
 def test_the_result_does_not_depend_on_the_number_of_threads(monkeypatch):
     texture = np.random.default_rng(0).integers(0, 200, (41, 37)).astype(np.float32)
     stack = FocusStack()
     for place in range(15):
         stack.add((texture * np.exp(-(((place - 7) / 3) ** 2))).astype(np.uint8), float(place))
     one = stack.finish()
-    monkeypatch.setattr('socialcircle_ros.focus.fit._PIXELS_PER_THREAD', 100)
+    monkeypatch.setattr('socialcircle_ros.compiled._PIXELS_PER_THREAD', 100)
     monkeypatch.setattr('os.cpu_count', lambda: 3)
     three = stack.finish()
     for name in ('depth', 'quality', 'reasons', 'image'):
