@@ -12,16 +12,20 @@ from typing import Any
 
 import numpy as np
 
+from .compiled import in_bands, kernel
 from .errors import MessageError, SocialCircleError, StackError, printable
-from .focus import FocusResult, FocusStack
+from .focus import FocusStack
 from .messages.header import Header
 from .messages.image import Image, encode_image
 from .messages.joint_state import JointState
-from .messages.point_cloud import encode_point_cloud
+from .messages.point_cloud import write_float_cloud
 from .settings import FocusSettings, StackSettings
 
 WAITING = 64
 """So many frames may wait for a joint state; then the first ones are given up."""
+
+FIELDS = ('x', 'y', 'z', 'intensity', 'quality')
+"""What a cloud that was a stack holds of each point."""
 
 GAP = 500_000_000
 """Joint states further apart than this (ns) say nothing of what was between them."""
@@ -92,6 +96,11 @@ class StackAssembler:
     def running(self) -> bool:
         """Whether a stack has begun."""
         return self._stack is not None or bool(self._waiting)
+
+    @property
+    def cloud_size(self) -> int:
+        """Bytes of the points that the stack which runs will become; 0 where none runs."""
+        return 4 * len(FIELDS) * math.prod(self._stack.shape) if self._stack is not None else 0
 
     def add_frame(self, message: bytes) -> Iterator[Event]:
         """Take in a serialized Image."""
@@ -309,22 +318,38 @@ def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
         StackError: there are too few different z.
     """
     result = stack.focus.finish()
+    height, width = result.depth.shape
     pitch_x = stack.settings.pitch_x
-    xyz = _coordinates(result, pitch_x, stack.settings.pitch_y or pitch_x)
-    extra: dict[str, Any] = {'intensity': result.image.astype(np.float32), 'quality': result.quality}
+    pitch_y = stack.settings.pitch_y or pitch_x
+    x = (np.arange(width) * pitch_x).astype(np.float32)
+    y = (np.arange(height) * pitch_y).astype(np.float32)
+
+    def write(points: Any) -> bool:
+        def write_band(band: slice) -> bool:
+            depth, image, quality = result.depth[band], result.image[band], result.quality[band]
+            return _write_points(x, y[band], depth, image, quality, points[band])
+
+        return all(in_bands(write_band, height, width))
+
     return StackCloud(
-        points=encode_point_cloud(stack.header, xyz, extra),
+        points=write_float_cloud(stack.header, (height, width), FIELDS, write),
         image=encode_image(stack.header, result.image),
         frames=stack.frames,
         preview=preview,
     )
 
 
-def _coordinates(result: FocusResult, pitch_x: float, pitch_y: float) -> Any:
-    """x, y and z in metres, (H, W, 3) float32; z NaN where there is no depth."""
-    height, width = result.depth.shape
-    xyz = np.empty((height, width, 3), np.float32)
-    xyz[..., 0] = np.arange(width) * pitch_x
-    xyz[..., 1] = (np.arange(height) * pitch_y)[:, None]
-    xyz[..., 2] = result.depth
-    return xyz
+@kernel
+def _write_points(x: Any, y: Any, depth: Any, image: Any, quality: Any, points: Any) -> bool:
+    """Write x, y, z, intensity and quality of each point, (H, W, 5) float32; whether each z is a number."""
+    dense = True
+    for row in range(points.shape[0]):
+        for column in range(points.shape[1]):
+            z = np.float32(depth[row, column])
+            dense &= not np.isnan(z)
+            points[row, column, 0] = x[column]
+            points[row, column, 1] = y[row]
+            points[row, column, 2] = z
+            points[row, column, 3] = np.float32(image[row, column])
+            points[row, column, 4] = quality[row, column]
+    return dense

@@ -276,3 +276,12 @@ def test_a_frame_that_comes_twice_changes_nothing():
             list(made.add_frame(image(frame, number)))
     (twice,) = made.finish()
     assert once.points == twice.points
+
+
+def test_the_size_of_the_cloud_is_known_while_the_stack_runs():
+    made = assembler()
+    assert made.cloud_size == 0
+    feed(made, frames(3))
+    assert made.cloud_size == 24 * 30 * 20
+    (cloud,) = clouds(made.finish())
+    assert PointCloud.decode(cloud.points).data_length == 24 * 30 * 20

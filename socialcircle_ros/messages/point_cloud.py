@@ -1,6 +1,7 @@
 """sensor_msgs/PointCloud2: organized clouds looked at in place, and written with outliers taken out."""
 
-from collections.abc import Mapping
+import io
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -166,15 +167,20 @@ class PointCloud:
         Returns:
             The serialized message.
         """
-        message = bytearray(self.message)
-        # As whole numbers, so that byte order plays no part for the compiled loop.
-        (x, nan_x), (y, nan_y), (z, nan_z) = (
-            (values.view(f'=u{values.itemsize}'), np.full(1, np.nan, values.dtype).view(f'=u{values.itemsize}')[0])
-            for values in (self._values(message, self.field(name)) for name in 'xyz')
-        )
-        _fill(x, y, z, outliers, nan_x, nan_y, nan_z)
-        message[self.data_start + self.data_length] = dense
-        return bytes(message)
+
+        def fill(message: memoryview) -> None:
+            # As whole numbers, so that byte order plays no part for the compiled loop.
+            (x, nan_x), (y, nan_y), (z, nan_z) = (
+                (
+                    values.view(f'=u{values.itemsize}'),
+                    np.full(1, np.nan, values.dtype).view(f'=u{values.itemsize}')[0],
+                )
+                for values in (self._values(message, self.field(name)) for name in 'xyz')
+            )
+            _fill(x, y, z, outliers, nan_x, nan_y, nan_z)
+            message[self.data_start + self.data_length] = dense
+
+        return _written(self.message, fill)
 
     def replaced(self, where: npt.NDArray[np.bool_], xyz: npt.NDArray[Any], *, dense: bool) -> bytes:
         """This message with other x, y and z for some points; every other byte stays as it came.
@@ -187,17 +193,19 @@ class PointCloud:
         Returns:
             The serialized message.
         """
-        message = bytearray(self.message)
-        rows, columns = np.nonzero(where)
-        for axis, name in enumerate('xyz'):
-            self._values(message, self.field(name))[rows, columns] = xyz[rows, columns, axis]
-        message[self.data_start + self.data_length] = dense
-        return bytes(message)
+
+        def fill(message: memoryview) -> None:
+            rows, columns = np.nonzero(where)
+            for axis, name in enumerate('xyz'):
+                self._values(message, self.field(name))[rows, columns] = xyz[rows, columns, axis]
+            message[self.data_start + self.data_length] = dense
+
+        return _written(self.message, fill)
 
     def _kind(self, field: PointField) -> np.dtype[Any]:
         return np.dtype(('>' if self.is_bigendian else '<') + DATATYPES[field.datatype])
 
-    def _values(self, message: bytes | bytearray, field: PointField) -> npt.NDArray[Any]:
+    def _values(self, message: bytes | memoryview, field: PointField) -> npt.NDArray[Any]:
         """One field of all points as a (height, width) view of `message`, which has this cloud's layout."""
         return np.ndarray(
             (self.height, self.width),
@@ -249,6 +257,47 @@ def encode_point_cloud(
     return encode_layout(header, points, points.view(np.uint8), is_dense=bool(np.isfinite(xyz).all()))
 
 
+def write_float_cloud(
+    header: Header, shape: tuple[int, int], names: Sequence[str], fill: Callable[[npt.NDArray[np.float32]], bool]
+) -> bytes:
+    """A serialized PointCloud2 of float32 fields, written where it will stay: no copy of a large cloud.
+
+    Args:
+        header: its header.
+        shape: rows and columns.
+        names: of the fields, without padding between them.
+        fill: gets the values, (H, W, number of names) little-endian and 0 everywhere, writes them, and says
+            whether every point is measured: is_dense. It keeps no view of them.
+
+    Returns:
+        The message.
+    """
+    layout = np.dtype([(name, '<f4') for name in names])
+    length = shape[0] * shape[1] * layout.itemsize
+    description = _description(header, shape, layout, shape[1] * layout.itemsize, length)
+
+    def write(message: memoryview) -> None:
+        message[: len(description)] = description
+        values = np.ndarray((*shape, len(names)), '<f4', message, offset=len(description))
+        message[-1] = fill(values)
+
+    return _written(bytes(len(description) + length + 1), write)
+
+
+def _written(message: bytes, write: Callable[[memoryview], None]) -> bytes:
+    """A message after something was written into it; the one that is given stays as it is.
+
+    A BytesIO copies what it was given only if somebody else holds it too, and gives away what it holds
+    without a copy once nobody looks at it anymore.
+    """
+    buffer = io.BytesIO(message)
+    del message
+    view = buffer.getbuffer()
+    write(view)
+    del view
+    return buffer.getvalue()
+
+
 def encode_layout(
     header: Header, points: npt.NDArray[Any], data: npt.NDArray[np.uint8], *, is_dense: bool = False
 ) -> bytes:
@@ -261,12 +310,20 @@ def encode_layout(
         data: (H, row_step) uint8, contiguous: the message's data, padding included.
         is_dense: what the message says of itself.
     """
+    description = _description(header, points.shape[:2], points.dtype, data.shape[1], data.nbytes)
+    return b''.join((description, data.data.cast('B'), bytes([is_dense])))
+
+
+def _description(
+    header: Header, shape: tuple[int, ...], layout: np.dtype[Any], row_step: int, data_length: int
+) -> bytes:
+    """What comes before the data of a serialized PointCloud2; behind it there is only is_dense, one byte."""
     codes = {code: number for number, code in DATATYPES.items()}
     writer = CdrWriter()
     header.write(writer)
-    writer.uint32(points.shape[0])
-    writer.uint32(points.shape[1])
-    fields: Any = points.dtype.fields or {}
+    writer.uint32(shape[0])
+    writer.uint32(shape[1])
+    fields: Any = layout.fields or {}
     writer.uint32(len(fields))
     for name, (kind, offset, *_) in fields.items():
         writer.string(name)
@@ -274,8 +331,7 @@ def encode_layout(
         writer.uint8(codes[kind.str[1:]])
         writer.uint32(1)
     writer.boolean(False)
-    writer.uint32(points.dtype.itemsize)
-    writer.uint32(data.shape[1])
-    writer.octets(data.data.cast('B'))
-    writer.boolean(is_dense)
+    writer.uint32(layout.itemsize)
+    writer.uint32(row_step)
+    writer.uint32(data_length)
     return writer.finish()

@@ -11,7 +11,7 @@ from mcap_ros2._dynamic import generate_dynamic
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.messages.cdr import CdrWriter
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud
+from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud, write_float_cloud
 from socialcircle_ros.recording import schema_text
 
 DECODE = generate_dynamic('sensor_msgs/PointCloud2', schema_text('sensor_msgs/msg/PointCloud2'))[
@@ -211,3 +211,18 @@ def test_an_encoded_cloud_is_what_a_stranger_decodes(kind, extra, seed):
 def test_a_field_of_another_shape_cannot_be_encoded():
     with pytest.raises(MessageError, match=r"Field 'q' is \(2, 2\) float32; a cloud of 3×5 points takes"):
         encode_point_cloud(Header(), np.zeros((3, 5, 3)), {'q': np.zeros((2, 2), np.float32)})
+
+
+@given(height=st.integers(1, 5), width=st.integers(1, 5), dense=st.booleans(), frame=st.text(max_size=9))
+def test_a_cloud_written_in_place_is_that_which_is_encoded_from_arrays(height, width, dense, frame):
+    values = np.random.default_rng(height).random((height, width, 4), np.float32)
+    values[0, 0, 2] = 1 if dense else np.nan
+
+    def fill(points):
+        assert not points.any()
+        points[:] = values
+        return dense
+
+    header = Header(3, 4, frame.replace('\0', ''))
+    written = write_float_cloud(header, (height, width), ('x', 'y', 'z', 'w'), fill)
+    assert written == encode_point_cloud(header, values[..., :3], {'w': values[..., 3]})
