@@ -15,6 +15,8 @@ PROFILE = Path(__file__).with_name('fastdds.xml')
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
 _LARGEST_MMAP_THRESHOLD = 32 << 20
 
+_PIECE = 1 << 20
+
 _CHOSEN_BY_USER = (
     'FASTRTPS_DEFAULT_PROFILES_FILE',
     'FASTDDS_DEFAULT_PROFILES_FILE',
@@ -48,3 +50,12 @@ def keep_freed_memory() -> None:
         mallopt(_M_MMAP_THRESHOLD, _LARGEST_MMAP_THRESHOLD)
         mallopt(_M_TRIM_THRESHOLD, 2**31 - 1)
         mallopt(_M_ARENA_MAX, 1)
+
+
+def reserve_memory(size: int) -> None:
+    """Have the system give memory of so many bytes now, which it does page by page where it is first written.
+
+    It is freed at once, and kept for whoever needs it next, see `keep_freed_memory`.
+    """
+    pieces = [b'\1' * _PIECE for _ in range(-(-size // _PIECE))]
+    del pieces
