@@ -1,15 +1,23 @@
 """`socialcircle bench`."""
 
 from pathlib import Path
+from typing import Any
 
 import click
+
+from .options import require_ros
 
 
 @click.command('bench', epilog='Example: socialcircle bench --json bench.json')
 @click.option('--repeats', default=20, show_default=True, help='How often each figure is taken.')
 @click.option('--depth', is_flag=True, help='Measure the error of depth from focus on simulated stacks instead.')
+@click.option('--live', is_flag=True, help='Measure the live node from outside instead: stacks, clouds, a relay.')
+@click.option(
+    '--seconds', type=click.FloatRange(1), default=60.0, show_default=True,
+    help='With --live: how long 25 clouds a second are sent.',
+)  # fmt: skip
 @click.option('--json', 'path', type=click.Path(path_type=Path), help='Write the figures here as well.')
-def command(repeats: int, depth: bool, path: Path | None) -> None:
+def command(repeats: int, depth: bool, live: bool, seconds: float, path: Path | None) -> None:
     """Measure how long the filter takes on this machine: medians after warm-up, in ms.
 
     Other work on the machine makes figures worse; compare ratios of one run.
@@ -18,14 +26,19 @@ def command(repeats: int, depth: bool, path: Path | None) -> None:
         raise click.BadParameter('must be at least 1.', param_hint='--repeats')
     if depth:
         _depth()
-        return
+    elif live:
+        _live(repeats, seconds, path)
+    else:
+        _filter(repeats, path)
+
+
+def _filter(repeats: int, path: Path | None) -> None:
+    """Print how long the filter takes, without a node."""
     import dataclasses
-    import json
 
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.evaluation.benchmarks import SIZES, hardware, time_filter
 
     console = Console()
@@ -53,16 +66,81 @@ def command(repeats: int, depth: bool, path: Path | None) -> None:
             )
     console.print(table)
     console.print(f'{hardware()}; {repeats} times each', highlight=False)
-    if path is not None:
-        figures = {
-            'hardware': hardware(),
+    _write(path, {'repeats': repeats, 'ms': [dataclasses.asdict(timing) for timing in timings]})
+
+
+def _write(path: Path | None, figures: dict[str, Any]) -> None:
+    """Write figures and the hardware, where that is wanted."""
+    import json
+
+    from socialcircle_ros.errors import SocialCircleError
+    from socialcircle_ros.evaluation.benchmarks import hardware
+
+    if path is None:
+        return
+    try:
+        path.write_text(json.dumps({'hardware': hardware(), **figures}, indent=1), encoding='utf-8')
+    except OSError as error:
+        raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
+
+
+def _live(repeats: int, seconds: float, path: Path | None) -> None:
+    """Print how long the live node takes, from a publisher to a subscriber."""
+    require_ros()
+    import dataclasses
+    import os
+    import tempfile
+
+    # The bench talks to itself only; what listens beyond this machine is the user's choice.
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    from socialcircle_ros.node.transport import prepare_process
+
+    prepare_process()
+    from rich.console import Console
+    from rich.table import Table
+
+    from socialcircle_ros.evaluation.benchmarks import hardware
+    from socialcircle_ros.node import live_times
+
+    console = Console()
+    rows, columns = live_times.SHAPE
+    with tempfile.TemporaryDirectory() as name, console.status('') as status:
+        folder = Path(name)
+        status.update(f'{repeats} stacks of {live_times.FRAMES} frames ...')
+        stacks = live_times.time_stacks(folder, repeats)
+        status.update(f'{repeats} clouds through the node and through a relay ...')
+        filtered, relayed = live_times.time_clouds(folder, repeats)
+        status.update(f'{live_times.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s ...')
+        endurance = live_times.endure(folder, seconds)
+    table = Table(title=f'The live node at {columns}×{rows}, in ms', box=None, padding=(0, 2, 0, 0))
+    table.add_column('from publish() to the bytes at a subscriber')
+    for heading in ('median', 'least', 'most'):
+        table.add_column(heading, justify='right')
+    for trip, times in (
+        (f'last of {live_times.FRAMES} frames to stack/points', stacks),
+        ('cloud to points_filtered', filtered),
+        ('the same cloud through a bare relay', relayed),
+    ):
+        table.add_row(trip, *(f'{value:.1f}' for value in (times.median, times.least, times.most)))
+    console.print(table)
+    console.print(
+        f'node to relay: {filtered.median / relayed.median:.2f} by median, {filtered.least / relayed.least:.2f} by'
+        f' least\n{live_times.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s: {endurance.answered} of'
+        f' {endurance.sent} answered; resident memory {endurance.megabytes_before:.0f} MB before,'
+        f' {endurance.megabytes_after:.0f} MB after; a cloud is {endurance.cloud_megabytes:.1f} MB\n{hardware()};'
+        f' {repeats} times each',
+        highlight=False,
+    )
+    _write(
+        path,
+        {
             'repeats': repeats,
-            'ms': [dataclasses.asdict(timing) for timing in timings],
-        }
-        try:
-            path.write_text(json.dumps(figures, indent=1), encoding='utf-8')
-        except OSError as error:
-            raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
+            'stack_ms': stacks.milliseconds,
+            'filtered_ms': filtered.milliseconds,
+            'relayed_ms': relayed.milliseconds,
+            'endurance': dataclasses.asdict(endurance),
+        },
+    )
 
 
 def _depth() -> None:

@@ -38,6 +38,7 @@ class NodeProcess:
         log: where its output goes.
         parameters: full names to values, as YAML writes them.
         arguments: more of --ros-args, such as remappings.
+        module: what is run.
     """
 
     def __init__(
@@ -46,9 +47,10 @@ class NodeProcess:
         log: Path,
         parameters: dict[str, str] | None = None,
         arguments: tuple[str, ...] = (),
+        module: str = 'socialcircle_ros.node.main',
     ) -> None:
         given = [item for name, value in (parameters or {}).items() for item in ('-p', f'{name}:={value}')]
-        command = [sys.executable, '-m', 'socialcircle_ros.node.main', '--ros-args', '-r', f'__ns:={namespace}']
+        command = [sys.executable, '-m', module, '--ros-args', '-r', f'__ns:={namespace}']
         self.log = log
         with log.open('wb') as output:
             self.process = subprocess.Popen([*command, *given, *arguments], stdout=output, stderr=output)  # noqa: S603
