@@ -88,7 +88,7 @@ def measure_row(
         for x in range(width):
             inner[x] -= laplacian[x]
         if entering < height:
-            _laplacian_row(frame, entering, step, threshold, laplacian)
+            laplacian_row(frame, entering, step, threshold, laplacian)
             for x in range(width):
                 inner[x] += laplacian[x]
         else:
@@ -102,7 +102,7 @@ def measure_row(
 
 
 @kernel
-def _laplacian_row(frame: Frame, row: int, step: int, threshold: int, laplacian: Whole) -> None:
+def laplacian_row(frame: Frame, row: int, step: int, threshold: int, laplacian: Whole) -> None:
     """M_l of one row (eq. 1), 0 below T (eq. 3).
 
     |2a - b - c| is written as the larger of 2a and b + c less the smaller: unsigned numbers do not need to

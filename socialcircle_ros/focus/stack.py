@@ -13,6 +13,7 @@ from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import StackError
 from socialcircle_ros.settings import FocusSettings
 
+from .centroid import centred
 from .curve import REACH, Curves
 from .fit import SATURATED, fit_peaks
 from .measure import Frame, checked_frame
@@ -133,11 +134,14 @@ class FocusStack:
         """
         if self._curves is None or len(self._z) < 3:
             raise StackError(f'A peak needs frames at three different z at least, not {len(self._z)}.')
-        three = self._settings.fit == 'gauss3'
-        depth, quality, reasons = fit_peaks(self._curves, np.array(self._z), self._first, three=three)
+        settings, z = self._settings, np.array(self._z)
+        three = settings.fit == 'gauss3'
+        depth, quality, reasons = fit_peaks(self._curves, z, self._first, three=three)
         image = self._curves.image.copy()
-        level = self._settings.saturation or np.iinfo(image.dtype).max
-        _mark_saturated(image, level, self._settings.half_window, reasons, quality)
+        if not three:
+            depth = centred(depth, quality, image, z, settings.step, settings.half_window, settings.threshold)
+        level = settings.saturation or np.iinfo(image.dtype).max
+        _mark_saturated(image, level, settings.half_window, reasons, quality)
         return FocusResult(depth, quality, image, reasons)
 
 

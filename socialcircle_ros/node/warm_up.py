@@ -97,6 +97,6 @@ def _cloud(kind: type[np.floating]) -> bytes:
 def _measure(kind: type[np.unsignedinteger]) -> None:
     assembler = StackAssembler()
     assembler.configure(FocusSettings(), StackSettings(pitch_x=1.0, z_step=1.0, frames=3))
-    texture = (np.indices((8, 6)).sum(axis=0) % 3).astype(kind)
+    texture = (np.indices((12, 10)).sum(axis=0) % 3).astype(kind)
     for brightness in (1, 9, 2):
         list(assembler.add_frame(encode_image(Header(), texture * kind(brightness))))

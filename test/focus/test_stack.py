@@ -49,7 +49,8 @@ def test_depth_is_right_within_a_small_part_of_the_step(name, most, request):
 
 
 @pytest.mark.parametrize('fit', ['gauss', 'gauss3'])
-def test_fit_equals_the_reference(noisy, fit):
+def test_fit_equals_the_reference(noisy, fit, monkeypatch):
+    monkeypatch.setattr('socialcircle_ros.focus.stack.centred', lambda depth, *_: depth)
     settings = FocusSettings(fit=fit)
     result = depth_from_focus(noisy.frames, noisy.z, settings)
     curves = np.stack([focus_measure(frame, settings) for frame in noisy.frames])
@@ -95,7 +96,8 @@ def test_order_matters_little_where_the_curves_are_wide_and_noisy(fine):
     upward = depth_from_focus(fine.frames, fine.z)
     order = np.random.default_rng(0).permutation(len(fine.z))
     shuffled = depth_from_focus(fine.frames[order], fine.z[order])
-    assert np.mean(shuffled.depth == upward.depth) > 0.9
+    assert np.mean(shuffled.reasons == upward.reasons) > 0.9
+    assert np.nanquantile(np.abs(shuffled.depth - upward.depth), 0.9) < 0.01
     assert errors(shuffled, fine.truth).std() < 0.10
 
 

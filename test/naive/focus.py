@@ -49,3 +49,44 @@ def peak_of_curve(z, f, places):
     weights = np.array([max(w, 0.01) if abs(k - best) <= 1 else w for w, k in zip(weights, near, strict=True)])
     c, b, _ = np.polyfit(z[near] - z[best], y, 2, w=np.sqrt(weights))
     return z[best] - b / (2 * c)
+
+
+def centred(depth, quality, image, z, step, half, threshold, strip=4):
+    """Each depth less the slope round it times the centroid of the window's texture."""
+    height, width = depth.shape
+    if half == 0 or min(height, width) < 2 * half + 1:
+        return depth
+    scale = np.median(np.diff(z))
+    texture = focus_measure(image, step, 0, threshold)
+    result = depth.copy()
+    for row, column in np.ndindex(height, width):
+        rows = np.arange(max(row - half, 0), min(row + half, height - 1) + 1)
+        columns = np.arange(max(column - half, 0), min(column + half, width - 1) + 1)
+        weights = texture[np.ix_(rows, columns)]
+        if weights.sum() == 0:
+            continue
+        right = (weights * (columns - column)).sum() / weights.sum()
+        down = (weights * (rows - row)[:, None]).sum() / weights.sum()
+        middle = (
+            int(np.clip(row // strip * strip + strip // 2, half, height - 1 - half)),
+            int(np.clip(column, half, width - 1 - half)),
+        )
+        along_y, along_x = slopes(depth / scale, quality, middle, half)
+        moved = depth[row, column] - (right * along_x + down * along_y) * scale
+        if z[0] <= moved <= z[-1]:
+            result[row, column] = moved
+    return result
+
+
+def slopes(depth, quality, middle, half):
+    """Down and to the right, from the means of the window's halves; 0 where they do not tell."""
+    row, column = middle
+    window = np.s_[row - half : row + half + 1, column - half : column + half + 1]
+    values = np.where(quality[window] >= 0.5, depth[window], np.nan)
+    parts = [values[:half], values[half + 1 :], values[:, :half], values[:, half + 1 :]]
+    if np.isnan(values[half, half]) or any(2 * np.isfinite(part).sum() < part.size for part in parts):
+        return 0.0, 0.0
+    top, bottom, left, right = (np.nanmean(part) for part in parts)
+    if max(abs((top + bottom) / 2 - values[half, half]), abs((left + right) / 2 - values[half, half])) > 0.5:
+        return 0.0, 0.0
+    return (bottom - top) / (half + 1), (right - left) / (half + 1)
