@@ -172,6 +172,10 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
                 _draw(picture, recording.stem, before, answer)
                 drawn = True
 
+        def refuse(name: str, refusal: SocialCircleError) -> None:
+            table.add_row(name, 'refused')
+            click.echo(f'{name} was refused: {refusal}', err=True)  # the table has no room for a sentence
+
         for topic in clouds_of(reader):
             writer.add_topic(reader.topics[topic])
             for number, message in enumerate(reader.messages([topic])):
@@ -180,7 +184,7 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
                 try:
                     answer = client.clean(message.data)
                 except SocialCircleError as refusal:
-                    table.add_row(name, f'refused: {refusal}')
+                    refuse(name, refusal)
                     continue
                 keep(name, topic.rpartition('/')[0], message.log_time, message.data, answer)
         for namespace in stacks_of(reader):
@@ -193,7 +197,7 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
             try:
                 answer = client.measure(player, messages)
             except SocialCircleError as refusal:
-                table.add_row(f'{recording.stem} (stack)', f'refused: {refusal}')
+                refuse(f'{recording.stem} (stack)', refusal)
                 continue
             keep(f'{recording.stem} (stack)', namespace, messages[-1].log_time, None, answer)
         if reader.damage:

@@ -29,6 +29,8 @@ from .replay import Player
 _CLOUD = ('points_filtered', 'outlier_mask', 'social_circle/measurement')
 _STACK = (*_CLOUD, 'stack/points', 'stack/image_in_focus')
 
+_GRACE = 3.0  # s that a stack of which something was refused may still take to become a cloud
+
 
 class NodeProcess:
     """`social_circle_node` in a process of its own; a context manager that ends it with SIGINT.
@@ -101,7 +103,7 @@ class Client:
         self._node = Node('socialcircle_client', namespace=namespace, context=self._context)
         self._changed = threading.Condition()
         self._answers: dict[str, tuple[bytes, float]] = {}
-        self._refusals = (-1, '')
+        self._refusals: tuple[int, str] | None = None
         reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
         self._clouds = self._node.create_publisher(PointCloud2, 'points', reliable)
         for kind, topic in (
@@ -120,13 +122,13 @@ class Client:
         self._thread.start()
 
     def wait_for_node(self, process: NodeProcess, timeout: float) -> None:
-        """Wait until the node listens.
+        """Wait until the node listens and has said how it is, so that a refusal is told from earlier ones.
 
         Raises:
             SocialCircleError: it ended, or does not listen in time; says where its log is.
         """
         end = time.monotonic() + timeout
-        while self._clouds.get_subscription_count() == 0:
+        while self._clouds.get_subscription_count() == 0 or self._refusals is None:
             if process.process.poll() is not None:
                 raise SocialCircleError(f'The node ended at its start; read {process.log}.')
             if time.monotonic() > end:
@@ -145,7 +147,7 @@ class Client:
             self._clouds.publish(cloud)
             return began
 
-        return self._answer(publish, _CLOUD, timeout)
+        return self._answer(publish, _CLOUD, timeout, 0.0)
 
     def measure(self, player: Player, messages: Iterable[Message], timeout: float = 60.0) -> Answer:
         """Play the frames of one stack with their joint states, and wait for what becomes of it.
@@ -158,28 +160,32 @@ class Client:
             player.play(messages)
             return time.monotonic()
 
-        return self._answer(publish, _STACK, timeout)
+        return self._answer(publish, _STACK, timeout, _GRACE)
 
     def player(self, topics: Iterable[Topic]) -> Player:
         """A player into this client's namespace."""
         return Player(topics, self._node.get_namespace(), context=self._context)
 
-    def _answer(self, publish: Callable[[], float], wanted: tuple[str, ...], timeout: float) -> Answer:
-        """Publish, which gives when the last message went out, and wait for `wanted`."""
+    def _answer(
+        self, publish: Callable[[], float], wanted: tuple[str, ...], timeout: float, grace: float
+    ) -> Answer:
+        """Publish, which gives when the last message went out, and wait for `wanted`.
+
+        Once something was refused, no longer than `grace`.
+        """
+
+        def complete() -> bool:
+            return all(topic in self._answers for topic in wanted)
+
         with self._changed:
             self._answers.clear()
-            refused, _ = self._refusals
+            before, _ = self._refusals or (0, '')
         began = publish()
         with self._changed:
-            self._changed.wait_for(
-                lambda: all(topic in self._answers for topic in wanted) or (0 <= refused < self._refusals[0]),
-                timeout,
-            )
-            if any(topic not in self._answers for topic in wanted):
-                count, reason = self._refusals
-                if 0 <= refused < count:
-                    raise SocialCircleError(reason)
-                raise SocialCircleError(f'The node did not answer within {timeout:.0f} s.')
+            self._changed.wait_for(lambda: complete() or self._refusal_since(before) is not None, timeout)
+            if not self._changed.wait_for(complete, grace):
+                reason = self._refusal_since(before)
+                raise SocialCircleError(reason or f'The node did not answer within {timeout:.0f} s.')
             answers = {topic: message for topic, (message, _) in self._answers.items()}
             _, at = self._answers['points_filtered']
         return Answer(
@@ -190,6 +196,11 @@ class Client:
             answers.get('stack/points'),
             answers.get('stack/image_in_focus'),
         )
+
+    def _refusal_since(self, before: int) -> str | None:
+        """The reason of the last refusal, if there were more than `before`."""
+        count, reason = self._refusals or (0, '')
+        return reason if count > before else None
 
     def close(self) -> None:
         """Leave the graph."""

@@ -165,3 +165,9 @@ def test_ctrl_c_ends_a_replay_in_a_loop(tmp_path):
         assert 'Nobody listens to' in player.stderr.readline()
     assert player.returncode in (0, 130)
     assert 'Traceback' not in player.output[1]
+
+
+def test_the_demo_says_why_a_stack_becomes_no_cloud(run):
+    done = run('demo', BAGS / 'stack.mcap')
+    assert done.code == 0, done.err
+    assert 'stack (stack) was refused: A frame was refused: stack.pitch_x is not set' in done.err
