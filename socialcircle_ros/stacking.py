@@ -41,6 +41,8 @@ class StackCloud:
     """Image: every pixel from its sharpest frame."""
     frames: int
     preview: bool
+    reasons: Any
+    """(H, W) uint8, what speaks against each point: bits of `Reason`."""
 
 
 @dataclass(frozen=True)
@@ -336,6 +338,7 @@ def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
         image=encode_image(stack.header, result.image),
         frames=stack.frames,
         preview=preview,
+        reasons=result.reasons,
     )
 
 

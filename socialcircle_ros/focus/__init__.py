@@ -4,8 +4,8 @@ Frames are gray here; what turns messages and colour into gray frames, and the d
 elsewhere.
 """
 
-from .fit import Reason
+from .fit import Reason, count_reasons
 from .measure import focus_measure
 from .stack import FocusResult, FocusStack, depth_from_focus
 
-__all__ = ['FocusResult', 'FocusStack', 'Reason', 'depth_from_focus', 'focus_measure']
+__all__ = ['FocusResult', 'FocusStack', 'Reason', 'count_reasons', 'depth_from_focus', 'focus_measure']

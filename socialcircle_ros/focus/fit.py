@@ -41,6 +41,11 @@ class Reason(IntFlag):
     """The sharpest frame is less than e^0.5 = 1.65 times as sharp as the least sharp one."""
 
 
+def count_reasons(reasons: NDArray[np.uint8]) -> dict[str, int]:
+    """How many pixels each reason speaks against, by its name in small letters; one may have several."""
+    return {reason.name.lower(): int(np.count_nonzero(reasons & reason)) for reason in Reason if reason.name}
+
+
 # Kernels know whole numbers only.
 SATURATED = int(Reason.SATURATED)
 _NO_PEAK, _SCAN_END = int(Reason.NO_PEAK), int(Reason.SCAN_END)

@@ -6,6 +6,7 @@ Counted on the worker's thread and the executor's, read once a second for /diagn
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 WINDOW = 10.0
@@ -39,6 +40,7 @@ class Health:
     _trouble_at: float = float('-inf')
     _last_was_refused: bool = False
     _stack_latency: float | None = None
+    _bad_pixels: Mapping[str, int] = field(default_factory=dict)
 
     def received(self) -> None:
         """A cloud arrived."""
@@ -96,6 +98,11 @@ class Health:
             self._stack_latency = latency
             self._last_was_refused = False
 
+    def pixels_judged(self, bad: Mapping[str, int]) -> None:
+        """Of the last stack: how many pixels are bad, by reason."""
+        with self._lock:
+            self._bad_pixels = bad
+
     def _trouble(self, reason: str) -> None:
         self.last_reason = reason
         self._trouble_at = time.monotonic()
@@ -109,6 +116,7 @@ class Health:
             self._arrivals.clear()
             self._latencies.clear()
             self._stack_latency = None
+            self._bad_pixels = {}
             self._trouble_at = float('-inf')
             self._last_was_refused = False
 
@@ -149,4 +157,5 @@ class Health:
                 values['latency_max_ms'] = f'{latencies[-1]:.1f}'
             if self._stack_latency is not None:
                 values['stack_latency_ms'] = f'{1e3 * self._stack_latency:.1f}'
+            values |= {f'stack_pixels_{reason}': str(count) for reason, count in self._bad_pixels.items()}
             return values

@@ -15,6 +15,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
 from socialcircle_ros.errors import StackError, printable
+from socialcircle_ros.focus import count_reasons
 from socialcircle_ros.stacking import Event, Refusal, StackAssembler, StackCloud
 
 from .health import Health
@@ -223,3 +224,4 @@ class StackInput:
         self._health.stack_finished(time.monotonic() - self._closing_arrival)
         self._filter(cloud.points)
         self._image.publish(cloud.image)
+        self._health.pixels_judged(count_reasons(cloud.reasons))

@@ -4,7 +4,7 @@ from focus.stacks import make_stack
 from naive import focus as naive
 
 from socialcircle_ros.errors import StackError
-from socialcircle_ros.focus import FocusStack, Reason, depth_from_focus, focus_measure
+from socialcircle_ros.focus import FocusStack, Reason, count_reasons, depth_from_focus, focus_measure
 from socialcircle_ros.settings import FocusSettings
 
 INNER = (slice(10, -10), slice(10, -10))  # where neither the blur's wrapping nor the border's windows matter
@@ -287,3 +287,9 @@ def test_the_result_does_not_depend_on_the_number_of_threads(monkeypatch):
     three = stack.finish()
     for name in ('depth', 'quality', 'reasons', 'image'):
         np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
+
+
+def test_reasons_are_counted_each_by_itself():
+    reasons = np.array([[0, Reason.NO_PEAK], [Reason.NO_PEAK | Reason.SATURATED, Reason.TWO_PEAKS]], np.uint8)
+    counts = {'no_peak': 2, 'scan_end': 0, 'saturated': 1, 'two_peaks': 1, 'low_contrast': 0}
+    assert count_reasons(reasons) == counts

@@ -23,6 +23,7 @@ from socialcircle_ros.settings import FocusSettings, StackSettings
 pytestmark = pytest.mark.live
 
 BAG = Path(__file__).resolve().parents[2] / 'bags' / 'stack.mcap'
+REASONS = ('no_peak', 'scan_end', 'saturated', 'two_peaks', 'low_contrast')
 INPUTS = ('/stack/image', '/stack/joint_states')
 
 
@@ -104,6 +105,19 @@ def test_a_stack_ends_at_the_given_number_of_frames(microscope):
     found = scope.cell.diagnosis(lambda found: found.values['stacks_finished'] == '1')
     assert found.values['frames_received'] == '9'
     assert float(found.values['stack_latency_ms']) > 0
+
+
+def test_diagnostics_count_the_bad_pixels_of_the_last_stack_by_reason(microscope):
+    scope = microscope(**{'stack.frames': '9'})
+    scope.scan()
+    found = scope.cell.diagnosis(lambda found: 'stack_pixels_no_peak' in found.values)
+    depths = PointCloud.decode(scope.output('stack/points')).xyz()[..., 2]
+    counts = {name: int(found.values[f'stack_pixels_{name}']) for name in REASONS}
+    missing = np.count_nonzero(np.isnan(depths))
+    assert max(counts['no_peak'], counts['scan_end']) <= missing <= counts['no_peak'] + counts['scan_end']
+    scope.cell.trigger('reset')
+    scope.cell.forget()
+    scope.cell.diagnosis(lambda found: 'stack_pixels_no_peak' not in found.values)
 
 
 def test_a_stack_ends_on_request(microscope):
