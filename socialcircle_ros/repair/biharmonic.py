@@ -97,13 +97,13 @@ def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, star
         band, size = bands[hole], last - first
         if band < 0:
             continue
-        ring = _ring(z, unknowns, points, first, last, ring_memory)
+        ring = _ring(measured, unknowns, points, first, last, ring_memory)
         lowest, highest = ring.min(), ring.max()
         margin = _MARGIN * (highest - lowest)
         matrix = matrix_memory[: size * (band + 1)].reshape(size, band + 1)
         surface = surface_memory[:size]
         profile = find_profile(measured, bends, points, first, last)
-        _assemble(z, profile, unknowns, points, first, matrix, surface)
+        _assemble(measured, profile, unknowns, points, first, matrix, surface)
         _factorize(matrix)
         _solve(matrix, surface)
         for own in range(size):
@@ -131,7 +131,9 @@ def _bandwidth(unknowns: Index, points: Index, first: Any, last: Any) -> int:
 
 
 @kernel
-def _ring(z: npt.NDArray[Any], unknowns: Index, points: Index, first: Any, last: Any, memory: Reals) -> Reals:
+def _ring(
+    measured: npt.NDArray[Any], unknowns: Index, points: Index, first: Any, last: Any, memory: Reals
+) -> Reals:
     """Heights of the measured points that a difference can join with the hole."""
     count = 0
     for point in range(first, last):
@@ -139,16 +141,16 @@ def _ring(z: npt.NDArray[Any], unknowns: Index, points: Index, first: Any, last:
         if unknowns[row + PADDING, column + PADDING] < 0:
             continue
         for item in range(len(_AROUND)):
-            r, c = row + _AROUND[item, 0], column + _AROUND[item, 1]
-            if unknowns[r + PADDING, c + PADDING] == MEASURED:
-                memory[count] = z[r, c]
+            height = measured[row + PADDING + _AROUND[item, 0], column + PADDING + _AROUND[item, 1]]
+            if not np.isnan(height):
+                memory[count] = height
                 count += 1
     return memory[:count]
 
 
 @kernel
 def _assemble(
-    z: npt.NDArray[Any],
+    measured: npt.NDArray[Any],
     profile: tuple[float, float, float, Reals],
     unknowns: Index,
     points: Index,
@@ -183,7 +185,7 @@ def _assemble(
         for item in range(len(_AROUND)):
             if others[item] == MEASURED:
                 r, c = row + _AROUND[item, 0], column + _AROUND[item, 1]
-                right[own] -= factors[item] * (z[r, c] - height_on(profile, r, c))
+                right[own] -= factors[item] * (measured[r + PADDING, c + PADDING] - height_on(profile, r, c))
             elif 0 <= others[item] <= own:
                 matrix[own, others[item] - own + band] += factors[item]
 

@@ -50,13 +50,13 @@ _LONELY = 0.8
 
 @kernel
 def measured_heights(z: npt.NDArray[Any], unknowns: Index) -> npt.NDArray[Any]:
-    """(H + 2, W + 2) heights with a border, NaN where nothing is measured."""
+    """Heights in the shape of the map of unknowns, close together in memory, NaN where nothing is measured."""
     height, width = z.shape
-    heights = np.full((height + 2, width + 2), np.nan, z.dtype)
+    heights = np.full(unknowns.shape, np.nan, z.dtype)
     for row in range(height):
         for column in range(width):
             if unknowns[row + PADDING, column + PADDING] == MEASURED:
-                heights[row + 1, column + 1] = z[row, column]
+                heights[row + PADDING, column + PADDING] = z[row, column]
     return heights
 
 
@@ -65,7 +65,7 @@ def usual_bend(heights: npt.NDArray[Any]) -> float:
     """Mean square of second differences along rows and columns, from its median, which no step moves.
 
     Args:
-        heights: (H + 2, W + 2) from `measured_heights`.
+        heights: padded, from `measured_heights`.
 
     Returns:
         The square of the unit of the heights; 0 where nothing is measured.
@@ -74,8 +74,8 @@ def usual_bend(heights: npt.NDArray[Any]) -> float:
     stride = max(1, int(np.sqrt(height * width / _SAMPLES)))
     squares = np.empty(2 * (height // stride + 1) * (width // stride + 1))
     count = 0
-    for row in range(1, height - 1, stride):
-        for column in range(1, width - 1, stride):
+    for row in range(PADDING, height - PADDING, stride):
+        for column in range(PADDING, width - PADDING, stride):
             for square in _squares(heights, row, column):
                 if not np.isnan(square):
                     squares[count] = square
@@ -97,20 +97,20 @@ def sum_bends(heights: npt.NDArray[Any], usual: float) -> tuple[Reals, Reals]:
     """Summed-area tables (Crow 1984) of squared second differences, each as a multiple of the usual one.
 
     Args:
-        heights: (H + 2, W + 2) from `measured_heights`.
+        heights: padded, from `measured_heights`.
         usual: the usual square, from `usual_bend`.
 
     Returns:
         (H + 1, W + 1) sum and number of the differences whose middle lies above and left of a place.
         Multiples end at `_LARGEST`, so that one spike does not drown the others in rounding.
     """
-    height, width = heights.shape[0] - 2, heights.shape[1] - 2
+    height, width = heights.shape[0] - 2 * PADDING, heights.shape[1] - 2 * PADDING
     sums, counts = np.zeros((height + 1, width + 1)), np.zeros((height + 1, width + 1))
     scale = 1.0 / usual if usual > 0 else np.inf
     line, numbers = np.empty(width), np.empty(width)
     for row in range(height):
         for column in range(width):
-            along, across = _squares(heights, row + 1, column + 1)
+            along, across = _squares(heights, row + PADDING, column + PADDING)
             line[column] = (min(along * scale, _LARGEST) if along > 0 else 0.0) + (
                 min(across * scale, _LARGEST) if across > 0 else 0.0
             )
@@ -141,7 +141,7 @@ def find_profile(
     explains the heights: roughness alone has profiles too, which chance put there.
 
     Args:
-        measured: (H + 2, W + 2) from `measured_heights`.
+        measured: padded heights, from `measured_heights`.
         bends: the tables of `sum_bends`.
         points: (N, 2) rows and columns, hole after hole.
         first: where the hole starts in `points`.
@@ -157,8 +157,8 @@ def find_profile(
         row, column = points[point]
         top, bottom = min(top, row), max(bottom, row)
         left, right = min(left, column), max(right, column)
-    top, bottom = max(top - _MARGIN, 0), min(bottom + _MARGIN + 1, measured.shape[0] - 2)
-    left, right = max(left - _MARGIN, 0), min(right + _MARGIN + 1, measured.shape[1] - 2)
+    top, bottom = max(top - _MARGIN, 0), min(bottom + _MARGIN + 1, measured.shape[0] - 2 * PADDING)
+    left, right = max(left - _MARGIN, 0), min(right + _MARGIN + 1, measured.shape[1] - 2 * PADDING)
     differences = max(_in_box(bends[1], top, bottom, left, right), 1.0)
     if _in_box(bends[0], top, bottom, left, right) <= differences + _BEND * np.sqrt(differences):
         return nothing
@@ -168,18 +168,18 @@ def find_profile(
     bend = 0.0
     for row in range(top, bottom):
         for column in range(left, right):
-            height = measured[row + 1, column + 1]
+            height = measured[row + PADDING, column + PADDING]
             if not np.isnan(height):
                 places[count] = row, column
                 heights[count] = height
                 count += 1
-                for square in _squares(measured, row + 1, column + 1):
+                for square in _squares(measured, row + PADDING, column + PADDING):
                     bend += square / differences if not np.isnan(square) else 0.0
     places, heights = places[:count], heights[:count]
     variance = _flatten(places, heights)
 
     along = np.empty(count)
-    lines = np.empty((4, int((np.hypot(bottom - top, right - left) + 2.0) / _SPACING)))
+    lines = np.empty((4, int((np.hypot(bottom - top, right - left) + 1.0) / _SPACING)))
     least, angle = np.inf, 0.0
     for turn in range(_ANGLES):
         trial = turn * np.pi / _ANGLES
@@ -197,8 +197,7 @@ def find_profile(
     if not (least < _EXPLAINED * variance and least < _WORTH * (last - first) * bend):
         return nothing
     _error(places, heights, angle, along, lines)
-    start = along.min() - _SPACING
-    size = int((along.max() - start) / _SPACING) + 2
+    start, size = _places(along)
     return np.sin(angle), np.cos(angle), start, _bridge(lines[0, :size])
 
 
@@ -243,8 +242,7 @@ def _error(places: Reals, heights: Reals, angle: float, along: Reals, lines: Rea
     direction_row, direction_column = np.sin(angle), np.cos(angle)
     for item in range(len(heights)):
         along[item] = direction_row * places[item, 0] + direction_column * places[item, 1]
-    start = along.min() - _SPACING
-    size = int((along.max() - start) / _SPACING) + 2
+    start, size = _places(along)
     sums, counts = np.zeros((2, size + 2 * _TAPS))
     for item in range(len(heights)):
         place = (along[item] - start) / _SPACING
@@ -269,6 +267,15 @@ def _error(places: Reals, heights: Reals, angle: float, along: Reals, lines: Rea
             left_over += ((heights[item] - height) / (1.0 - own)) ** 2
             told += 1
     return left_over / told if told > len(heights) / 2 else float('inf')
+
+
+@kernel
+def _places(along: Reals) -> tuple[float, int]:
+    """The first place of a profile and their number; as far beyond the points on one side as on the other."""
+    least, greatest = along.min(), along.max()
+    # Rounded: spans of whole points, which are common, must not fall on either side of a jump in the size.
+    size = int((greatest - least) / _SPACING + 0.5) + 3
+    return (least + greatest - (size - 1) * _SPACING) / 2.0, size
 
 
 @kernel

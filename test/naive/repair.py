@@ -137,8 +137,8 @@ def regression(points, heights, angle):
     """Error of the profile in one direction, each height left out in turn, and the profile itself."""
     direction = np.array([np.sin(angle), np.cos(angle)])
     along = np.array(points) @ direction
-    start = along.min() - 0.25
-    places = np.arange(int((along.max() - start) / 0.25) + 2)
+    places = np.arange(int(np.ptp(along) / 0.25 + 0.5) + 3)
+    start = (along.min() + along.max()) / 2 - 0.25 * (len(places) - 1) / 2
 
     def shares(at):
         """How a point is shared between the places: linearly between the nearest two."""
