@@ -8,13 +8,7 @@ import numpy.typing as npt
 from socialcircle_ros.compiled import kernel
 
 from .holes import MEASURED, PADDING, UNUSABLE, Index, Reals
-
-_STEP = 1.5
-"""A step is a gap in the heights round a hole of more than this times the span of either level."""
-
-_BEND = 0.5
-"""Where a step meets the rim of a hole, the smoothest surface is left with a difference of more than this
-part of the step: 0.8 to 1.4 for a sharp step in discs of 1 to 9841 points, 0 for a plane."""
+from .profile import find_profile, height_on, measured_heights, sum_bends, usual_bend
 
 _MARGIN = 0.5
 """Filled heights stay within the span of those round the hole, widened by this part of it on both sides."""
@@ -53,8 +47,15 @@ def _views() -> tuple[npt.NDArray[np.int64], Reals]:
 
 _ITEMS, _PRODUCTS = _views()
 
-_DIRECTIONS = np.array([(0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)])
-"""Lines across a hole that are asked on which side of a step a point lies."""
+
+def _stencil() -> Reals:
+    """The line of a point whose 12 neighbours all have a height."""
+    factors = np.zeros(len(_AROUND))
+    np.add.at(factors, _ITEMS, _PRODUCTS)
+    return factors
+
+
+_STENCIL = _stencil()
 
 
 @kernel
@@ -65,13 +66,8 @@ def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, star
     energy. The normal equations, banded in row order, are solved by Cholesky's method; they are definite,
     since each unknown lies in a row or column of unknowns between two measured points.
 
-    Where the heights round a hole fall into two levels, far from each other for the span of each, and the
-    smoothest surface between them has to bend sharply, a step runs through the
-    hole, and that surface would be a ramp with ringing. By linearity it is the sum of the
-    surface without the step and step · u, u being the smoothest surface through 0 on the lower level and 1 on
-    the upper. u is replaced by what lines across the hole say: a straight step is never crossed by a line
-    whose two ends lie on one level, so that such a line tells the level of its points (the nearer ends count
-    more, by 1/length²). Points without such a line keep u.
+    A step or a groove through the hole would become a ramp with ringing. By linearity the profile that
+    `find_profile` knows is taken from the heights before, and added to the solution.
 
     Args:
         z: (H, W) heights, float32 or float64.
@@ -93,36 +89,28 @@ def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, star
             most = max(most, (last - first) * (bands[hole] + 1))
     matrix_memory = np.empty(most)
     surface_memory = np.empty(longest)
-    smooth_memory = np.empty(longest)
     ring_memory = np.empty(longest * len(_AROUND))
+    measured = measured_heights(z, unknowns)
+    bends = sum_bends(measured, usual_bend(measured))
     for hole in range(len(bands)):
         first, last = starts[hole], starts[hole + 1]
         band, size = bands[hole], last - first
         if band < 0:
             continue
-        ring = _ring(z, unknowns, points, first, last, ring_memory)
+        ring = _ring(measured, unknowns, points, first, last, ring_memory)
         lowest, highest = ring.min(), ring.max()
-        split, step = _find_step(ring, lowest, highest)
+        margin = _MARGIN * (highest - lowest)
         matrix = matrix_memory[: size * (band + 1)].reshape(size, band + 1)
-        surface, smooth = surface_memory[:size], smooth_memory[:size]
-        if step > 0:
-            _assemble(z, split, unknowns, points, first, matrix, smooth)
-        _assemble(z, np.nan, unknowns, points, first, matrix, surface)
+        surface = surface_memory[:size]
+        profile = find_profile(measured, bends, points, first, last)
+        _assemble(measured, profile, unknowns, points, first, matrix, surface)
         _factorize(matrix)
         _solve(matrix, surface)
-        if step > 0 and _bend(z, unknowns, points, first, surface) < _BEND * step:
-            step = 0.0
-        if step > 0:
-            _solve(matrix, smooth)
-        margin = _MARGIN * (highest - lowest)
         for own in range(size):
             row, column = points[first + own]
             if unknowns[row + PADDING, column + PADDING] < 0:
                 continue
-            height = surface[own]
-            if step > 0:
-                level = _level(z, split, unknowns, row, column, first, last)
-                height += step * (level - smooth[own]) if level >= 0 else 0.0
+            height = surface[own] + height_on(profile, row, column)
             heights[first + own] = min(max(height, lowest - margin), highest + margin)
     return heights
 
@@ -143,7 +131,9 @@ def _bandwidth(unknowns: Index, points: Index, first: Any, last: Any) -> int:
 
 
 @kernel
-def _ring(z: npt.NDArray[Any], unknowns: Index, points: Index, first: Any, last: Any, memory: Reals) -> Reals:
+def _ring(
+    measured: npt.NDArray[Any], unknowns: Index, points: Index, first: Any, last: Any, memory: Reals
+) -> Reals:
     """Heights of the measured points that a difference can join with the hole."""
     count = 0
     for point in range(first, last):
@@ -151,44 +141,27 @@ def _ring(z: npt.NDArray[Any], unknowns: Index, points: Index, first: Any, last:
         if unknowns[row + PADDING, column + PADDING] < 0:
             continue
         for item in range(len(_AROUND)):
-            r, c = row + _AROUND[item, 0], column + _AROUND[item, 1]
-            if unknowns[r + PADDING, c + PADDING] == MEASURED:
-                memory[count] = z[r, c]
+            height = measured[row + PADDING + _AROUND[item, 0], column + PADDING + _AROUND[item, 1]]
+            if not np.isnan(height):
+                memory[count] = height
                 count += 1
     return memory[:count]
 
 
 @kernel
-def _find_step(ring: Reals, lowest: float, highest: float) -> tuple[float, float]:
-    """Height between the two levels of a step, and the step from mean to mean; 0 where there is none.
-
-    Where a gap is wider than the span of either level, the middle of all heights lies in it.
-    """
-    middle = (lowest + highest) / 2
-    lower_top, upper_bottom = lowest, highest
-    lower_sum, upper_sum = 0.0, 0.0
-    lower_count = 0
-    for height in ring:
-        if height > middle:
-            upper_bottom = min(upper_bottom, height)
-            upper_sum += height
-        else:
-            lower_top = max(lower_top, height)
-            lower_sum += height
-            lower_count += 1
-    if upper_bottom - lower_top > _STEP * max(lower_top - lowest, highest - upper_bottom):
-        return middle, upper_sum / (len(ring) - lower_count) - lower_sum / lower_count
-    return middle, 0.0
-
-
-@kernel
 def _assemble(
-    z: npt.NDArray[Any], split: float, unknowns: Index, points: Index, first: Any, matrix: Reals, right: Reals
+    measured: npt.NDArray[Any],
+    profile: tuple[float, float, float, Reals],
+    unknowns: Index,
+    points: Index,
+    first: Any,
+    matrix: Reals,
+    right: Reals,
 ) -> None:
-    """Normal equations of the thin-plate energy of the heights or, where `split` is no NaN, of the levels.
+    """Normal equations of the thin-plate energy of the heights less their profile.
 
     `matrix` (n, band + 1) holds the lower band, the diagonal in its last column, and `right` (n) the
-    right-hand side. The level of a point is 1 above `split`, else 0.
+    right-hand side.
     """
     size, band = len(matrix), matrix.shape[1] - 1
     others = np.empty(len(_AROUND), np.int64)
@@ -200,66 +173,58 @@ def _assemble(
         if unknowns[row + PADDING, column + PADDING] < 0:
             matrix[own, band] = 1.0
             continue
+        all_usable = True
         for item in range(len(_AROUND)):
             other = unknowns[row + PADDING + _AROUND[item, 0], column + PADDING + _AROUND[item, 1]]
             is_own_hole = first <= other < first + size
             others[item] = other - first if is_own_hole else MEASURED if other == MEASURED else UNUSABLE
-            factors[item] = 0.0
-        for view in range(len(_ITEMS)):
-            complete = True
-            for place in range(4):
-                complete &= others[_ITEMS[view, place]] != UNUSABLE
-            if complete:
-                for place in range(4):
-                    factors[_ITEMS[view, place]] += _PRODUCTS[view, place]
+            all_usable &= others[item] != UNUSABLE
+            factors[item] = _STENCIL[item]
+        if not all_usable:
+            _leave_out(others, factors)
         for item in range(len(_AROUND)):
             if others[item] == MEASURED:
-                height = z[row + _AROUND[item, 0], column + _AROUND[item, 1]]
-                value = np.float64(height) if np.isnan(split) else np.float64(height > split)
-                right[own] -= factors[item] * value
+                r, c = row + _AROUND[item, 0], column + _AROUND[item, 1]
+                right[own] -= factors[item] * (measured[r + PADDING, c + PADDING] - height_on(profile, r, c))
             elif 0 <= others[item] <= own:
                 matrix[own, others[item] - own + band] += factors[item]
 
 
 @kernel
-def _bend(z: npt.NDArray[Any], unknowns: Index, points: Index, first: Any, surface: Reals) -> float:
-    """The greatest difference, as its points see it, that is left in the smoothest surface."""
-    greatest = 0.0
-    last = first + len(surface)
-    for own in range(len(surface)):
-        row, column = points[first + own]
-        if unknowns[row + PADDING, column + PADDING] < 0:
-            continue
-        for view in range(len(_ITEMS)):
-            total = 0.0
+def _leave_out(others: npt.NDArray[np.int64], factors: Reals) -> None:
+    """The line of a point without the differences that would need an unusable point."""
+    factors[:] = 0.0
+    for view in range(len(_ITEMS)):
+        complete = True
+        for place in range(4):
+            complete &= others[_ITEMS[view, place]] != UNUSABLE
+        if complete:
             for place in range(4):
-                item = _ITEMS[view, place]
-                r, c = row + _AROUND[item, 0], column + _AROUND[item, 1]
-                other = unknowns[r + PADDING, c + PADDING]
-                if other == MEASURED:
-                    total += _PRODUCTS[view, place] * z[r, c]
-                elif first <= other < last:
-                    total += _PRODUCTS[view, place] * surface[other - first]
-                else:
-                    total = np.nan
-            greatest = max(greatest, abs(total)) if not np.isnan(total) else greatest
-    return greatest
+                factors[_ITEMS[view, place]] += _PRODUCTS[view, place]
 
 
 @kernel
 def _factorize(matrix: Reals) -> None:
-    """Cholesky's factor of a banded matrix, in place."""
+    """Cholesky's factor of a banded matrix, in place.
+
+    Column by column, each taken from the rows below it, so that the innermost loop runs along memory and
+    adds to different places: the compiler may then use vectors without changing the order of a sum.
+    """
     size, band = len(matrix), matrix.shape[1] - 1
-    for row in range(size):
-        start = max(0, row - band)
-        for column in range(start, row + 1):
-            total = matrix[row, column - row + band]
-            for k in range(max(start, column - band), column):
-                total -= matrix[row, k - row + band] * matrix[column, k - column + band]
-            if column < row:
-                matrix[row, column - row + band] = total / matrix[column, band]
-            else:
-                matrix[row, band] = np.sqrt(total)
+    below = np.empty(band + 1)
+    for column in range(size):
+        diagonal = np.sqrt(matrix[column, band])
+        matrix[column, band] = diagonal
+        end = min(size, column + band + 1)
+        for row in range(column + 1, end):
+            matrix[row, column - row + band] /= diagonal
+            factor = matrix[row, column - row + band]
+            below[row - column - 1] = factor
+            if factor != 0.0:
+                length = row - column
+                target = matrix[row, band + 1 - length :]
+                for k in range(length):
+                    target[k] -= factor * below[k]
 
 
 @kernel
@@ -272,32 +237,6 @@ def _solve(factor: Reals, right: Reals) -> None:
             total -= factor[row, k - row + band] * right[k]
         right[row] = total / factor[row, band]
     for row in range(size - 1, -1, -1):
-        total = right[row]
-        for k in range(row + 1, min(size, row + band + 1)):
-            total -= factor[k, row - k + band] * right[k]
-        right[row] = total / factor[row, band]
-
-
-@kernel
-def _level(
-    z: npt.NDArray[Any], split: float, unknowns: Index, row: Any, column: Any, first: Any, last: Any
-) -> float:
-    """The level of a point beside a step, 0 to 1, from the lines across the hole; -1 where none tells."""
-    total, weights = 0.0, 0.0
-    for direction in range(len(_DIRECTIONS)):
-        step_row, step_column = _DIRECTIONS[direction]
-        ends, levels, length = 0, 0, 0
-        for sign in (-1, 1):
-            r, c = row, column
-            while first <= unknowns[r + PADDING, c + PADDING] < last:
-                r += sign * step_row
-                c += sign * step_column
-                length += 1
-            if unknowns[r + PADDING, c + PADDING] == MEASURED:
-                ends += 1
-                levels += z[r, c] > split
-        if ends == 2 and levels != 1:
-            weight = 1.0 / (length * length * (step_row * step_row + step_column * step_column))
-            weights += weight
-            total += weight if levels == 2 else 0.0
-    return total / weights if weights > 0 else -1.0
+        right[row] /= factor[row, band]
+        for k in range(max(0, row - band), row):
+            right[k] -= factor[row, k - row + band] * right[row]

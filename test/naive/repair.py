@@ -8,7 +8,6 @@ DIFFERENCES = [
     [((0, 0), 2**0.5), ((0, 1), -(2**0.5)), ((1, 0), -(2**0.5)), ((1, 1), 2**0.5)],
 ]
 SIDES = [(0, -1), (0, 1), (-1, 0), (1, 0)]
-LINES = [(0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)]
 
 
 def find_holes(mask):
@@ -76,43 +75,94 @@ def chosen_points(xyz, mask, largest, sides, heights_agree):
 def biharmonic(xyz, mask):
     """Heights of all inner points by (row, column)."""
     measured = measured_heights(xyz, mask)
+    usual = np.median(list(bends(measured, measured)) or [0]) / 0.4549
     heights = {}
     for hole in find_holes(mask):
         inside = set(hole)
         inner = [p for p in hole if is_inner(rims(p, inside, measured))]
         if inner:
-            heights.update(fill(inner, measured))
+            heights.update(fill(hole, inner, measured, usual))
     return heights
 
 
-def fill(inner, measured):
+def fill(hole, inner, measured, usual):
+    around = [(r + i, c + j) for r, c in inner for i in range(-2, 3) for j in range(-2, 3) if abs(i) + abs(j) <= 2]
+    ring = [measured[p] for p in around if p in measured]
+    profile = find_profile(hole, measured, usual)
     number = {point: item for item, point in enumerate(inner)}
-    ring = []
-    for r, c in inner:
-        around = [(r + i, c + j) for i in range(-2, 3) for j in range(-2, 3) if abs(i) + abs(j) <= 2]
-        ring += [measured[p] for p in around if p in measured]
-    ring = np.sort(ring)
-    levels = find_levels(ring)
-    surface = solve(inner, number, measured)
-    if levels and bend(inner, number, measured, surface) >= 0.5 * (np.mean(levels[1]) - np.mean(levels[0])):
-        lower, upper = levels
-        split = (ring[0] + ring[-1]) / 2
-        step = np.mean(upper) - np.mean(lower)
-        on_level = {point: float(height > split) for point, height in measured.items()}
-        smooth = solve(inner, number, on_level)
-        for item, point in enumerate(inner):
-            surface[item] += step * (vote(point, number, on_level, smooth[item]) - smooth[item])
-    margin = (ring[-1] - ring[0]) / 2
-    return dict(zip(inner, np.clip(surface, ring[0] - margin, ring[-1] + margin), strict=True))
+    smooth = solve(
+        inner, number, {point: measured[point] - profile(point) for point in around if point in measured}
+    )
+    surface = [height + profile(point) for point, height in zip(inner, smooth, strict=True)]
+    margin = (max(ring) - min(ring)) / 2
+    return dict(zip(inner, np.clip(surface, min(ring) - margin, max(ring) + margin), strict=True))
 
 
-def find_levels(ring):
-    gaps = np.diff(ring)
-    if not len(gaps):
-        return None
-    widest = int(np.argmax(gaps))
-    lower, upper = ring[: widest + 1], ring[widest + 1 :]
-    return (lower, upper) if gaps[widest] > 1.5 * max(np.ptp(lower), np.ptp(upper)) else None
+def bends(points, measured):
+    """Squared second differences along rows and columns whose middle is one of the points."""
+    for r, c in points:
+        for i, j in [(0, 1), (1, 0)]:
+            ends = (r - i, c - j), (r + i, c + j)
+            if (r, c) in measured and all(end in measured for end in ends):
+                yield (measured[ends[0]] - 2 * measured[r, c] + measured[ends[1]]) ** 2
+
+
+def find_profile(hole, measured, usual):
+    """The profile across a step or groove, as a function of (row, column); 0 where there is none."""
+    top, left = np.min(hole, axis=0) - 4
+    bottom, right = np.max(hole, axis=0) + 4
+    box = [(r, c) for r in range(top, bottom + 1) for c in range(left, right + 1)]
+    points = [point for point in box if point in measured]
+    squares = list(bends(box, measured))
+    multiples = [min(square / usual, 1e4) if usual else 1e4 * (square > 0) for square in squares]
+    if not squares or np.mean(multiples) <= 1 + 6 / np.sqrt(len(squares)):
+        return lambda point: 0.0
+    heights = np.array([measured[point] for point in points])
+    plane = np.column_stack([points, np.ones(len(points))])
+    flat = heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]
+
+    def error(angle):
+        return regression(points, flat, angle)[0]
+
+    best = min((np.pi * k / 12 for k in range(12)), key=error)
+    for halving in range(1, 5):
+        step = np.pi / 12 / 2**halving
+        best = min((best, best - step, best + step), key=error)
+    if not error(best) < min(0.5 * np.mean(flat**2), 0.5 * len(hole) * np.mean(squares)):
+        return lambda point: 0.0
+    return regression(points, flat, best)[1]
+
+
+def regression(points, heights, angle):
+    """Error of the profile in one direction, each height left out in turn, and the profile itself."""
+    direction = np.array([np.sin(angle), np.cos(angle)])
+    along = np.array(points) @ direction
+    places = np.arange(int(np.ptp(along) / 0.25 + 0.5) + 3)
+    start = (along.min() + along.max()) / 2 - 0.25 * (len(places) - 1) / 2
+
+    def shares(at):
+        """How a point is shared between the places: linearly between the nearest two."""
+        return np.clip(1 - abs((at - start) / 0.25 - places), 0, 1)
+
+    spread = np.array([shares(at) for at in along])
+    weights = np.full((len(places), len(places)), np.nan)  # of every place in the height at a place
+    for place in places:
+        offset = places - place
+        near = np.where(abs(offset) <= 3, np.exp(-0.5 * offset**2), 0)
+        counts = near * spread.sum(axis=0)
+        if counts.sum() > 0:
+            first, second = (counts * offset).sum(), (counts * offset**2).sum() + 0.05 * counts.sum()
+            weights[place] = near * (second - first * offset) / (counts.sum() * second - first**2)
+    line = weights @ (spread.T @ heights)
+    kept = ~np.isnan(line)
+    line = np.interp(places, places[kept], line[kept])
+    own = np.array([share @ np.nan_to_num(weights) @ share for share in spread])
+    told = own < 0.8
+    left_over = ((heights - spread @ line) / np.where(told, 1 - own, 1))[told]
+    return (
+        np.mean(left_over**2) if told.sum() > len(points) / 2 else np.inf,
+        lambda point: float(np.interp(np.array(point) @ direction, start + 0.25 * places, line)),
+    )
 
 
 def differences(inner, number, measured):
@@ -136,27 +186,6 @@ def solve(inner, number, measured):
         lines.append(line)
         right.append(-sum(factor * measured[p] for p, factor in places if p in measured))
     return np.linalg.lstsq(np.array(lines), np.array(right), rcond=None)[0]
-
-
-def bend(inner, number, measured, surface):
-    """The greatest difference times the factor of one of its unknowns."""
-    greatest = 0.0
-    for places in differences(inner, number, measured):
-        total = sum(factor * (surface[number[p]] if p in number else measured[p]) for p, factor in places)
-        greatest = max([greatest, *(abs(total * factor) for p, factor in places if p in number)])
-    return greatest
-
-
-def vote(point, number, on_level, otherwise):
-    votes = weights = 0.0
-    for step in LINES:
-        first, before = walk(point, step, number)
-        second, after = walk(point, (-step[0], -step[1]), number)
-        if first in on_level and second in on_level and on_level[first] == on_level[second]:
-            weight = 1 / ((before + after) ** 2 * (step[0] ** 2 + step[1] ** 2))
-            votes += weight * on_level[first]
-            weights += weight
-    return votes / weights if weights else otherwise
 
 
 def natural_spline(knots, values, at):

@@ -29,6 +29,8 @@ def experiment(hurst, angle, seed, blur=0.0):
     flank = distance > 0 if blur == 0 else 1 / (1 + np.exp(-distance / blur))
     z = fractal(*shape, hurst, 3.0, seed) + 8.0 * flank
     holes = scattered_and_clustered(*shape, seed)
+    # A hole that is open to the border is extrapolated in part by either method: one of them hides all others.
+    holes[:6], holes[-6:], holes[:, :6], holes[:, -6:] = False, False, False, False
     biharmonic = errors('biharmonic', z, holes, abs(distance) < 3)
     spline = errors('spline', z, holes, abs(distance) < 3)
     return biharmonic[0] / spline[0], biharmonic[1] / spline[1]
@@ -42,9 +44,18 @@ def test_two_thirds_of_the_error_of_the_spline(angle, seed):
     assert at_step <= 0.65
 
 
-@pytest.mark.parametrize('hurst', [0.5, 0.8, 1.0])
-def test_a_blurred_step_is_no_worse_than_with_the_spline(hurst):
-    ratios = [experiment(hurst, angle, seed=4, blur=1.0) for angle in np.linspace(0, np.pi, 8, endpoint=False)]
+@pytest.mark.parametrize(('hurst', 'blur'), [(0.5, 0.5), (0.8, 0.5), (1.0, 0.5), (1.0, 1.0)])
+def test_two_thirds_of_the_error_of_the_spline_at_a_blurred_step(hurst, blur):
+    ratios = [experiment(hurst, angle, seed=4, blur=blur) for angle in np.linspace(0, np.pi, 8, endpoint=False)]
+    everywhere, at_step = np.transpose(ratios)
+    assert np.mean(at_step) <= 0.65
+    assert max(at_step) <= 1.0
+    assert max(everywhere) <= 0.95
+
+
+@pytest.mark.parametrize(('hurst', 'blur'), [(0.5, 1.0), (0.8, 1.0)])
+def test_roughness_as_high_as_the_flank_is_no_worse_than_with_the_spline(hurst, blur):
+    ratios = [experiment(hurst, angle, seed=4, blur=blur) for angle in np.linspace(0, np.pi, 8, endpoint=False)]
     everywhere, at_step = np.mean(ratios, axis=0)
     assert everywhere <= 0.95
     assert at_step <= 1.0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from naive import repair as naive
-from repair.surfaces import cloud, fractal, scattered_and_clustered
+from repair.surfaces import cloud, fractal, scattered_and_clustered, step_distance
 
 from socialcircle_ros import settings as package_settings
 from socialcircle_ros.errors import CloudError, SettingError
@@ -34,6 +34,19 @@ def clouds_with_holes(draw, most=12):
     return xyz, holes
 
 
+@st.composite
+def clouds_with_flanks(draw):
+    """A rough surface with a step or a groove of any angle, sharp or blurred, and holes on and off it."""
+    height, width = draw(st.tuples(st.integers(10, 20), st.integers(10, 20)))
+    distance = step_distance(height, width, draw(st.floats(0, 3.1)))
+    groove, blur = draw(st.sampled_from([0, 5])), draw(st.floats(0.05, 2))
+    side = groove / 2 - abs(distance) if groove else distance
+    random = np.random.default_rng(draw(st.integers(0, 2**32)))
+    z = 4.0 * np.tanh(side / blur) + random.normal(0, draw(st.sampled_from([0.1, 1.0])), side.shape)
+    holes = random.random(side.shape) < draw(st.sampled_from([0.02, 0.1, 0.3]))
+    return cloud(z, draw(st.sampled_from([np.float32, np.float64]))), holes
+
+
 @given(npst.arrays(np.bool_, npst.array_shapes(min_dims=2, max_dims=2, max_side=12)))
 def test_holes_are_found_in_row_order(mask):
     points, starts = find_holes(mask)
@@ -57,7 +70,7 @@ def test_the_points_within_the_limits_are_filled(case, method, largest, sides, h
     assert np.isnan(result.xyz[holes & ~result.filled]).all()
 
 
-@given(clouds_with_holes(), st.sampled_from(METHODS))
+@given(clouds_with_holes() | clouds_with_flanks(), st.sampled_from(METHODS))
 def test_heights_are_those_of_the_reference(case, method):
     xyz, holes = case
     result = repair_holes(xyz, holes, RepairSettings(method=method, sides=2))
@@ -110,7 +123,7 @@ def test_planes_are_reproduced(method, holes, slopes):
     np.testing.assert_allclose(result.xyz[result.filled], xyz[result.filled], rtol=1e-9, atol=1e-7)
 
 
-@given(clouds_with_holes(), st.sampled_from(METHODS))
+@given(clouds_with_holes() | clouds_with_flanks(), st.sampled_from(METHODS))
 def test_rows_and_columns_can_change_places(case, method):
     xyz, holes = case
     limits = RepairSettings(method=method)
@@ -133,6 +146,15 @@ def test_one_hole_does_not_depend_on_another(method):
     both = repair_holes(cloud(z), first | second, RepairSettings(method=method))
     alone = repair_holes(cloud(np.where(second, np.nan, z)), first, RepairSettings(method=method))
     np.testing.assert_array_equal(both.xyz[first], alone.xyz[first])
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.4, np.pi / 4, 1.2])
+@pytest.mark.parametrize('blur', [0.5, 1.0, 2.0])
+def test_a_blurred_groove_keeps_its_walls(angle, blur):
+    z = 8.0 * np.tanh((abs(step_distance(40, 40, angle)) - 4) / blur)
+    holes = step_distance(40, 40, 0) ** 2 + step_distance(40, 40, np.pi / 2) ** 2 < 5**2
+    filled = repair_holes(cloud(z), holes).xyz[..., 2]
+    assert np.sqrt(((filled - z)[holes] ** 2).mean()) <= 1.0  # of walls 16 high
 
 
 @pytest.mark.parametrize('angle', [0.0, 0.4, np.pi / 4, 1.2])
