@@ -3,13 +3,16 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask, flattened, is_measured, load_row, measured_points
 from socialcircle_ros.compiled import kernel
+from socialcircle_ros.threads import in_bands
+
+from .windows import WIDEST, Words, grow_by_tiles, grow_in_order, near
 
 _ZERO, _ONE, _LAST = np.uint64(0), np.uint64(1), np.uint64(63)
 _WORD = 64
+_LEAST_POINTS = 100_000  # of a band that is worth a thread
 
 
 def expand(xyz: Cloud, seed: tuple[int, int], limit: Any, window: int) -> Mask:
@@ -35,18 +38,26 @@ def divide(xyz: Cloud, seed: tuple[int, int], limit: Any, window: int) -> tuple[
     height, width, _ = xyz.shape
     values, row_step, point_step = flattened(xyz)
     limit = xyz.dtype.type(limit)
-    if window > 3:
+    if window > WIDEST:
         members, queue = np.zeros((height, width), np.bool_), np.empty((height * width, 2), np.int32)
-        _grow_in_order(values, row_step, point_step, seed[0], seed[1], limit, window // 2, members, queue)
+        grow_in_order(values, row_step, point_step, seed[0], seed[1], limit, window // 2, members, queue)
         return members, measured_points(xyz) & ~members
     words = (width + _WORD - 1) // _WORD
     links = np.zeros((5, height, words + 2), np.uint64)
-    rows = np.full((3, 4, words * _WORD + 2), np.nan, xyz.dtype)  # round the cloud nothing is measured
-    _link(values, row_step, point_step, width, limit, rows, links)
+
+    def link(first: int, last: int) -> None:
+        rows = np.full((3, 4, words * _WORD + 2), np.nan, xyz.dtype)  # round the cloud nothing is measured
+        _link(values, row_step, point_step, width, limit, first, last, rows, links)
+
+    in_bands(link, height, _LEAST_POINTS // width)
     joined, reached = np.zeros((height, words + 2), np.uint64), np.empty(words + 2, np.uint64)
     first, last = np.full((2, height), words + 2), np.full((2, height), -1)
     _grow(links, seed[0], seed[1], joined, first, last, reached)
-    return _mask(joined, width), _mask(links[_MEASURED] & ~joined, width)
+    measured: Words = links[_MEASURED, :, 1:-1]
+    community: Words = joined[:, 1:-1]
+    if window > 3:
+        community = grow_by_tiles(values, row_step, point_step, seed, limit, window // 2, measured, community)
+    return _mask(community, width), _mask(measured & ~community, width)
 
 
 # Window 3: the circle is all that links join to the seed, in whatever order. Links are kept as bits, 64 points
@@ -54,23 +65,34 @@ def divide(xyz: Cloud, seed: tuple[int, int], limit: Any, window: int) -> tuple[
 _EAST, _SOUTH, _SOUTH_EAST, _SOUTH_WEST, _MEASURED = range(5)
 
 
-def _mask(words: npt.NDArray[np.uint64], width: int) -> Mask:
-    """The bits of a plane as a mask (H, W)."""
-    little = np.ascontiguousarray(words[:, 1:-1], '<u8').view(np.uint8)
+def _mask(words: Words, width: int) -> Mask:
+    """The bits of a plane, (H, words), as a mask (H, W)."""
+    little = np.ascontiguousarray(words, '<u8').view(np.uint8)
     return np.unpackbits(little, axis=1, count=width, bitorder='little').view(np.bool_)
 
 
 @kernel
-def _link(values: Any, row_step: int, point_step: int, width: int, limit: Any, rows: Any, links: Any) -> None:
+def _link(
+    values: Any,
+    row_step: int,
+    point_step: int,
+    width: int,
+    limit: Any,
+    first: int,
+    last: int,
+    rows: Any,
+    links: Any,
+) -> None:
     """Write which neighbours are less than R apart, and which points are measured, to `links`, (5, H, words + 2).
 
-    Bit i of word w + 1 belongs to column 64 w + i. A NaN or an infinite distance is never below the limit, so
-    that points that are not measured, and those outside the cloud, have no links. `rows`, (3, 4, 64 words + 2),
-    comes full of NaN: the two rows at hand, and that below the last one.
+    Only of the rows from `first` to before `last`. Bit i of word w + 1 belongs to column 64 w + i. A NaN or an
+    infinite distance is never below the limit, so that points that are not measured, and those outside the cloud,
+    have no links. `rows`, (3, 4, 64 words + 2), comes full of NaN: the two rows at hand, and that below the
+    last one of the cloud.
     """
     _, height, words = links.shape
-    load_row(values, 0, point_step, width, rows[0])
-    for row in range(height):
+    load_row(values, first * row_step, point_step, width, rows[first % 2])
+    for row in range(first, last):
         this, below = rows[row % 2], rows[2 if row + 1 == height else (row + 1) % 2]
         if row + 1 < height:
             load_row(values, (row + 1) * row_step, point_step, width, below)
@@ -88,23 +110,16 @@ def _links_of_word(this: Any, below: Any, limit: Any, links: Any, row: int, word
         bit = np.uint64(i)
         c = np.uint64(word * _WORD + 1) + bit
         a, b = c - _ONE, c + _ONE
-        east |= np.uint64(_near(x[c], y[c], z[c], x[b], y[b], z[b], limit)) << bit
-        south |= np.uint64(_near(x[c], y[c], z[c], u[c], v[c], w[c], limit)) << bit
-        south_east |= np.uint64(_near(x[c], y[c], z[c], u[b], v[b], w[b], limit)) << bit
-        south_west |= np.uint64(_near(x[c], y[c], z[c], u[a], v[a], w[a], limit)) << bit
+        east |= np.uint64(near(x[c], y[c], z[c], x[b], y[b], z[b], limit)) << bit
+        south |= np.uint64(near(x[c], y[c], z[c], u[c], v[c], w[c], limit)) << bit
+        south_east |= np.uint64(near(x[c], y[c], z[c], u[b], v[b], w[b], limit)) << bit
+        south_west |= np.uint64(near(x[c], y[c], z[c], u[a], v[a], w[a], limit)) << bit
         measured |= np.uint64(is_measured(x[c], y[c], z[c])) << bit
     links[_EAST, row, word + 1] = east
     links[_SOUTH, row, word + 1] = south
     links[_SOUTH_EAST, row, word + 1] = south_east
     links[_SOUTH_WEST, row, word + 1] = south_west
     links[_MEASURED, row, word + 1] = measured
-
-
-@kernel
-def _near(x: Any, y: Any, z: Any, u: Any, v: Any, w: Any, limit: Any) -> Any:
-    """Whether two points are less than R apart."""
-    dx, dy, dz = u - x, v - y, w - z
-    return (dx * dx + dy * dy) + dz * dz < limit
 
 
 @kernel
@@ -221,42 +236,3 @@ def _filled(points: Any, east: Any) -> Any:
     points |= east & (points >> np.uint64(16))
     east &= east >> np.uint64(16)
     return points | (east & (points >> np.uint64(32)))
-
-
-# Larger windows: who joins depends on the order.
-
-
-@kernel
-def _grow_in_order(
-    values: Any,
-    row_step: int,
-    point_step: int,
-    seed_row: int,
-    seed_column: int,
-    limit: Any,
-    k: int,
-    joined: Any,
-    queue: Any,
-) -> None:
-    """Write who joins with a window of 2k+1 points a side to `joined`, (H, W), which comes empty.
-
-    V1 and V2 of the paper, each emptied in the order in which it was filled, are together one `queue`, (H · W, 2).
-    """
-    height, width = joined.shape
-    joined[seed_row, seed_column] = True
-    queue[0, 0], queue[0, 1] = seed_row, seed_column
-    first, last = 0, 1
-    while first < last:
-        row, column = queue[first, 0], queue[first, 1]
-        first += 1
-        p = row * row_step + column * point_step
-        for r in range(max(row - k, 0), min(row + k + 1, height)):
-            for c in range(max(column - k, 0), min(column + k + 1, width)):
-                if joined[r, c]:
-                    continue
-                q = r * row_step + c * point_step
-                if _near(values[p], values[p + 1], values[p + 2], values[q], values[q + 1], values[q + 2], limit):
-                    joined[r, c] = True
-                    if max(abs(r - row), abs(c - column)) == k:
-                        queue[last, 0], queue[last, 1] = r, c
-                        last += 1

@@ -107,6 +107,62 @@ def test_members_of_a_maze_of_chance_are_those_of_the_reference(random, missing,
     np.testing.assert_array_equal(expand(xyz, seed, limit, 3), naive.expand(xyz, seed, limit, 3))
 
 
+# Windows 5 and 7 work on tiles of 8×8 points, and set aside who has no link to the 3×3 community.
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    recipes(30, 80, least_columns=20),
+    st.sampled_from([5, 7]),
+    st.integers(0, 30 * 80),
+    st.sampled_from([1.2, 2.2360679775, 4.5, 6.7]),
+)
+def test_members_of_clouds_of_many_tiles_are_those_of_the_reference(recipe, window, pick, radius):
+    xyz = recipe.cloud()
+    points = measured_points(xyz)
+    assume(points)
+    seed = points[pick % len(points)]
+    with np.errstate(all='ignore'):
+        reach = xyz.dtype.type(radius) * pitch_of(xyz)
+        limit = reach * reach
+    assume(not np.isnan(limit))
+
+    np.testing.assert_array_equal(expand(xyz, seed, limit, window), naive.expand(xyz, seed, limit, window))
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.integers(0, 2**16), st.sampled_from([5, 7]), st.floats(0.05, 0.5), st.floats(1.5, 12.0))
+def test_members_of_floors_that_only_wide_windows_join_are_those_of_the_reference(random, window, share, height):
+    # Points on other floors are no members of the 3×3 community, but some of them join, and lead to others.
+    generator = np.random.default_rng(random)
+    floors = generator.choice(4, (26, 35), p=[1 - share, *[share / 3] * 3])
+    xyz = grid(floors * height + generator.normal(0, 0.3, floors.shape), dtype='float32')
+    seed = measured_points(xyz)[450]
+    limit = np.float32(20.0)
+
+    np.testing.assert_array_equal(expand(xyz, seed, limit, window), naive.expand(xyz, seed, limit, window))
+
+
+@pytest.mark.parametrize('window', [3, 5, 7])
+def test_members_do_not_depend_on_the_number_of_threads(window, monkeypatch):
+    generator = np.random.default_rng(1)
+    heights = np.where(generator.random((90, 150)) < 0.2, generator.uniform(-9, 9, (90, 150)), 0.0)
+    heights[generator.random(heights.shape) < 0.2] = np.nan
+    heights[40, 70] = 0.0
+    xyz = grid(heights, dtype='float32')
+    monkeypatch.setattr('socialcircle_ros.circle.expansion._LEAST_POINTS', 1)
+    monkeypatch.setattr('socialcircle_ros.circle.windows._LEAST_TILES', 1)
+
+    masks = []
+    for threads in (1, 2, 7):
+        monkeypatch.setattr('socialcircle_ros.threads.limit', threads)
+        masks.append(expand(xyz, (40, 70), np.float32(5.0), window))
+
+    assert masks[0].sum() > 90 * 150 / 2
+    np.testing.assert_array_equal(masks[0], masks[1])
+    np.testing.assert_array_equal(masks[0], masks[2])
+
+
 def spiral(side):
     """A corridor one point wide that winds from a corner to the middle; NaN is wall."""
     heights = np.full((side, side), np.nan)
