@@ -156,7 +156,7 @@ def test_members_do_not_depend_on_the_number_of_threads(window, monkeypatch):
     masks = []
     for threads in (1, 2, 7):
         monkeypatch.setattr('socialcircle_ros.threads.limit', threads)
-        masks.append(expand(xyz, (40, 70), np.float32(5.0), window))
+        masks.append(expand(xyz, (40, 70), np.float32(20.0), window))
 
     assert masks[0].sum() > 90 * 150 / 2
     np.testing.assert_array_equal(masks[0], masks[1])
