@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numba.cpython.unsafe.numbers import trailing_zeros
 
 from socialcircle_ros.cloud import Cloud, flattened, is_measured, load_row, measured_points
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import NoSeedError
+from socialcircle_ros.threads import in_bands
 
 Region = tuple[int, int, int, int]
 """Row and column of the first point, height and width, in points."""
@@ -24,9 +26,11 @@ _ERROR = 1.5e-6  # of a float32 distance between points of a cloud that reaches 
 _LEAF = 32  # most points of a leaf of the k-d tree
 _FEW = 12  # so many ranks to each side a value is sought one by one
 _LANES = 32
-_ZERO, _ONE, _TOP = np.uint64(0), np.uint64(1), np.uint64(58)
-_DE_BRUIJN = np.uint64(0x03F79D71B4CB0A89)  # shifted by i, its top six bits tell i: the place of a lone bit
-_PLACE = np.argsort([(0x03F79D71B4CB0A89 << i & 0xFFFFFFFFFFFFFFFF) >> 58 for i in range(64)])
+_ZERO, _ONE = np.uint64(0), np.uint64(1)
+_FAR = 0.25  # of the radius: a step beyond leads to a point off the surface
+_DOUBT = 0.15  # of a step: how far the radius may be off the one that is expected
+_ENOUGH = 32  # so few values are looked at one by one
+_LEAST_LEAVES = 16  # of a band that is worth a thread
 
 
 def elect_seed(xyz: Cloud, region: Region | None) -> tuple[int, int]:
@@ -89,16 +93,22 @@ def _medians(x: Any, y: Any, z: Any) -> Any:
     """mu_p (eq. 5) of each point p, (n,), exactly as sorting all distances gives it.
 
     Squares have the same order as their roots: the median is sought among the squared distances, and only its
-    one or two members are rooted. Its radius is nearly that of the point before, a neighbour, so that only
-    points near a sphere have to be looked at one by one. The others are counted by whole leaves of a k-d tree,
-    whose boxes lie within or beyond that sphere. Where the guess was wrong, counts show it, and it is widened.
+    one or two members are rooted. Its radius is nearly that of a point before, a neighbour, and changes with the
+    place as it did there, so that only points near a sphere have to be looked at one by one. The others are
+    counted by whole leaves of a k-d tree, whose boxes lie within or beyond that sphere. Where the guess was wrong,
+    counts show it, and it is widened.
 
     All this is done in float32, with the region's half extent as the unit, which is twice as fast. A box bounds
     its points' distances to the last bit, because both are computed alike, and rounding never changes an order.
     A float32 distance is off the float64 one by less than `_ERROR`: rounded coordinates (at most 1) and their
-    rounded differences (at most 2) make 5e-7 in space, squares, sums and thresholds another 6e-7. So the median
-    of the ones is not farther off the median of the others, and who is more than twice that from the first is on
-    the same side of the second. The dozen that are not are looked at in float64.
+    rounded differences (at most 2) make 5e-7 in space, squares, sums and thresholds another 6e-7. The last two
+    dozen, all whose float32 distances lie between two bounds, are looked at in float64. Who has the rank among
+    them is the median, if he is more than `_ERROR` within these bounds: then all others are on the same side of
+    him in float64. Else the bounds are widened by twice that, which is enough: the median of the ones is not
+    farther off the median of the others, and who is more than twice that from the first is on the same side of
+    the second. Twice what is needed is asked for, so that the rounding of bounds plays no part.
+
+    Leaves are shared among threads: each point's median is exact, wherever the search for it began.
     """
     n = len(x)
     mu = np.zeros(n)
@@ -116,12 +126,17 @@ def _medians(x: Any, y: Any, z: Any) -> Any:
     points = np.full((3, leaves * _LEAF), np.nan, np.float32)  # what is no point is nowhere
     points[:, np.arange(n) + (np.arange(leaves) * _LEAF - starts).repeat(sizes)] = unit
     boxes = np.concatenate((np.minimum.reduceat(unit, starts, axis=1), np.maximum.reduceat(unit, starts, axis=1)))
-    work = (
-        np.empty((8, leaves), np.float32),
-        np.empty((3, leaves), np.int64),
-        np.empty(leaves * _LEAF + 64, np.float32),
-    )
-    _find_medians(x, y, z, order, starts, sizes, points, boxes, extent, error, *work, np.empty(n), mu)
+
+    def find(first: int, last: int) -> None:
+        work = (
+            np.empty((8, leaves), np.float32),
+            np.empty((3, leaves), np.int64),
+            np.empty(leaves * _LEAF + 64, np.float32),
+            np.empty(n),
+        )
+        _find_medians(x, y, z, order, starts, sizes, points, boxes, extent, error, first, last, *work, mu)
+
+    in_bands(find, leaves, _LEAST_LEAVES)
     return mu
 
 
@@ -137,16 +152,18 @@ def _find_medians(
     boxes: Any,
     extent: float,
     error: float,
+    first: int,
+    last: int,
     bounds: Any,
     names: Any,
     squared: Any,
     distances: Any,
     mu: Any,
 ) -> None:
-    """The loop of `_medians`: of n points `order`ed into L leaves with `starts` and `sizes`, (L,), all to `mu`.
+    """The loop of `_medians` over the points of the leaves from `first` to before `last`.
 
-    Float32: `points` (3, 32 L) and `boxes` (6, L). For work: `bounds` (8, L), `names` (3, L), `squared`
-    (32 L + 64,) and `distances` (n,).
+    Of n points `order`ed into L leaves with `starts` and `sizes`, (L,). Float32: `points` (3, 32 L) and `boxes`
+    (6, L). For work: `bounds` (8, L), `names` (3, L), `squared` (32 L + 64,) and `distances` (n,).
     """
     n, leaves = len(x), len(starts)
     upper_rank = (n - 1) // 2 + 1  # behind p itself, whose distance 0 comes first
@@ -154,20 +171,25 @@ def _find_medians(
     # For the leaf at hand, the leaves that are neither within nor beyond the spheres of all of its points.
     near, near_sizes, looked_at = names[0], names[1], names[2]
     near_boxes, least, most = bounds[:6], bounds[6], bounds[7]
-    radius = math.inf
-    px, py, pz = points[0, 0], points[1, 0], points[2, 0]
-    for leaf in range(leaves):
+    # A point before: its place, its radius, and how radii change from there on. Not one that lies far off.
+    radius, strayed = math.inf, False
+    ox, oy, oz = points[0, first * _LEAF], points[1, first * _LEAF], points[2, first * _LEAF]
+    gx, gy, gz = 0.0, 0.0, 0.0
+    for leaf in range(first, last):
         box = boxes[0, leaf], boxes[1, leaf], boxes[2, leaf], boxes[3, leaf], boxes[4, leaf], boxes[5, leaf]
         half = math.sqrt((box[3] - box[0]) ** 2 + (box[4] - box[1]) ** 2 + (box[5] - box[2]) ** 2) / 2
         within, beyond, inside, count = math.inf, -math.inf, 0, 0
         for i in range(sizes[leaf]):
             p, place = order[starts[leaf] + i], leaf * _LEAF + i
-            dx, dy, dz = points[0, place] - px, points[1, place] - py, points[2, place] - pz
             px, py, pz = points[0, place], points[1, place], points[2, place]
-            reach = 0.8 * math.sqrt(dx * dx + dy * dy + dz * dz) + error
+            dx, dy, dz = float(px - ox), float(py - oy), float(pz - oz)
+            step = math.sqrt(dx * dx + dy * dy + dz * dz)
+            far = not step < _FAR * radius
+            guess = radius if far else radius + (gx * dx + gy * dy + gz * dz)
+            reach = (0.8 if far else _DOUBT) * step + error
             while True:
-                inner, outer = radius - reach, radius + reach
-                if radius == math.inf:
+                inner, outer = guess - reach, guess + reach
+                if guess == math.inf:
                     inner = -math.inf
                 if inner < within or outer > beyond:
                     within, beyond = inner - half, outer + half
@@ -191,30 +213,41 @@ def _find_medians(
                     break
                 reach *= 3
                 if not reach < 4 * radius:
-                    radius = math.inf
-            low, high = _narrowed(values, low, high, under, upto, lower_rank - below, upper_rank - below)
-            low, high = _square(math.sqrt(low) - 2 * error), _square(math.sqrt(high) + 2 * error)
-            below += _counts(values, low, high)[0]
+                    guess = math.inf
+            low, high, under = _narrowed(values, low, high, under, upto, lower_rank - below, upper_rank - below)
             for j in range(m * _LEAF, m * _LEAF + 64):  # the last 64 may reach there
                 squared[j] = np.nan
-            candidates = 0
-            for first in range(0, m * _LEAF, 64):
-                between = _between(squared, first, low, high)
-                while between:
-                    lowest = between & (~between + _ONE)
-                    between ^= lowest
-                    at = first + _PLACE[(lowest * _DE_BRUIJN) >> _TOP]
-                    q = order[starts[looked_at[at // _LEAF]] + at % _LEAF]
-                    ex, ey, ez = x[q] - x[p], y[q] - y[p], z[q] - z[p]
-                    distances[candidates] = (ex * ex + ey * ey) + ez * ez
-                    candidates += 1
-            found = distances[:candidates]
-            upper = select(found, upper_rank - below)
-            if lower_rank == upper_rank:
-                mu[p] = math.sqrt(upper)
-            else:
-                mu[p] = (math.sqrt(found[: upper_rank - below].max()) + math.sqrt(upper)) / 2
-            radius = math.sqrt(upper) / extent
+            sure = False
+            while True:
+                candidates = 0
+                for start in range(0, m * _LEAF, 64):
+                    between = _between(squared, start, low, high)
+                    while between:
+                        at = start + trailing_zeros(between)
+                        between &= between - _ONE
+                        q = order[starts[looked_at[at // _LEAF]] + at % _LEAF]
+                        ex, ey, ez = x[q] - x[p], y[q] - y[p], z[q] - z[p]
+                        distances[candidates] = (ex * ex + ey * ey) + ez * ez
+                        candidates += 1
+                found = distances[:candidates]
+                upper = math.sqrt(select(found, upper_rank - below - under))
+                lower = upper
+                if lower_rank < upper_rank:
+                    lower = math.sqrt(found[: upper_rank - below - under].max())
+                low_radius, high_radius = math.sqrt(low) + 2 * error, math.sqrt(high) - 2 * error
+                if sure or (low_radius <= lower / extent and upper / extent <= high_radius):
+                    break
+                low, high = _square(low_radius - 4 * error), _square(high_radius + 4 * error)
+                under = _counts(values, low, high)[0]
+                sure = True
+            mu[p] = (lower + upper) / 2 if lower_rank < upper_rank else upper
+            if strayed or not far:
+                change = upper / extent - radius
+                if not far and step > 0:
+                    learned = 0.5 * (change - (gx * dx + gy * dy + gz * dz)) / (step * step)
+                    gx, gy, gz = gx + learned * dx, gy + learned * dy, gz + learned * dz
+                radius, ox, oy, oz = upper / extent, px, py, pz
+            strayed = far
 
 
 @kernel
@@ -303,12 +336,15 @@ def _distances(points: Any, leaf: int, px: Any, py: Any, pz: Any, squared: Any, 
 
 @kernel
 def _counts(values: Any, low: Any, high: Any) -> tuple[int, int]:
-    """How many values are below `low`, and how many are not above `high`."""
-    under, upto = 0, 0
+    """How many values are below `low`, and how many are not above `high`.
+
+    In numbers as wide as the values: so many more fit into a vector.
+    """
+    under, upto = np.int32(0), np.int32(0)
     for i in range(len(values)):  # by index: a loop over the values themselves is not vectorised
-        under += values[i] < low
-        upto += values[i] <= high
-    return under, upto
+        under = np.int32(under + np.int32(values[i] < low))
+        upto = np.int32(upto + np.int32(values[i] <= high))
+    return int(under), int(upto)
 
 
 @kernel
@@ -324,13 +360,15 @@ def _between(values: Any, first: int, low: Any, high: Any) -> Any:
 @kernel
 def _narrowed(
     values: Any, low: Any, high: Any, under: int, upto: int, lower_rank: int, upper_rank: int
-) -> tuple[Any, Any]:
-    """Narrower bounds between which the values at both ranks lie; `under` and `upto` are the counts at the first.
+) -> tuple[Any, Any, int]:
+    """Narrower bounds between which the values at both ranks lie, and how many values are under the lower one.
+
+    `under` and `upto` are the counts at the first bounds.
 
     Squared distances from a point on a surface are spread evenly, so that a rank tells the value within a few.
     """
     for _ in range(8):
-        if upto - under <= 2 * _FEW or high == math.inf:
+        if upto - under <= _ENOUGH or high == math.inf:
             break
         per_rank = (high - low) / (upto - under)
         middle = low + (upper_rank - under) * per_rank
@@ -342,10 +380,10 @@ def _narrowed(
         elif upper_rank < new_under:
             high, upto = new_low, new_under
         elif new_upto <= lower_rank:
-            low, under = new_high, new_upto
+            low, under = np.nextafter(new_high, np.float32(np.inf)), new_upto
         else:
             break
-    return low, high
+    return low, high, under
 
 
 @kernel

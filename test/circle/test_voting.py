@@ -232,6 +232,20 @@ def test_medians_and_the_winner_are_those_of_brute_force(points):
         assert elect_seed(points.T[None], (0, 0, 1, points.shape[1])) == (0, np.argmax(scores))
 
 
+def test_medians_do_not_depend_on_the_number_of_threads(monkeypatch):
+    x, y, z, generator = sheet(50, 60)
+    z[generator.random(z.size) < 0.1] += 30
+    monkeypatch.setattr(voting, '_LEAST_LEAVES', 1)
+
+    medians = []
+    for threads in (1, 2, 7):
+        monkeypatch.setattr('socialcircle_ros.threads.limit', threads)
+        medians.append(voting._medians(x, y, z))
+
+    np.testing.assert_array_equal(medians[0], medians[1])
+    np.testing.assert_array_equal(medians[0], medians[2])
+
+
 @settings(max_examples=40, deadline=None)
 @given(recipes(40, 60, least_rows=20, least_columns=30))
 def test_seed_of_a_larger_region_has_the_highest_score(recipe):
