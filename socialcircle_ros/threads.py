@@ -19,13 +19,17 @@ def in_bands(work: Callable[[int, int], object], rows: int, least: int) -> None:
         rows: how many there are.
         least: a band of fewer rows is not worth a thread, which costs some 50 µs.
     """
-    cores = len(os.sched_getaffinity(0)) if limit is None else limit
-    bands = max(1, min(cores, rows // max(least, 1)))
+    bands = max(1, min(cores() if limit is None else limit, rows // max(least, 1)))
     edges = [rows * band // bands for band in range(bands + 1)]
     others = [_pool().submit(work, *edges[band : band + 2]) for band in range(1, bands)]
     work(0, edges[1])
     for other in others:
         other.result()
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 @cache

@@ -24,8 +24,8 @@ LEVELS = [
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 
-# Beside it on its own line: the node plays and records recordings; settings refuse with errors.
-BESIDE = {('node', 'recording'), ('settings', 'errors')}
+# Beside it on its own line: the node plays and records recordings, benchmarks time them; settings refuse.
+BESIDE = {('node', 'recording'), ('evaluation', 'recording'), ('settings', 'errors')}
 
 ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs', 'rcl_interfaces', 'lifecycle_msgs',
        'rosgraph_msgs', 'builtin_interfaces', 'ament_index_python'}  # fmt: skip

@@ -1,15 +1,21 @@
 """`socialcircle bench`."""
 
+import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from .options import require_ros
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 
 @click.command('bench', epilog='Example: socialcircle bench --json bench.json')
 @click.option('--repeats', default=20, show_default=True, help='How often each figure is taken.')
+@click.option('--sizes', is_flag=True, help='Measure the steps of the filter for four sizes of cloud instead.')
+@click.option('--growth', is_flag=True, help='Measure how time grows from 0.1 to 50 million points instead.')
 @click.option('--depth', is_flag=True, help='Measure the error of depth from focus on simulated stacks instead.')
 @click.option('--live', is_flag=True, help='Measure the live node from outside instead: stacks, clouds, a relay.')
 @click.option(
@@ -17,29 +23,128 @@ from .options import require_ros
     help='With --live: how long 25 clouds a second are sent.',
 )  # fmt: skip
 @click.option('--json', 'path', type=click.Path(path_type=Path), help='Write the figures here as well.')
-def command(repeats: int, depth: bool, live: bool, seconds: float, path: Path | None) -> None:
-    """Measure how long the filter takes on this machine: medians after warm-up, in ms.
+@click.option('--plot', type=click.Path(path_type=Path), help='With --growth: draw it here, as NAME.png or .svg.')
+def command(
+    repeats: int,
+    sizes: bool,
+    growth: bool,
+    depth: bool,
+    live: bool,
+    seconds: float,
+    path: Path | None,
+    plot: Path | None,
+) -> None:
+    """Measure how fast the filter is on this machine, beside each peer that is installed.
 
-    Other work on the machine makes figures worse; compare ratios of one run.
+    Figures are medians after warm-up, in ms, of contestants that take turns. Other work on the machine makes them
+    worse; compare ratios of one run. Peers: OpenCV, SciPy, Open3D (Python packages), PCL (Debian's pcl-tools).
     """
     if repeats < 1:
         raise click.BadParameter('must be at least 1.', param_hint='--repeats')
+    if sizes + growth + depth + live > 1:
+        raise click.UsageError('--sizes, --growth, --depth and --live measure different things: give one.')
+    if plot is not None and not growth:
+        raise click.UsageError('--plot draws what --growth measures: give both.')
     if depth:
         _depth()
+    elif sizes:
+        _sizes(repeats, path)
+    elif growth:
+        _growth(repeats, path, plot)
     elif live:
         _live(repeats, seconds, path)
     else:
-        _filter(repeats, path)
+        _ratios(repeats, path)
 
 
-def _filter(repeats: int, path: Path | None) -> None:
-    """Print how long the filter takes, without a node."""
+def _ratios(repeats: int, path: Path | None) -> None:
+    """Print what each contestant takes, and the goals."""
     import dataclasses
 
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.evaluation.benchmarks import SIZES, hardware, time_filter
+    from socialcircle_ros.evaluation.race import COLUMNS, ROWS, SHARE, all_contestants, missing_peers, race, ratios
+
+    console = Console()
+    with console.status('simulating ...') as status, all_contestants() as contestants:
+        figures = race(contestants, repeats, status.update)
+    cloud = f'simulated metal groove, {COLUMNS}×{ROWS} float32, {100 * SHARE:g} % outliers'
+    table = Table(title=f'{cloud}; medians in ms', box=None, padding=(0, 2, 0, 0))
+    table.add_column()
+    for name in ('threads', 'ms', 'times'):
+        table.add_column(name, justify='right')
+    for figure in figures:
+        threads = str(figure.threads or 'its own choice')
+        table.add_row(figure.name, threads, f'{figure.milliseconds:.2f}', str(figure.repeats))
+    console.print(table)
+    goals = Table(title='ratios of this run', box=None, padding=(0, 2, 0, 0))
+    for name, side in (
+        ('', 'left'),
+        ('our threads', 'right'),
+        ('ratio', 'right'),
+        ('goal', 'right'),
+        ('', 'left'),
+    ):
+        goals.add_column(name, justify=side)  # type: ignore[arg-type]
+    found = ratios(figures)
+    for ratio in found:
+        goal = ratio.goal
+        words = f'{goal.numerator} : {goal.denominator}' if goal.denominator else f'{goal.numerator}, ms'
+        holds = 'holds' if ratio.holds else 'MISSED'
+        goals.add_row(words, str(ratio.threads), f'{ratio.ratio:.2f}', f'{goal.sense} {goal.bound:g}', holds)
+    console.print(goals)
+    missing = missing_peers()
+    if missing:
+        console.print(f'Not installed here, and so left out: {", ".join(missing)}.', highlight=False)
+    _finish(
+        console,
+        repeats,
+        path,
+        {
+            'cloud': cloud,
+            'figures': [dataclasses.asdict(figure) for figure in figures],
+            'ratios': [{**dataclasses.asdict(ratio), 'holds': ratio.holds} for ratio in found],
+            'left out': missing,
+        },
+    )
+
+
+def _growth(repeats: int, path: Path | None, plot: Path | None) -> None:
+    """Print how time grows with the points."""
+    import dataclasses
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from socialcircle_ros.evaluation.growth import POINTS, draw_growth, time_growth
+
+    console = Console()
+    table = Table(title='Mirrored metal groove, float32; medians in ms', box=None, padding=(0, 2, 0, 0))
+    for name in ('million points', 'vote', 'radius and expansion', 'ns/point'):
+        table.add_column(name, justify='right')
+    steps = []
+    with console.status('measuring ...') as status:
+        for step in time_growth(repeats):
+            steps.append(step)
+            status.update(f'measured {len(steps)} of {len(POINTS)} sizes ...')
+            table.add_row(
+                f'{step.points / 1e6:.2f}', f'{step.vote:.1f}', f'{step.expansion:.2f}', f'{step.nanoseconds:.1f}'
+            )
+    console.print(table)
+    if plot is not None:
+        draw_growth(steps, plot)
+    _finish(console, repeats, path, {'ms': [dataclasses.asdict(step) for step in steps]})
+
+
+def _sizes(repeats: int, path: Path | None) -> None:
+    """Print what the steps take on clouds of several sizes."""
+    import dataclasses
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from socialcircle_ros.evaluation.benchmarks import SIZES, time_filter
 
     console = Console()
     title = 'Simulated metal groove, float32, 9.55 % outliers; medians in ms'
@@ -65,21 +170,22 @@ def _filter(repeats: int, path: Path | None) -> None:
                 f'{timing.copy:.2f}',
             )
     console.print(table)
-    console.print(f'{hardware()}; {repeats} times each', highlight=False)
-    _write(path, {'repeats': repeats, 'ms': [dataclasses.asdict(timing) for timing in timings]})
+    _finish(console, repeats, path, {'ms': [dataclasses.asdict(timing) for timing in timings]})
 
 
-def _write(path: Path | None, figures: dict[str, Any]) -> None:
-    """Write figures and the hardware, where that is wanted."""
+def _finish(console: 'Console', repeats: int, path: Path | None, figures: dict[str, Any]) -> None:
+    """Name the machine, and write the figures where that is wanted."""
     import json
 
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.evaluation.benchmarks import hardware
 
+    console.print(f'{hardware()}; load {os.getloadavg()[0]:.1f} at the end', highlight=False)
     if path is None:
         return
+    written = {'hardware': hardware(), 'load': os.getloadavg()[0], 'repeats': repeats, **figures}
     try:
-        path.write_text(json.dumps({'hardware': hardware(), **figures}, indent=1), encoding='utf-8')
+        path.write_text(json.dumps(written, indent=1), encoding='utf-8')
     except OSError as error:
         raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
 
@@ -88,7 +194,6 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
     """Print how long the live node takes, from a publisher to a subscriber."""
     require_ros()
     import dataclasses
-    import os
     import tempfile
 
     # The bench talks to itself only; what listens beyond this machine is the user's choice.
@@ -99,7 +204,6 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.evaluation.benchmarks import hardware
     from socialcircle_ros.node import live_times
 
     console = Console()
@@ -127,14 +231,14 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
         f'node to relay: {filtered.median / relayed.median:.2f} by median, {filtered.least / relayed.least:.2f} by'
         f' least\n{live_times.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s: {endurance.answered} of'
         f' {endurance.sent} answered; resident memory {endurance.megabytes_before:.0f} MB before,'
-        f' {endurance.megabytes_after:.0f} MB after; a cloud is {endurance.cloud_megabytes:.1f} MB\n{hardware()};'
-        f' {repeats} times each',
+        f' {endurance.megabytes_after:.0f} MB after; a cloud is {endurance.cloud_megabytes:.1f} MB',
         highlight=False,
     )
-    _write(
+    _finish(
+        console,
+        repeats,
         path,
         {
-            'repeats': repeats,
             'stack_ms': stacks.milliseconds,
             'filtered_ms': filtered.milliseconds,
             'relayed_ms': relayed.milliseconds,

@@ -2,9 +2,23 @@
 
 import json
 
+import pytest
 
-def test_it_prints_and_writes_figures_for_each_size(run, tmp_path):
+
+def test_it_prints_and_writes_ratios_beside_the_hardware(run, tmp_path):
     done = run('bench', '--repeats', '1', '--json', 'bench.json')
+    assert done.code == 0, done.err
+    written = json.loads((tmp_path / 'bench.json').read_text())
+    names = {figure['name'] for figure in written['figures']}
+    assert {'expansion', 'vote 60×60', 'exact mode', 'NumPy vote 60×60'} <= names
+    assert all(figure['milliseconds'] > 0 for figure in written['figures'])
+    assert any(ratio['goal']['numerator'] == 'NumPy vote 60×60' for ratio in written['ratios'])
+    assert 'cores' in written['hardware']
+    assert 'ratios of this run' in done.out
+
+
+def test_sizes_are_printed_and_written(run, tmp_path):
+    done = run('bench', '--sizes', '--repeats', '1', '--json', 'bench.json')
     assert done.code == 0, done.err
     figures = json.loads((tmp_path / 'bench.json').read_text())['ms']
     assert [(figure['rows'], figure['columns']) for figure in figures] == [
@@ -15,10 +29,18 @@ def test_it_prints_and_writes_figures_for_each_size(run, tmp_path):
 
 
 def test_figures_that_cannot_be_written_are_told(run):
-    done = run('bench', '--repeats', '1', '--json', 'no/folder/bench.json')
+    done = run('bench', '--sizes', '--repeats', '1', '--json', 'no/folder/bench.json')
     assert done.code == 1
     assert 'no/folder/bench.json cannot be written' in done.err
 
 
-def test_repeats_must_be_at_least_one(run):
-    assert 'must be at least 1' in run('bench', '--repeats', '0').err
+@pytest.mark.parametrize(
+    ('words', 'sentence'),
+    [
+        (['--repeats', '0'], 'must be at least 1'),
+        (['--sizes', '--growth'], 'give one'),
+        (['--plot', 'growth.png'], 'give both'),
+    ],
+)
+def test_what_makes_no_sense_is_refused(run, words, sentence):
+    assert sentence in run('bench', *words).err
