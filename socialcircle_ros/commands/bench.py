@@ -65,7 +65,9 @@ def _ratios(repeats: int, path: Path | None) -> None:
     from rich.table import Table
 
     from socialcircle_ros.evaluation.race import COLUMNS, ROWS, SHARE, all_contestants, missing_peers, race, ratios
+    from socialcircle_ros.node.transport import keep_freed_memory
 
+    keep_freed_memory()  # as the node and the other commands do
     console = Console()
     with console.status('simulating ...') as status, all_contestants() as contestants:
         figures = race(contestants, repeats, status.update)

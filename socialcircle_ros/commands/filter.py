@@ -35,6 +35,7 @@ def command(
     from rich.progress import Progress
 
     from socialcircle_ros.messages.diagnostics import OK
+    from socialcircle_ros.node.transport import keep_freed_memory
     from socialcircle_ros.pipeline import Cleaned
     from socialcircle_ros.recording import Message, open_recording
     from socialcircle_ros.recording.offline import Job, filter_recording
@@ -46,6 +47,7 @@ def command(
         StackSettings,
     )
 
+    keep_freed_memory()
     values = parameter_values(params_file, parameters)
     job = Job(
         CircleSettings.from_ros(values),

@@ -205,23 +205,23 @@ def all_contestants() -> Iterator[list[Contestant]]:
     top, left, height, width = choose_region(xyz)
     region = xyz[top : top + height, left : left + width].astype(np.float64)
     large = (min(top, ROWS - 200), min(left, COLUMNS - 200), 200, 200)
-    calls: dict[str, Callable[[], object]] = {
-        _EXPANSION: lambda: divide(xyz, seed, circle_limit(xyz, seed, 3, None, 1.0), 3),
-        _SEED: lambda: elect_seed(xyz, (top, left, height, width)),
-        _LARGE_SEED: lambda: elect_seed(xyz, large),
-        _WHOLE: lambda: remove_outliers(xyz),
+    calls: dict[str, Callable[[], float | None]] = {
+        _EXPANSION: _timed(lambda: divide(xyz, seed, circle_limit(xyz, seed, 3, None, 1.0), 3)),
+        _SEED: _timed(lambda: elect_seed(xyz, (top, left, height, width))),
+        _LARGE_SEED: _timed(lambda: elect_seed(xyz, large)),
+        _WHOLE: _timed(lambda: remove_outliers(xyz)),
         **{
-            f'{_WHOLE}, window {window}': partial(remove_outliers, xyz, CircleSettings(window=window))
+            f'{_WHOLE}, window {window}': _timed(partial(remove_outliers, xyz, CircleSettings(window=window)))
             for window in (5, 7)
         },
-        'radius baseline': lambda: radius_filter(xyz),
-        'statistical baseline': lambda: statistical_filter(xyz),
+        'radius baseline': _timed(lambda: radius_filter(xyz)),
+        'statistical baseline': _timed(lambda: statistical_filter(xyz)),
     }
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / 'source.mcap', Path(folder) / 'target.mcap'
         _record(source, xyz)
-        calls[_COPY] = partial(_copy, source, target)
-        calls[_FILTER] = partial(filter_recording, source, target, Job(), overwrite=True)
+        calls[_COPY] = partial(_into_new, target, lambda: _copy(source, target))
+        calls[_FILTER] = partial(_into_new, target, lambda: filter_recording(source, target, Job()))
         counts = sorted({1, threads.cores()})
         found = [
             Contestant(name, count, partial(_with_threads, count, call))
@@ -272,11 +272,11 @@ def _timed(call: Callable[[], object]) -> Callable[[], None]:
     return run
 
 
-def _with_threads(count: int, call: Callable[[], object]) -> None:
+def _with_threads(count: int, call: Callable[[], float | None]) -> float | None:
     """Call with so many threads on our side."""
     before, threads.limit = threads.limit, count
     try:
-        call()
+        return call()
     finally:
         threads.limit = before
 
@@ -312,9 +312,15 @@ def _record(path: Path, xyz: Any) -> None:
             writer.write('/points', message, place * 100_000_000)
 
 
+def _into_new(target: Path, call: Callable[[], object]) -> float:
+    """The time of a call that makes a file, without that of removing the last one."""
+    target.unlink(missing_ok=True)
+    return _took(_timed(call))
+
+
 def _copy(source: Path, target: Path) -> None:
     """Read and write a recording, message by message."""
-    with open_recording(source) as reader, RecordingWriter(target, overwrite=True) as writer:
+    with open_recording(source) as reader, RecordingWriter(target) as writer:
         for topic in reader.topics.values():
             writer.add_topic(topic)
         for message in reader.messages():

@@ -1,6 +1,7 @@
 """A recording in, a recording out: the node's filter, cloud by cloud, always with the same result."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from socialcircle_ros.pipeline import Cleaned, clean
 from socialcircle_ros.settings import CircleSettings, FocusSettings, OutputSettings, RepairSettings, StackSettings
 from socialcircle_ros.stacking import Event, Refusal, StackAssembler
 
+from .overlap import WriterBehind, read_ahead
 from .reader import RecordingReader, open_recording
 from .topics import Message, ros_topic
 from .writer import Compression, RecordingWriter
@@ -68,7 +70,8 @@ def filter_recording(
     Beside a topic `cell/points` come `cell/points_filtered`, `cell/outlier_mask` and
     `cell/social_circle/measurement`, each with the times of its cloud; measurements hold no stage times, so
     that the same recording and settings give the same bytes. Frames on `cell/stack/image` become clouds on
-    `cell/stack/points` first. One cloud, or one stack, is in memory at a time.
+    `cell/stack/points` first. A few clouds, or one stack, are in memory at a time: what comes next is read, and
+    what is done is written, while a cloud is filtered.
 
     Args:
         source: an MCAP file or a rosbag2 directory.
@@ -96,20 +99,21 @@ def filter_recording(
                 for name, kind in cell.results.items():
                     writer.add_topic(ros_topic(name, kind))
             last = None
-            for message in reader.messages():
-                if message.topic in produced:
-                    continue
-                writer.write(*message)
-                cleaned: list[Cleaned] = []
-                if message.topic in by_input:
-                    cleaned = by_input[message.topic].take(message, writer)
-                else:
-                    summary.passed += 1
-                seen(message, cleaned)
-                last = message
-            for cell in cells:
-                if last is not None:
-                    seen(last, cell.finish(last, writer))
+            with closing(read_ahead(reader.messages())) as messages, WriterBehind(writer) as behind:
+                for message in messages:
+                    if message.topic in produced:
+                        continue
+                    behind.write(*message)
+                    cleaned: list[Cleaned] = []
+                    if message.topic in by_input:
+                        cleaned = by_input[message.topic].take(message, behind)
+                    else:
+                        summary.passed += 1
+                    seen(message, cleaned)
+                    last = message
+                for cell in cells:
+                    if last is not None:
+                        seen(last, cell.finish(last, behind))
         summary.damage = reader.damage
     return summary
 
@@ -169,7 +173,7 @@ class _Cell:
             self.results |= {self._points: point_cloud.TYPE, self._image: image.TYPE}
             self.replaced |= {self._points, self._image}
 
-    def take(self, message: Message, writer: RecordingWriter) -> list[Cleaned]:
+    def take(self, message: Message, writer: WriterBehind) -> list[Cleaned]:
         """Take in a message of this cell; what was filtered because of it."""
         if message.topic in self._clouds:
             return self._clean(message.data, message, writer)
@@ -183,11 +187,11 @@ class _Cell:
         self._last_frame = message
         return cleaned + self._handle(self._assembler.add_frame(message.data), message, writer)
 
-    def finish(self, last: Message, writer: RecordingWriter) -> list[Cleaned]:
+    def finish(self, last: Message, writer: WriterBehind) -> list[Cleaned]:
         """Close the stack that runs at the end of the recording."""
         return self._handle(self._assembler.finish(), last, writer) if self._assembler.running else []
 
-    def _handle(self, events: Iterator[Event], message: Message, writer: RecordingWriter) -> list[Cleaned]:
+    def _handle(self, events: Iterator[Event], message: Message, writer: WriterBehind) -> list[Cleaned]:
         cleaned: list[Cleaned] = []
         for event in events:
             if isinstance(event, Refusal):
@@ -198,7 +202,7 @@ class _Cell:
                 cleaned += self._clean(event.points, message, writer)
         return cleaned
 
-    def _clean(self, cloud: bytes, message: Message, writer: RecordingWriter) -> list[Cleaned]:
+    def _clean(self, cloud: bytes, message: Message, writer: WriterBehind) -> list[Cleaned]:
         """Filter one cloud; a refusal is counted with its reason, and ends nothing."""
         try:
             cleaned = clean(cloud, self._job.circle, self._job.output, self._job.repair)
@@ -215,7 +219,7 @@ class _Cell:
         return [cleaned]
 
     @staticmethod
-    def _write(writer: RecordingWriter, message: Message, results: dict[str, bytes]) -> None:
+    def _write(writer: WriterBehind, message: Message, results: dict[str, bytes]) -> None:
         for name, data in results.items():
             writer.write(name, data, message.log_time, message.publish_time, message.sequence)
 

@@ -1,0 +1,97 @@
+"""Reading ahead and writing behind."""
+
+import threading
+
+import pytest
+
+from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.recording import Message, open_recording, overlap
+from socialcircle_ros.recording.overlap import WriterBehind, read_ahead
+from socialcircle_ros.recording.topics import ros_topic
+from socialcircle_ros.recording.writer import RecordingWriter
+
+
+def messages(count, size=10):
+    return [Message('/a', bytes([place % 256]) * size, place, place, place) for place in range(count)]
+
+
+@pytest.fixture(params=[1, 25, 1 << 20])
+def bundle(request, monkeypatch):
+    """Bytes of a bundle: every message by itself, some together, all together."""
+    monkeypatch.setattr(overlap, '_BUNDLE', request.param)
+
+
+@pytest.mark.usefixtures('bundle')
+@pytest.mark.parametrize('count', [0, 1, 2, 3, 40])
+def test_messages_come_whole_and_in_their_order(count):
+    assert list(read_ahead(iter(messages(count)))) == messages(count)
+
+
+@pytest.mark.usefixtures('bundle')
+def test_what_reading_raises_comes_behind_the_messages_before_it():
+    def broken():
+        yield from messages(5)
+        raise RecordingError('broken')
+
+    read = []
+    with pytest.raises(RecordingError, match='broken'):
+        read.extend(iter(read_ahead(broken())))
+    stream = read_ahead(broken())
+    assert [next(stream) for _ in range(5)] == messages(5)
+
+
+def test_the_next_messages_are_read_while_the_last_are_worked_on(monkeypatch):
+    monkeypatch.setattr(overlap, '_BUNDLE', 1)
+    second_was_read = threading.Event()
+
+    def source():
+        yield messages(1)[0]
+        second_was_read.set()
+
+    stream = read_ahead(source())
+    next(stream)
+
+    assert second_was_read.wait(20)
+
+
+def test_reading_may_be_left_off():
+    stream = read_ahead(iter(messages(1000)))
+    next(stream)
+    stream.close()
+
+
+@pytest.mark.usefixtures('bundle')
+def test_what_is_written_behind_is_in_the_recording_in_its_order(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with RecordingWriter(path) as writer:
+        writer.add_topic(ros_topic('/a', 'sensor_msgs/msg/PointCloud2'))
+        with WriterBehind(writer) as behind:
+            for message in messages(40):
+                behind.write(*message)
+    with open_recording(path) as reader:
+        assert list(reader.messages()) == messages(40)
+
+
+@pytest.mark.usefixtures('bundle')
+def test_what_writing_raises_ends_the_block(tmp_path):
+    def write():
+        with RecordingWriter(tmp_path / 'a.mcap') as writer, WriterBehind(writer) as behind:
+            for message in messages(40):
+                behind.write(*message)  # its topic was not added
+
+    with pytest.raises(RecordingError, match='add the topic'):
+        write()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_after_an_error_of_the_caller_nothing_is_left(tmp_path):
+    def write():
+        with RecordingWriter(tmp_path / 'a.mcap') as writer, WriterBehind(writer) as behind:
+            writer.add_topic(ros_topic('/a', 'sensor_msgs/msg/PointCloud2'))
+            behind.write(*messages(1)[0])
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    assert list(tmp_path.iterdir()) == []
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith('write_behind')]
