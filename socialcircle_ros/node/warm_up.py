@@ -1,10 +1,15 @@
 """Compiling before the first cloud comes, on a thread that a signal need not wait for. No rclpy."""
 
+import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
+from typing import Any, cast
 
 import numpy as np
 
+from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
 from socialcircle_ros.messages.header import Header
@@ -67,10 +72,42 @@ class WarmUp:
 
 
 def _compile_common() -> None:
-    """Clouds of both types under default settings, and a stack of 8 bits."""
+    """Clouds of both types under default settings, and a stack of 8 bits.
+
+    On the very first start another process compiles for the stack meanwhile: numba compiles one thing at a time,
+    and what the other leaves in the cache is loaded here.
+    """
+    helper = _helper() if _is_cold() else None
     for kind in (np.float32, np.float64):
         clean(_cloud(kind))
+    if helper is not None:
+        with helper:
+            helper.wait()
     _measure(np.uint8)
+
+
+def _is_cold() -> bool:
+    """Whether what every cloud needs first was not in the cache, so that the rest is not either."""
+    measured_points(np.zeros((1, 1, 3), np.float32))
+    return bool(cast('Any', load_row).stats.cache_misses)
+
+
+def _helper() -> 'subprocess.Popen[bytes]':
+    """A process that runs `_help`."""
+    program = f'from {__name__} import _help; _help()'
+    return subprocess.Popen([sys.executable, '-c', program], stdin=subprocess.PIPE)  # noqa: S603 - our own
+
+
+def _help() -> None:
+    """Compile for the stack into the cache, unless the process that asked for it ends."""
+
+    def end_with_parent() -> None:
+        sys.stdin.read()  # until the parent closes it, or is gone
+        os._exit(0)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
+    _measure(np.uint8)
+    os._exit(0)
 
 
 def _compile_rare() -> None:

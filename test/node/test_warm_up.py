@@ -1,0 +1,39 @@
+"""Compiling before the first cloud comes."""
+
+import subprocess
+import sys
+
+from socialcircle_ros.node import warm_up
+
+PROGRAM = """
+from socialcircle_ros.circle import expansion
+from socialcircle_ros.focus import fit
+from socialcircle_ros.node import warm_up
+
+warm_up._compile_common()
+for kernel in (expansion._link, fit._fit):
+    print(sum(kernel.stats.cache_misses.values()), sum(kernel.stats.cache_hits.values()))
+"""
+
+
+def compiled_and_loaded():
+    """Kernels of clouds and of stacks that a new process compiled, and that it loaded."""
+    done = subprocess.run([sys.executable, '-c', PROGRAM], capture_output=True, text=True, check=True)
+    return [tuple(int(word) for word in line.split()) for line in done.stdout.splitlines()]
+
+
+def test_the_first_start_compiles_in_two_processes_and_the_second_not_at_all(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+
+    assert compiled_and_loaded() == [(2, 0), (0, 1)]  # the stack's came from the other process
+    assert compiled_and_loaded() == [(0, 2), (0, 1)]
+
+
+def test_the_helper_ends_with_the_process_that_asked_for_it(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    helper = warm_up._helper()
+
+    helper.stdin.close()
+
+    assert helper.wait(60) == 0
+    assert not list(tmp_path.rglob('*_fit-*.nbc'))
