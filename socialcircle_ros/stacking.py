@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .compiled import in_bands, kernel
+from .compiled import kernel
 from .errors import MessageError, SocialCircleError, StackError, printable
 from .focus import FocusStack
 from .messages.header import Header
@@ -20,6 +20,7 @@ from .messages.image import Image, encode_image
 from .messages.joint_state import JointState
 from .messages.point_cloud import write_float_cloud
 from .settings import FocusSettings, StackSettings
+from .threads import in_bands
 
 WAITING = 64
 """So many frames may wait for a joint state; then the first ones are given up."""

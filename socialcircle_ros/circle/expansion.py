@@ -12,7 +12,6 @@ from .windows import WIDEST, Words, grow_by_tiles, grow_in_order, near
 
 _ZERO, _ONE, _LAST = np.uint64(0), np.uint64(1), np.uint64(63)
 _WORD = 64
-_LEAST_POINTS = 100_000  # of a band that is worth a thread
 
 
 def expand(xyz: Cloud, seed: tuple[int, int], limit: Any, window: int) -> Mask:
@@ -45,11 +44,11 @@ def divide(xyz: Cloud, seed: tuple[int, int], limit: Any, window: int) -> tuple[
     words = (width + _WORD - 1) // _WORD
     links = np.zeros((5, height, words + 2), np.uint64)
 
-    def link(first: int, last: int) -> None:
+    def link(band: slice) -> None:
         rows = np.full((3, 4, words * _WORD + 2), np.nan, xyz.dtype)  # round the cloud nothing is measured
-        _link(values, row_step, point_step, width, limit, first, last, rows, links)
+        _link(values, row_step, point_step, width, limit, band.start, band.stop, rows, links)
 
-    in_bands(link, height, _LEAST_POINTS // width)
+    in_bands(link, height, width)
     joined, reached = np.zeros((height, words + 2), np.uint64), np.empty(words + 2, np.uint64)
     first, last = np.full((2, height), words + 2), np.full((2, height), -1)
     _grow(links, seed[0], seed[1], joined, first, last, reached)

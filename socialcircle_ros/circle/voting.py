@@ -127,16 +127,18 @@ def _medians(x: Any, y: Any, z: Any) -> Any:
     points[:, np.arange(n) + (np.arange(leaves) * _LEAF - starts).repeat(sizes)] = unit
     boxes = np.concatenate((np.minimum.reduceat(unit, starts, axis=1), np.maximum.reduceat(unit, starts, axis=1)))
 
-    def find(first: int, last: int) -> None:
+    def find(band: slice) -> None:
         work = (
             np.empty((8, leaves), np.float32),
             np.empty((3, leaves), np.int64),
             np.empty(leaves * _LEAF + 64, np.float32),
             np.empty(n),
         )
-        _find_medians(x, y, z, order, starts, sizes, points, boxes, extent, error, first, last, *work, mu)
+        _find_medians(
+            x, y, z, order, starts, sizes, points, boxes, extent, error, band.start, band.stop, *work, mu
+        )
 
-    in_bands(find, leaves, _LEAST_LEAVES)
+    in_bands(find, leaves, 1, _LEAST_LEAVES)
     return mu
 
 

@@ -102,14 +102,14 @@ def grow_by_tiles(
     open_, ranges = members.copy(), np.empty((2, *members.shape), values.dtype)
     ranges[0], ranges[1] = np.inf, -np.inf
 
-    def measure(first: int, last: int) -> None:
-        _measure_heights(values, row_step, point_step, members, first, last, ranges)
+    def measure(band: slice) -> None:
+        _measure_heights(values, row_step, point_step, members, band.start, band.stop, ranges)
 
-    def touch(first: int, last: int) -> None:
-        _touch(values, row_step, point_step, limit, k, left, members, ranges, first, last, open_)
+    def touch(band: slice) -> None:
+        _touch(values, row_step, point_step, limit, k, left, members, ranges, band.start, band.stop, open_)
 
     for work in (measure, touch):
-        in_bands(work, len(members) - 2, _LEAST_TILES // members.shape[1])
+        in_bands(work, len(members) - 2, members.shape[1], _LEAST_TILES)
     aside = left & ~open_
     queue = np.empty((64 * measured.size, 2), np.int32)
     _grow_tiles(values, row_step, point_step, seed[0], seed[1], limit, k, members, open_, aside, queue)

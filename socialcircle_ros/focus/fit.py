@@ -15,7 +15,8 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.compiled import in_bands, kernel
+from socialcircle_ros.compiled import kernel
+from socialcircle_ros.threads import in_bands
 
 from .curve import OCTAVE, REACH, SLOTS, Codes, Curves, Places
 

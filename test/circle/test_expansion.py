@@ -150,7 +150,7 @@ def test_members_do_not_depend_on_the_number_of_threads(window, monkeypatch):
     heights[generator.random(heights.shape) < 0.2] = np.nan
     heights[40, 70] = 0.0
     xyz = grid(heights, dtype='float32')
-    monkeypatch.setattr('socialcircle_ros.circle.expansion._LEAST_POINTS', 1)
+    monkeypatch.setattr('socialcircle_ros.threads._LEAST', 1)
     monkeypatch.setattr('socialcircle_ros.circle.windows._LEAST_TILES', 1)
 
     masks = []
