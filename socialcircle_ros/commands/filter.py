@@ -62,7 +62,7 @@ def command(
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(f'filtering {recording.name}', total=total)
 
-        def seen(_: Message, cleaned: list[Cleaned]) -> None:
+        def seen(_: Message | None, cleaned: list[Cleaned]) -> None:
             nonlocal points, outliers
             points += sum(result.measured for result in cleaned)
             outliers += sum(result.outliers for result in cleaned)
