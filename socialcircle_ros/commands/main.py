@@ -15,6 +15,7 @@ COMMANDS = {
     'record': 'record',
     'import': 'import_',
     'simulate': 'simulate',
+    'report': 'report',
     'bench': 'bench',
     'experiment': 'experiment',
 }

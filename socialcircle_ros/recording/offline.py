@@ -1,8 +1,9 @@
 """A recording in, a recording out: the node's filter, cloud by cloud, always with the same result."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.messages import diagnostics, image, point_cloud
@@ -29,6 +30,21 @@ class Job:
     stack: StackSettings = field(default_factory=StackSettings)
     repair: RepairSettings = field(default_factory=RepairSettings)
     output: OutputSettings = field(default_factory=OutputSettings)
+
+    @classmethod
+    def from_ros(cls, values: Mapping[str, Any]) -> 'Job':
+        """Settings from full ROS names to values.
+
+        Raises:
+            SettingError: a value that cannot be, or values that do not go together.
+        """
+        return cls(
+            CircleSettings.from_ros(values),
+            FocusSettings.from_ros(values),
+            StackSettings.from_ros(values),
+            RepairSettings.from_ros(values),
+            OutputSettings.from_ros(values),
+        )
 
 
 @dataclass
@@ -149,6 +165,15 @@ def arrivals(
     for message, events in _walk(reader, _cells(reader, topics, job)):
         yield from events
         seen(message)
+
+
+def measurements_of(reader: RecordingReader) -> dict[tuple[str, str], diagnostics.Status]:
+    """What a node, or an earlier run, said of each cloud: by namespace and stamp, as the measurement has it."""
+    found = {}
+    for message in reader.messages([name for name in reader.topics if _namespace(name, MEASUREMENT) is not None]):
+        status = diagnostics.Status.decode(message.data)
+        found[_namespace(message.topic, MEASUREMENT) or '', status.values.get('stamp', '')] = status
+    return found
 
 
 def clouds_of(reader: RecordingReader) -> tuple[str, ...]:
