@@ -16,6 +16,7 @@ COMMANDS = {
     'import': 'import_',
     'simulate': 'simulate',
     'report': 'report',
+    'sweep': 'sweep',
     'bench': 'bench',
     'experiment': 'experiment',
 }

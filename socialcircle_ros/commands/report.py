@@ -40,6 +40,7 @@ def command(
     from rich.console import Console
     from rich.progress import Progress
 
+    from socialcircle_ros.cores import in_order
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.evaluation.measurement import Measurement, look_at, report_page
     from socialcircle_ros.evaluation.page import prepare, save
@@ -50,8 +51,6 @@ def command(
     from socialcircle_ros.recording.truth import truths_of
     from socialcircle_ros.settings import OutputSettings
     from socialcircle_ros.stacking import Refusal
-
-    from .cores import in_order
 
     job = Job.from_ros(parameter_values(params_file, parameters))
     wanted = OutputSettings(mask=True, repaired=job.output.repaired)
