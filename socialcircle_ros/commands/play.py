@@ -6,6 +6,8 @@ import click
 
 from .options import require_ros
 
+_SETTLED = 2.0  # s: nobody listens to truth masks, or to what an earlier run made
+
 
 @click.command('play', epilog='Example: socialcircle play last_night.mcap --rate 0.5 --loop')
 @click.argument('recording', type=click.Path(path_type=Path))
@@ -14,7 +16,7 @@ from .options import require_ros
 @click.option('--loop', is_flag=True, help='Begin again at the end, until Ctrl-C.')
 @click.option('--clock', is_flag=True, help='Publish recorded time on /clock, for nodes with use_sim_time.')
 @click.option('--namespace', default='', help='Put before every topic, such as /cell1.')
-@click.option('--wait', default=10.0, show_default=True, help='Seconds to wait for subscribers before it starts.')
+@click.option('--wait', default=10.0, show_default=True, help='Seconds to wait for the first subscriber.')
 def command(
     recording: Path, topics: tuple[str, ...], rate: float, loop: bool, clock: bool, namespace: str, wait: float
 ) -> None:
@@ -50,7 +52,7 @@ def command(
         try:
             for reason in player.skipped:
                 click.echo(f'Not played: {reason}', err=True)
-            lonely = player.wait_for_listeners([topic.name for topic in chosen], wait)
+            lonely = player.wait_for_listeners([topic.name for topic in chosen], wait, _SETTLED)
             if lonely:
                 click.echo(
                     f'Nobody listens to {", ".join(prefix + name for name in lonely)}; playing anyway.', err=True

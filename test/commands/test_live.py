@@ -160,6 +160,15 @@ def test_the_demo_goes_on_after_a_cloud_that_is_refused(run, tmp_path):
     assert (tmp_path / 'out/demo/mixed.png').exists()
 
 
+def test_a_replay_does_not_wait_for_who_listens_to_what_nobody_wants(run, tmp_path):
+    with started(tmp_path, 'record', '/wanted/points', '-o', 'again.mcap') as recorder:
+        # Far longer than `run` waits for the whole.
+        done = run('play', BAGS / 'parts.mcap', '--namespace', '/wanted', '--rate', '8', '--wait', '3600')
+        assert done.code == 0, done.err
+        assert 'Nobody listens to /wanted/truth/outlier_mask; playing anyway' in done.err
+    assert '8 messages written' in recorder.output[0]
+
+
 def test_ctrl_c_ends_a_replay_in_a_loop(tmp_path):
     with started(tmp_path, 'play', BAGS / 'parts.mcap', '--loop', '--wait', '0', '--namespace', '/loop') as player:
         assert 'Nobody listens to' in player.stderr.readline()
