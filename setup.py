@@ -47,6 +47,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         shared('launch', '*.launch.py'),
         shared('config', '*.yaml'),
+        shared('viewers', '*'),
         shared('bags', 'stack.yaml'),
         shared('bags', '*.mcap'),
     ],
