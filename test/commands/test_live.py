@@ -87,9 +87,11 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
         (['node', '--ros-args', '-p', 'circle.window:=4'], 1, 'circle.window'),
         (['node', 'circle.window:=5'], 2, 'arguments for ROS follow --ros-args'),
         (['node', '--ros-args', '--params-file', 'nowhere.yaml'], 1, 'nowhere.yaml'),
+        (['node', '--ros-args', '--params-file', 'notes.txt'], 1, 'notes.txt holds no parameters'),
     ],
 )
-def test_an_error_is_one_sentence(run, arguments, code, sentence):
+def test_an_error_is_one_sentence(run, tmp_path, arguments, code, sentence):
+    (tmp_path / 'notes.txt').write_text('Remember the milk.\n')
     done = run(*arguments)
     assert done.code == code, done.err
     assert sentence in done.err
