@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import require_ros
+from .options import quantity, require_ros
 
 _SETTLED = 2.0  # s: nobody listens to truth masks, or to what an earlier run made
 
@@ -32,6 +32,8 @@ def command(
 
     prepare_process()
     import rclpy
+    from rclpy.exceptions import InvalidNamespaceException
+    from rclpy.validate_namespace import validate_namespace
     from rich.console import Console
     from rich.progress import Progress
 
@@ -39,6 +41,14 @@ def command(
     from socialcircle_ros.node.replay import Player
     from socialcircle_ros.recording import open_recording
 
+    prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
+    try:
+        validate_namespace(prefix or '/')
+    except InvalidNamespaceException:
+        raise click.BadParameter(
+            f'{namespace!r} is no name for topics: use letters, digits, _ and /, and no digit in front.',
+            param_hint='--namespace',
+        ) from None
     with open_recording(recording) as reader:
         unknown = [name for name in topics if name not in reader.topics]
         if unknown:
@@ -47,7 +57,6 @@ def command(
             )
         chosen = [topic for name, topic in reader.topics.items() if not topics or name in topics]
         rclpy.init()
-        prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
         player = Player(chosen, prefix)
         try:
             for reason in player.skipped:
@@ -74,7 +83,7 @@ def command(
                         break
             if rclpy.ok():
                 player.wait_until_delivered(5.0)
-            click.echo(f'{count} messages played.')
+            click.echo(f'{quantity(count, "message")} played.')
             if reader.damage:
                 click.echo(f'Warning: {reader.damage}', err=True)
         finally:

@@ -80,6 +80,8 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
         (['play', 'nowhere.mcap'], 1, 'nowhere.mcap'),
         (['play', BAGS / 'parts.mcap', '--rate', '0'], 2, 'must be above 0'),
         (['play', BAGS / 'parts.mcap', '--topic', '/nowhere'], 1, 'has no topic /nowhere'),
+        (['play', BAGS / 'parts.mcap', '--namespace', 'bad x'], 2, "'bad x' is no name for topics"),
+        (['play', BAGS / 'parts.mcap', '--namespace', '1st'], 2, 'no digit in front'),
         (['record', '-o', 'no/folder/x.mcap'], 1, 'no/folder'),
         (['demo', 'nowhere.npz'], 1, 'nowhere.npz does not exist'),
         (['demo', 'nowhere.mcap'], 1, 'nowhere.mcap'),
@@ -111,7 +113,7 @@ def test_a_type_that_is_not_installed_is_left_out_and_told(run, tmp_path):
     assert done.code == 0, done.err
     assert "Not played: /odd: Type 'odd_msgs/msg/Odd' is not installed here" in done.err
     assert 'Nobody listens to /odd/mask' in done.err
-    assert '1 messages played' in done.out
+    assert '1 message played' in done.out
 
 
 def test_recording_nothing_says_so(run):
