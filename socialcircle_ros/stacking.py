@@ -155,7 +155,10 @@ class StackAssembler:
         if self._waiting:
             count = len(self._waiting)
             self._waiting.clear()
-            yield Refusal(f'{count} frames were refused: no joint state covers their stamps.')
+            stamps = '1 frame was refused: no joint state covers its stamp.'
+            if count > 1:
+                stamps = f'{count} frames were refused: no joint state covers their stamps.'
+            yield Refusal(stamps)
         yield from self._close()
 
     def _close(self) -> Iterator[Event]:
@@ -166,7 +169,7 @@ class StackAssembler:
         try:
             yield _cloud(stack, preview=False)
         except StackError as error:
-            yield Refusal(f'A stack of {stack.frames} frames broke off: {error}')
+            yield Refusal(f'A stack of {_frames(stack.frames)} broke off: {error}')
 
     @property
     def timeout(self) -> float:
@@ -213,7 +216,7 @@ class StackAssembler:
         stack = self._stack
         if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):
             yield Refusal(
-                f'A stack of {stack.frames} frames broke off: a frame of {pixels.shape} {frame.encoding} came'
+                f'A stack of {_frames(stack.frames)} broke off: a frame of {pixels.shape} {frame.encoding} came'
                 f' after {stack.shape} {stack.encoding}.'
             )
             stack = self._stack = None
@@ -257,6 +260,10 @@ class StackAssembler:
         focus.reset()
         self._stack = _Stack(focus, settings, shape, frame.encoding, frame.header)
         return self._stack
+
+
+def _frames(count: int) -> str:
+    return '1 frame' if count == 1 else f'{count} frames'
 
 
 def _position(state: JointState, joint: str) -> float:

@@ -122,6 +122,8 @@ def test_without_joint_states_frames_are_given_up_and_told_why():
     assert len(events) == 2
     assert 'still no joint state covers its stamp' in reasons(events)[0]
     assert reasons(made.finish()) == [f'{WAITING} frames were refused: no joint state covers their stamps.']
+    feed(made, frames(1))
+    assert reasons(made.finish()) == ['1 frame was refused: no joint state covers its stamp.']
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ def test_a_simulated_stack_is_filtered_with_the_parameters_beside_it(run, tmp_pa
     assert '20 frames of 40×50 pixels' in done.out
     filtered = run('filter', 'flat.mcap', '--params-file', 'flat.yaml', '-o', 'cleaned.mcap')
     assert filtered.code == 0, filtered.err
-    assert '1 stacks became clouds; 1 clouds filtered' in filtered.out
+    assert '1 focus stack measured; 1 cloud filtered, ' in filtered.out
     messages = contents(tmp_path / 'cleaned.mcap')
     depth = PointCloud.decode(messages['/stack/points']).xyz()[..., 2]
     truth = PointCloud.decode(messages['/truth/surface']).xyz()[..., 2]
@@ -40,7 +40,7 @@ def test_a_real_or_imported_stack_needs_its_pitch_and_step(run, tmp_path):
     done = run('import', 's.npz', '-o', 's.mcap', '--pitch', '2e-6', '--z-step', '1e-5')
     assert done.code == 0, done.err
     filtered = run('filter', 's.mcap', '--params-file', 's.yaml', '-o', 'cleaned.mcap')
-    assert '1 stacks became clouds' in filtered.out
+    assert '1 focus stack measured; ' in filtered.out
     assert PointCloud.decode(contents(tmp_path / 'cleaned.mcap')['/stack/points']).xyz()[0, 1, 0] == np.float32(
         2e-6
     )
