@@ -43,6 +43,8 @@ class StackCloud:
     preview: bool
     reasons: Any
     """(H, W) uint8, what speaks against each point: bits of `Reason`."""
+    warning: str = ''
+    """Why the cloud may not be what was meant; empty: nothing speaks against it."""
 
 
 @dataclass(frozen=True)
@@ -346,6 +348,17 @@ def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
         frames=stack.frames,
         preview=preview,
         reasons=result.reasons,
+        warning='' if preview else _cut_short(stack),
+    )
+
+
+def _cut_short(stack: _Stack) -> str:
+    wanted = stack.settings.frames
+    if stack.frames >= wanted:
+        return ''
+    return (
+        f'A stack ended after {_frames(stack.frames)}, where stack.frames says {wanted}: heights that the stage'
+        ' did not reach are missing or wrong.'
     )
 
 

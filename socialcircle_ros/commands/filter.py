@@ -70,7 +70,7 @@ def command(
         f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {outliers} of {points} measured points are'
         f' outliers{share}; {quantity(summary.passed, "other message")} kept; written to {output}.'
     )
-    for warning in sorted(warnings):
+    for warning in sorted(warnings | summary.warnings.keys()):
         click.echo(f'Warning: {warning}', err=True)
     if summary.replaced:
         click.echo(f'Results of an earlier run were replaced: {", ".join(summary.replaced)}.', err=True)

@@ -78,6 +78,7 @@ def command(
                 cloud.points,
                 result,
                 unit='' if cloud.image is None else 'm',
+                warning=cloud.warning,
                 truth=None if truth is None else (truth.outlier, truth.counted),
                 recorded=recorded.get((cloud.namespace, result.status.values['stamp'])),
             )

@@ -125,6 +125,7 @@ def look_at(
     result: Cleaned,
     *,
     unit: str = '',
+    warning: str = '',
     truth: tuple[Mask, Mask] | None = None,
     recorded: diagnostics.Status | None = None,
 ) -> Measurement:
@@ -135,6 +136,7 @@ def look_at(
         cloud: the serialized PointCloud2 as measured.
         result: what became of it, with its mask.
         unit: of its lengths; empty: unknown.
+        warning: what is to be told of how the cloud came about; empty: nothing.
         truth: (H, W) the outliers, and the points whose truth is certain; None: not known.
         recorded: what a node once said of this cloud.
 
@@ -161,7 +163,7 @@ def look_at(
         drawn = panels.judged(outliers, *truth, measured)
         pictures.append(('removed rightly red, wrongly black; missed amber', drawn))
     ends = (f'{scale.low:.4g}', f'{scale.high:.4g} {unit}'.strip())
-    warnings = []
+    warnings = [warning] if warning else []
     if result.status.level != diagnostics.OK:
         warnings.append(result.status.message)
     if recorded is not None:

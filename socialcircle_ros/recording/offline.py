@@ -57,6 +57,8 @@ class Summary:
     """Stacks that became clouds."""
     refused: dict[str, int] = field(default_factory=dict)
     """How many clouds or frames were refused, by reason."""
+    warnings: dict[str, int] = field(default_factory=dict)
+    """Of how many stacks there is something to tell, by what."""
     passed: int = 0
     """Messages of other topics, passed on as they were."""
     replaced: list[str] = field(default_factory=list)
@@ -79,6 +81,7 @@ class Arrival:
         points: the serialized PointCloud2.
         message: with whose times its results are recorded: the cloud's own, or the one that ended the stack.
         image: of a stack, the serialized image in focus; None for a cloud.
+        warning: why a stack's cloud may not be what was meant; empty: nothing speaks against it.
     """
 
     namespace: str
@@ -86,6 +89,7 @@ class Arrival:
     points: bytes
     message: Message
     image: bytes | None = None
+    warning: str = ''
 
 
 def filter_recording(
@@ -254,7 +258,12 @@ class _Cell:
                 yield event
             elif not event.preview:
                 yield Arrival(
-                    self._namespace, f'{self._namespace}/{STACK_POINTS}', event.points, message, event.image
+                    self._namespace,
+                    f'{self._namespace}/{STACK_POINTS}',
+                    event.points,
+                    message,
+                    event.image,
+                    event.warning,
                 )
 
 
@@ -280,6 +289,8 @@ def _filter(arrival: Arrival, job: Job, summary: Summary, writer: RecordingWrite
     results: dict[str, bytes] = {}
     if arrival.image is not None:
         summary.stacks += 1
+        if arrival.warning:
+            summary.warnings[arrival.warning] = summary.warnings.get(arrival.warning, 0) + 1
         results = {STACK_POINTS: arrival.points, STACK_IMAGE: arrival.image}
     cleaned: list[Cleaned] = []
     try:

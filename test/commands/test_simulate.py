@@ -25,6 +25,17 @@ def test_a_simulated_stack_is_filtered_with_the_parameters_beside_it(run, tmp_pa
     assert np.nanmedian(np.abs(depth - truth)) < 0.5e-6
 
 
+def test_a_stack_that_was_cut_short_is_told(run, tmp_path):
+    run('simulate', 'flat', '-o', 'flat.mcap', '--size', '40', '50', '--frames', '20', '--seed', '2')
+    given = ('flat.mcap', '--params-file', 'flat.yaml', '-p', 'stack.frames:=25')
+    filtered = run('filter', *given, '-o', 'cleaned.mcap')
+    assert filtered.code == 0, filtered.err
+    assert 'Warning: A stack ended after 20 frames, where stack.frames says 25' in filtered.err
+    pytest.importorskip('matplotlib')
+    assert '1 measurement with warnings' in run('report', *given).err
+    assert 'A stack ended after 20 frames' in (tmp_path / 'report.html').read_text()
+
+
 def test_the_same_seed_gives_the_same_recording(run, tmp_path):
     for name in ('a', 'b'):
         run('simulate', 'pits', '-o', f'{name}.mcap', '--size', '30', '40', '--frames', '5', '--seed', '4')
