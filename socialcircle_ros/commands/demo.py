@@ -210,6 +210,7 @@ def _table() -> 'Table':
     table.add_column('cloud')
     for name in (
         'points',
+        'measured',
         'outliers',
         'seed',
         'radius',
@@ -242,6 +243,7 @@ def _row(name: str, answer: 'Answer', truth: 'Truth | None') -> list[str]:
     return [
         name,
         values['points'],
+        values['measured'],
         values['outliers'],
         f'{values["seed_row"]},{values["seed_column"]}',
         f'{float(values["radius"]):.3g}',

@@ -134,6 +134,9 @@ def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
         if line.startswith(('metal_groove', 'parts', 'padded', 'stack'))
     ]
     assert len(rows) == 12
+    measured = {row[0]: (int(row[2]), int(row[3])) for row in rows if row[0] in ('parts', 'padded')}
+    assert measured == {'parts': (19200, 19200), 'padded': (10800, measured['padded'][1])}
+    assert measured['padded'][1] < 10800
     assert all(float(row[-1]) > 0.99 and float(row[-2]) > 0.99 for row in rows if row[0] != 'stack')
     topics, messages = contents(tmp_path / 'out/demo/metal_groove_cleaned.mcap')
     assert {'/points', '/points_filtered', '/outlier_mask', '/social_circle/measurement'} == set(topics)
@@ -171,6 +174,15 @@ def test_a_replay_does_not_wait_for_who_listens_to_what_nobody_wants(run, tmp_pa
         assert done.code == 0, done.err
         assert 'Nobody listens to /wanted/truth/outlier_mask; playing anyway' in done.err
     assert '8 messages written' in recorder.output[0]
+
+
+def test_a_replay_ended_by_its_supervisor_says_nothing_odd(tmp_path):
+    with started(tmp_path, 'play', BAGS / 'parts.mcap', '--loop', '--wait', '0', '--namespace', '/term') as player:
+        assert 'Nobody listens to' in player.stderr.readline()
+        player.send_signal(signal.SIGTERM)
+        player.wait(60)
+    assert player.returncode in (0, 143, -signal.SIGTERM)
+    assert 'Traceback' not in player.output[1]
 
 
 def test_ctrl_c_ends_a_replay_in_a_loop(tmp_path):
