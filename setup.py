@@ -15,6 +15,7 @@ ROS = [
     'ros-jazzy-ament-index-python==1.8.1',
 ]
 PICTURES = ['matplotlib>=3.6']
+TUNING = ['optuna>=4']
 TEST = [
     'pytest>=7.4',
     'pytest-xdist>=3.4',
@@ -46,6 +47,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         shared('launch', '*.launch.py'),
         shared('config', '*.yaml'),
+        shared('viewers', '*'),
         shared('bags', 'stack.yaml'),
         shared('bags', '*.mcap'),
     ],
@@ -63,8 +65,9 @@ setup(
     extras_require={
         'ros': ROS,
         'pictures': PICTURES,
-        'test': [*TEST, *PICTURES],
-        'dev': [*TEST, *PICTURES, *LINT],
+        'tuning': [*TUNING, *PICTURES],
+        'test': [*TEST, *PICTURES, *TUNING],
+        'dev': [*TEST, *PICTURES, *TUNING, *LINT],
     },
     zip_safe=True,
     entry_points={

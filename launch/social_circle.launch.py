@@ -1,9 +1,10 @@
-"""One cell: the node with a parameter file, in a namespace, with what makes large clouds fast.
+"""One cell: the node with a parameter file, in a namespace, and RViz where it is wanted.
 
-ros2 launch socialcircle_ros social_circle.launch.py namespace:=cell1 params_file:=tuned.yaml
+ros2 launch socialcircle_ros social_circle.launch.py namespace:=cell1 params_file:=tuned.yaml rviz:=true
 """
 
 from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
@@ -13,12 +14,14 @@ from launch import LaunchDescription
 
 def generate_launch_description() -> LaunchDescription:
     """The node and its arguments."""
-    defaults = PathJoinSubstitution([FindPackageShare('socialcircle_ros'), 'config', 'social_circle.yaml'])
+    share = FindPackageShare('socialcircle_ros')
+    defaults = PathJoinSubstitution([share, 'config', 'social_circle.yaml'])
     return LaunchDescription(
         [
             DeclareLaunchArgument('namespace', default_value='', description='The cell: put before every topic.'),
             DeclareLaunchArgument('params_file', default_value=defaults, description='Parameters of the node.'),
             DeclareLaunchArgument('points', default_value='points', description='The topic of the clouds.'),
+            DeclareLaunchArgument('rviz', default_value='false', description='Whether to show the cell in RViz.'),
             Node(
                 package='socialcircle_ros',
                 executable='social_circle_node',
@@ -26,6 +29,14 @@ def generate_launch_description() -> LaunchDescription:
                 parameters=[LaunchConfiguration('params_file')],
                 remappings=[('points', LaunchConfiguration('points'))],
                 output='screen',
+            ),
+            Node(
+                package='rviz2',
+                executable='rviz2',
+                # The topics of the configuration are relative: they are those of the cell.
+                namespace=LaunchConfiguration('namespace'),
+                arguments=['-d', PathJoinSubstitution([share, 'viewers', 'social_circle.rviz'])],
+                condition=IfCondition(LaunchConfiguration('rviz')),
             ),
         ]
     )

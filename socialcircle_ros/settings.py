@@ -604,11 +604,10 @@ PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in
 def yaml_text(values: Mapping[str, RosValue], *, whole: bool = True) -> str:
     """A parameter file that a node starts from, each parameter of the table under its sentence.
 
-    It applies to a node of any name in any namespace. Names beyond the table (such as qos_overrides) follow
-    at the end, without a sentence.
+    It applies to a node of any name in any namespace.
 
     Args:
-        values: full names to values.
+        values: full names to values; names beyond the table are passed over.
         whole: whether the parameters that are not among them follow at their defaults.
     """
     lines = ['/**:', '  ros__parameters:']
@@ -619,9 +618,6 @@ def yaml_text(values: Mapping[str, RosValue], *, whole: bool = True) -> str:
         comment = f'{row.sentence} Allowed: {row.allowed}.{unit}'
         lines += textwrap.wrap(comment, 100, initial_indent='    # ', subsequent_indent='    # ')
         lines += [f'    {name}: {_yaml_value(values.get(name, row.default))}', '']
-    for name in values:
-        if name not in PARAMETERS:
-            lines.append(f'    {name}: {_yaml_value(values[name])}')
     return '\n'.join(lines).rstrip() + '\n'
 
 

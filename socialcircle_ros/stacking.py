@@ -44,6 +44,8 @@ class StackCloud:
     preview: bool
     reasons: Any
     """(H, W) uint8, what speaks against each point: bits of `Reason`."""
+    warning: str = ''
+    """Why the cloud may not be what was meant; empty: nothing speaks against it."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,10 @@ class StackAssembler:
         if self._waiting:
             count = len(self._waiting)
             self._waiting.clear()
-            yield Refusal(f'{count} frames were refused: no joint state covers their stamps.')
+            stamps = '1 frame was refused: no joint state covers its stamp.'
+            if count > 1:
+                stamps = f'{count} frames were refused: no joint state covers their stamps.'
+            yield Refusal(stamps)
         yield from self._close()
 
     def _close(self) -> Iterator[Event]:
@@ -167,7 +172,7 @@ class StackAssembler:
         try:
             yield _cloud(stack, preview=False)
         except StackError as error:
-            yield Refusal(f'A stack of {stack.frames} frames broke off: {error}')
+            yield Refusal(f'A stack of {_frames(stack.frames)} broke off: {error}')
 
     @property
     def timeout(self) -> float:
@@ -214,7 +219,7 @@ class StackAssembler:
         stack = self._stack
         if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):
             yield Refusal(
-                f'A stack of {stack.frames} frames broke off: a frame of {pixels.shape} {frame.encoding} came'
+                f'A stack of {_frames(stack.frames)} broke off: a frame of {pixels.shape} {frame.encoding} came'
                 f' after {stack.shape} {stack.encoding}.'
             )
             stack = self._stack = None
@@ -258,6 +263,10 @@ class StackAssembler:
         focus.reset()
         self._stack = _Stack(focus, settings, shape, frame.encoding, frame.header)
         return self._stack
+
+
+def _frames(count: int) -> str:
+    return '1 frame' if count == 1 else f'{count} frames'
 
 
 def _position(state: JointState, joint: str) -> float:
@@ -340,6 +349,17 @@ def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
         frames=stack.frames,
         preview=preview,
         reasons=result.reasons,
+        warning='' if preview else _cut_short(stack),
+    )
+
+
+def _cut_short(stack: _Stack) -> str:
+    wanted = stack.settings.frames
+    if stack.frames >= wanted:
+        return ''
+    return (
+        f'A stack ended after {_frames(stack.frames)}, where stack.frames says {wanted}: heights that the stage'
+        ' did not reach are missing or wrong.'
     )
 
 

@@ -20,7 +20,7 @@ LEVELS = [
     {'simulation', 'messages'},
     {'circle', 'focus', 'repair', 'baselines'},
     {'cloud'},
-    {'settings', 'errors', 'compiled', 'threads'},
+    {'settings', 'errors', 'compiled', 'threads', 'cores'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 

@@ -50,6 +50,18 @@ def clouds(events):
     return [event for event in events if isinstance(event, StackCloud)]
 
 
+def test_a_stack_that_ended_early_is_a_cloud_with_a_warning():
+    made = assembler(frames=9)
+    feed(made, frames()[:5])
+    (event,) = made.finish()
+    assert 'A stack ended after 5 frames, where stack.frames says 9' in event.warning
+    (whole,) = feed(made, frames(), 9)
+    assert whole.warning == ''
+    unknown = assembler()
+    feed(unknown, frames()[:5])
+    assert next(unknown.finish()).warning == ''
+
+
 def test_a_stack_of_the_given_number_becomes_a_cloud_in_metres():
     made = assembler(frames=9, z_start=5e-3)
     (event,) = feed(made, frames())
@@ -122,6 +134,8 @@ def test_without_joint_states_frames_are_given_up_and_told_why():
     assert len(events) == 2
     assert 'still no joint state covers its stamp' in reasons(events)[0]
     assert reasons(made.finish()) == [f'{WAITING} frames were refused: no joint state covers their stamps.']
+    feed(made, frames(1))
+    assert reasons(made.finish()) == ['1 frame was refused: no joint state covers its stamp.']
 
 
 @pytest.mark.parametrize(

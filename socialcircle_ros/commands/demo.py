@@ -1,6 +1,5 @@
 """`socialcircle demo`."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,12 +8,10 @@ import click
 from .options import require_ros
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
     from rich.table import Table
 
     from socialcircle_ros.node.process import Answer, Client
-    from socialcircle_ros.recording import RecordingReader
+    from socialcircle_ros.recording.truth import Truth
 
 NAMESPACE = '/socialcircle_demo'
 SHIPPED = ('metal_groove.mcap', 'parts.mcap', 'padded.mcap', 'stack.mcap')
@@ -137,6 +134,7 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
         clouds_of,
         stacks_of,
     )
+    from socialcircle_ros.recording.truth import truths_of
 
     kinds = {
         FILTERED: point_cloud.TYPE,
@@ -151,7 +149,7 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
         open_recording(recording) as reader,
         RecordingWriter(cleaned, compression='zstd', overwrite=True, source=recording) as writer,
     ):
-        truth = _truth(reader)
+        truth = truths_of(reader)
 
         def keep(name: str, namespace: str, time: int, cloud: bytes | None, answer: 'Answer') -> None:
             nonlocal drawn
@@ -167,7 +165,7 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
                 if data is not None:
                     writer.add_topic(ros_topic(f'{namespace}/{result}', kind))
                     writer.write(f'{namespace}/{result}', data, time)
-            table.add_row(*_row(name, before, answer, truth))
+            table.add_row(*_row(name, answer, truth(namespace, before)))
             if not drawn:
                 _draw(picture, recording.stem, before, answer)
                 drawn = True
@@ -212,6 +210,7 @@ def _table() -> 'Table':
     table.add_column('cloud')
     for name in (
         'points',
+        'measured',
         'outliers',
         'seed',
         'radius',
@@ -231,56 +230,20 @@ def _table() -> 'Table':
     return table
 
 
-Truth = Callable[[bytes], 'tuple[NDArray[np.bool_], NDArray[np.bool_]] | None']
-"""From a cloud to its true outliers and the points whose truth is certain; None where nothing is known."""
-
-
-def _truth(reader: 'RecordingReader') -> Truth:
-    """What a recording knows of the truth: masks beside clouds, or the surface that a stack was made from."""
-    from socialcircle_ros.messages.diagnostics import Status
-    from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
-    from socialcircle_ros.messages.point_cloud import PointCloud
-    from socialcircle_ros.node.process import stamp_of
-    from socialcircle_ros.simulation import Truth as StackTruth
-
-    masks = {
-        stamp_of(message.data): decode_mono8(message.data) for message in reader.messages(['/truth/outlier_mask'])
-    }
-    surface = next((message.data for message in reader.messages(['/truth/surface'])), None)
-    description = next((message.data for message in reader.messages(['/truth/description'])), None)
-
-    def of_cloud(cloud: bytes) -> Any:
-        mask = masks.get(stamp_of(cloud))
-        if mask is not None:
-            return mask == OUTLIER, mask != NOT_MEASURED
-        if surface is None or description is None:
-            return None
-        values = Status.decode(description).values
-        true = PointCloud.decode(surface).xyz()[..., 2]
-        good, bad = (float(values[f'{name}_bound_m']) for name in ('good', 'bad'))
-        # The cause plays no part in what is bad.
-        verdict = StackTruth(true * 1e6, true.astype('u1'), good * 1e6, bad * 1e6).classify(
-            PointCloud.decode(cloud).xyz()[..., 2] * 1e6
-        )
-        return verdict.bad, verdict.good | verdict.bad
-
-    return of_cloud
-
-
-def _row(name: str, cloud: bytes, answer: 'Answer', truth: Truth) -> list[str]:
+def _row(name: str, answer: 'Answer', truth: 'Truth | None') -> list[str]:
     """One line of the table; precision and recall where the recording knows the truth."""
     from socialcircle_ros.evaluation.scores import score
     from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 
     values: dict[str, Any] = dict(answer.measurement.values)
     known = ['', '']
-    true = truth(cloud)
-    if true is not None:
-        scores = score(decode_mono8(answer.mask) == OUTLIER, *true)
+    if truth is not None:
+        scores = score(decode_mono8(answer.mask) == OUTLIER, truth.outlier, truth.counted)
         known = [f'{scores.precision:.3f}', f'{scores.recall:.3f}']
     return [
         name,
         values['points'],
+        values['measured'],
         values['outliers'],
         f'{values["seed_row"]},{values["seed_column"]}',
         f'{float(values["radius"]):.3g}',

@@ -33,8 +33,9 @@ def command(name: str, out: Path, quick: bool, seeds: str, data: Path | None) ->
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    from socialcircle_ros.evaluation.experiments import prepare, run, write
+    from socialcircle_ros.evaluation.experiments import run, write
     from socialcircle_ros.evaluation.lineup import Lineup, Plan, quick_plan
+    from socialcircle_ros.evaluation.page import prepare
     from socialcircle_ros.evaluation.pictures import new_figure
 
     chosen = _numbers(seeds)

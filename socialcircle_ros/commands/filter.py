@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import parameter_options, parameter_values
+from .options import parameter_options, parameter_values, quantity, tell_refusals
 
 
 @click.command('filter', epilog='Example: socialcircle filter bags/metal_groove.mcap -o cleaned.mcap')
@@ -39,23 +39,9 @@ def command(
     from socialcircle_ros.pipeline import Cleaned
     from socialcircle_ros.recording import Message, open_recording
     from socialcircle_ros.recording.offline import Job, filter_recording
-    from socialcircle_ros.settings import (
-        CircleSettings,
-        FocusSettings,
-        OutputSettings,
-        RepairSettings,
-        StackSettings,
-    )
 
     keep_freed_memory()
-    values = parameter_values(params_file, parameters)
-    job = Job(
-        CircleSettings.from_ros(values),
-        FocusSettings.from_ros(values),
-        StackSettings.from_ros(values),
-        RepairSettings.from_ros(values),
-        OutputSettings.from_ros(values),
-    )
+    job = Job.from_ros(parameter_values(params_file, parameters))
     console = Console(stderr=True)
     with open_recording(recording) as reader:
         total = reader.message_count
@@ -64,7 +50,7 @@ def command(
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(f'filtering {recording.name}', total=total)
 
-        def seen(_: Message, cleaned: list[Cleaned]) -> None:
+        def seen(_: Message | None, cleaned: list[Cleaned]) -> None:
             nonlocal points, outliers
             points += sum(result.measured for result in cleaned)
             outliers += sum(result.outliers for result in cleaned)
@@ -81,18 +67,15 @@ def command(
             seen=seen,
         )
     share = f' ({100 * outliers / points:.2f} %)' if points else ''
-    stacks = f'{summary.stacks} stacks became clouds; ' if summary.stacks else ''
+    stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
     click.echo(
-        f'{stacks}{summary.clouds} clouds filtered, {outliers} of {points} measured points are outliers{share}; '
-        f'{summary.passed} other messages kept; written to {output}.'
+        f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {outliers} of {points} measured points are'
+        f' outliers{share}; {quantity(summary.passed, "other message")} kept; written to {output}.'
     )
-    for warning in sorted(warnings):
+    for warning in sorted(warnings | summary.warnings.keys()):
         click.echo(f'Warning: {warning}', err=True)
-    for reason, count in summary.refused.items():
-        click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
     if summary.replaced:
         click.echo(f'Results of an earlier run were replaced: {", ".join(summary.replaced)}.', err=True)
-    if summary.damage:
-        click.echo(f'Warning: {summary.damage}', err=True)
+    tell_refusals(summary.refused, summary.damage)
     if summary.clouds == 0:
         raise click.exceptions.Exit(1)

@@ -38,6 +38,7 @@ def command(
     A focus stack is an .npz with frames (N, rows, columns) and z (N), or a folder of images in the order of
     their names. Give --pitch and --z-step; the parameters that measure it are written beside the recording.
     """
+    from socialcircle_ros.errors import ImportFileError
     from socialcircle_ros.messages import point_cloud
     from socialcircle_ros.messages.header import Header
     from socialcircle_ros.recording import RecordingWriter, import_cloud, ros_topic
@@ -48,6 +49,11 @@ def command(
     if any(is_stack(path) for path in files):
         _import_stack(files, output, period, pitch, z_step, overwrite)
         return
+    if (pitch is not None or z_step is not None) and files[0].exists():
+        raise ImportFileError(
+            f'--pitch and --z-step are for focus stacks, and {files[0]} is none: its own coordinates are taken, of'
+            ' a height map its dx and dy.'
+        )
     with RecordingWriter(output, overwrite=overwrite) as writer:
         writer.add_topic(ros_topic(topic, point_cloud.TYPE))
         for number, path in enumerate(files):

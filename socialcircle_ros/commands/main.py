@@ -15,6 +15,8 @@ COMMANDS = {
     'record': 'record',
     'import': 'import_',
     'simulate': 'simulate',
+    'report': 'report',
+    'sweep': 'sweep',
     'bench': 'bench',
     'experiment': 'experiment',
 }

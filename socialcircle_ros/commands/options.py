@@ -1,7 +1,7 @@
 """Options that several commands share, made from the table of parameters."""
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +79,19 @@ def _ros_parameters(path: Path, content: Any) -> dict[str, Any]:
     if not found:
         raise SettingError(f'{path} holds no ros__parameters; see config/social_circle.yaml for the form.')
     return found
+
+
+def quantity(count: int, noun: str) -> str:
+    """A number with its noun: 1 cloud, 2 clouds."""
+    return f'{count} {noun}' if count == 1 else f'{count} {noun}s'
+
+
+def tell_refusals(refused: Mapping[str, int], damage: str | None) -> None:
+    """Say on stderr what of a recording could not be used, and why."""
+    for reason, count in refused.items():
+        click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
+    if damage:
+        click.echo(f'Warning: {damage}', err=True)
 
 
 def require_ros() -> None:

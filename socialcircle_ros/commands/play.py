@@ -4,7 +4,9 @@ from pathlib import Path
 
 import click
 
-from .options import require_ros
+from .options import quantity, require_ros
+
+_SETTLED = 2.0  # s: nobody listens to truth masks, or to what an earlier run made
 
 
 @click.command('play', epilog='Example: socialcircle play last_night.mcap --rate 0.5 --loop')
@@ -14,7 +16,7 @@ from .options import require_ros
 @click.option('--loop', is_flag=True, help='Begin again at the end, until Ctrl-C.')
 @click.option('--clock', is_flag=True, help='Publish recorded time on /clock, for nodes with use_sim_time.')
 @click.option('--namespace', default='', help='Put before every topic, such as /cell1.')
-@click.option('--wait', default=10.0, show_default=True, help='Seconds to wait for subscribers before it starts.')
+@click.option('--wait', default=10.0, show_default=True, help='Seconds to wait for the first subscriber.')
 def command(
     recording: Path, topics: tuple[str, ...], rate: float, loop: bool, clock: bool, namespace: str, wait: float
 ) -> None:
@@ -30,6 +32,8 @@ def command(
 
     prepare_process()
     import rclpy
+    from rclpy.exceptions import InvalidNamespaceException
+    from rclpy.validate_namespace import validate_namespace
     from rich.console import Console
     from rich.progress import Progress
 
@@ -37,6 +41,14 @@ def command(
     from socialcircle_ros.node.replay import Player
     from socialcircle_ros.recording import open_recording
 
+    prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
+    try:
+        validate_namespace(prefix or '/')
+    except InvalidNamespaceException:
+        raise click.BadParameter(
+            f'{namespace!r} is no name for topics: use letters, digits, _ and /, and no digit in front.',
+            param_hint='--namespace',
+        ) from None
     with open_recording(recording) as reader:
         unknown = [name for name in topics if name not in reader.topics]
         if unknown:
@@ -45,12 +57,11 @@ def command(
             )
         chosen = [topic for name, topic in reader.topics.items() if not topics or name in topics]
         rclpy.init()
-        prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
         player = Player(chosen, prefix)
         try:
             for reason in player.skipped:
                 click.echo(f'Not played: {reason}', err=True)
-            lonely = player.wait_for_listeners([topic.name for topic in chosen], wait)
+            lonely = player.wait_for_listeners([topic.name for topic in chosen], wait, _SETTLED)
             if lonely:
                 click.echo(
                     f'Nobody listens to {", ".join(prefix + name for name in lonely)}; playing anyway.', err=True
@@ -72,7 +83,7 @@ def command(
                         break
             if rclpy.ok():
                 player.wait_until_delivered(5.0)
-            click.echo(f'{count} messages played.')
+            click.echo(f'{quantity(count, "message")} played.')
             if reader.damage:
                 click.echo(f'Warning: {reader.damage}', err=True)
         finally:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import require_ros
+from .options import quantity, require_ros
 
 
 @click.command('record', epilog='Example: socialcircle record /cell1/points /cell1/outlier_mask -o night.mcap')
@@ -58,7 +58,7 @@ def command(
             rclpy.try_shutdown()
     for name, count in sorted(counts.items()):
         click.echo(f'{name}: {count}')
-    click.echo(f'{sum(counts.values())} messages written to {output}.')
+    click.echo(f'{quantity(sum(counts.values()), "message")} written to {output}.')
     for name in topics:
         if name not in counts and f'/{name}' not in counts:
             click.echo(f'Nothing came on {name}.', err=True)

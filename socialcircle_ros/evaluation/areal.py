@@ -25,12 +25,19 @@ def texture(heights: npt.NDArray[Any]) -> Texture:
     All are NaN where fewer than three points are measured.
     """
     there = np.isfinite(heights)
-    z = heights[there].astype(np.float64)
-    if len(z) < 3:
+    count = int(np.count_nonzero(there))
+    if count < 3:
         return Texture(float('nan'), float('nan'), float('nan'))
-    rows, columns = np.nonzero(there)
-    # Centred coordinates keep the 3×3 equations well conditioned on large maps.
-    terms = np.stack([np.ones(len(z)), rows - rows.mean(), columns - columns.mean()])
-    plane, *_ = np.linalg.lstsq(terms @ terms.T, terms @ z, rcond=None)
-    z -= plane @ terms
-    return Texture(float(np.mean(np.abs(z))), float(np.sqrt(np.mean(z**2))), float(np.ptp(z)))
+    z = np.where(there, heights, 0.0).astype(np.float64, copy=False)
+    # The plane's equations from sums over rows and columns: less than half the time of a list of points. Centred
+    # coordinates and heights keep them well conditioned on large maps.
+    in_rows, in_columns = there.sum(axis=1), there.sum(axis=0)
+    rows, columns = (np.arange(len(n)) - n @ np.arange(len(n)) / count for n in (in_rows, in_columns))
+    middle = z.sum() / count
+    of_rows, of_columns = z.sum(axis=1) - middle * in_rows, z.sum(axis=0) - middle * in_columns
+    mixed = rows @ (there @ columns)
+    squares = [[in_rows @ rows**2, mixed], [mixed, in_columns @ columns**2]]
+    (down, right), *_ = np.linalg.lstsq(np.array(squares), np.array([of_rows @ rows, of_columns @ columns]))
+    z -= middle + (down * rows)[:, None] + right * columns
+    rest = z[there]
+    return Texture(float(np.mean(np.abs(rest))), float(np.sqrt(np.mean(rest**2))), float(np.ptp(rest)))

@@ -3,13 +3,11 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from socialcircle_ros.errors import SocialCircleError
-
 from .benchmarks import hardware
 from .contamination import contaminations
 from .figures import figure4, figure8, figure10, figure11
 from .lineup import Lineup
-from .page import render
+from .page import render, save
 from .real import RealCloud, real_surfaces
 from .report import Section
 from .table1 import table1
@@ -43,18 +41,6 @@ def run(name: str, lineup: Lineup, real: Sequence[RealCloud] = ()) -> list[Secti
     return sections + real_surfaces(lineup, real) if real and name in ('figure8', 'all') else sections
 
 
-def prepare(folder: Path) -> None:
-    """Make the folder of the results, so that a wrong one is told before the work and not after it.
-
-    Raises:
-        SocialCircleError: it cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SocialCircleError(f'{folder} cannot be written: {error.strerror}; choose another with -o.') from None
-
-
 def write(folder: Path, name: str, command: str, sections: Sequence[Section]) -> list[Path]:
     """Write the tables as CSV, the pictures as PNG, and everything as one page.
 
@@ -75,20 +61,10 @@ def write(folder: Path, name: str, command: str, sections: Sequence[Section]) ->
         _INTRODUCTION,
         f'Made by: {command}. On: {hardware()}. Times are medians, all from this one run; compare their ratios.',
     ]
-    written = [page]
-    try:
-        for section in sections:
-            for table in section.tables:
-                written.append(folder / f'{table.name}.csv')
-                written[-1].write_text(table.csv(), encoding='utf-8')
-            for picture in section.pictures:
-                written.append(folder / f'{picture.name}.png')
-                written[-1].write_bytes(picture.png)
-        page.write_text(
-            render('The social circle against other filters', introduction, sections), encoding='utf-8'
-        )
-    except OSError as error:
-        raise SocialCircleError(
-            f'{error.filename} cannot be written: {error.strerror}; choose another place with -o.'
-        ) from None
-    return written
+    tables = [(f'{table.name}.csv', table.csv()) for section in sections for table in section.tables]
+    pictures = [(f'{picture.name}.png', picture.png) for section in sections for picture in section.pictures]
+    contents: list[tuple[str, str | bytes]] = [*tables, *pictures]
+    for file, content in contents:
+        save(folder / file, content)
+    save(page, render('The social circle against other filters', introduction, sections))
+    return [page, *(folder / file for file, _ in contents)]

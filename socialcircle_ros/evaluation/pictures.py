@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from socialcircle_ros.errors import SocialCircleError
 
+NEEDED = 'Pictures need matplotlib: pip install "socialcircle_ros[pictures]".'
+
 
 def new_figure(width: float, height: float) -> Any:
     """An empty matplotlib Figure, inches wide and high.
@@ -19,7 +21,7 @@ def new_figure(width: float, height: float) -> Any:
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
     except ImportError:
-        raise SocialCircleError('Pictures need matplotlib: pip install "socialcircle_ros[pictures]".') from None
+        raise SocialCircleError(NEEDED) from None
     return Figure(figsize=(width, height), dpi=110, layout='constrained')
 
 
@@ -48,7 +50,7 @@ def before_and_after(
     scale = kept if np.isfinite(kept).any() else heights
     low, high = np.nanpercentile(scale, [0.5, 99.5])
     extent = _extent(xyz, measured)
-    figure = new_figure(15, 15 / 3 * _aspect(extent) + 1.3)
+    figure = new_figure(15, 15 / 3 / _aspect(extent) + 1.3)
     figure.suptitle(textwrap.fill(title, 130))
     axes = figure.subplots(1, 3, sharex=True, sharey=True)
     shown: dict[str, Any] = {'extent': extent, 'interpolation': 'nearest', 'vmin': low, 'vmax': high}
@@ -72,22 +74,28 @@ def before_and_after(
 _PIXELS = 800  # along the longer side of one panel
 
 
-def _step(shape: tuple[int, ...]) -> int:
-    return max(1, -(-max(shape[:2]) // _PIXELS))
+def _step(shape: tuple[int, ...], pixels: int) -> int:
+    return max(1, -(-max(shape[:2]) // pixels))
 
 
-def thinned(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Every so many rows and columns, so that what remains fits into one panel."""
-    step = _step(values.shape)
+def thinned(values: npt.NDArray[Any], pixels: int = _PIXELS) -> npt.NDArray[Any]:
+    """Every so many rows and columns, so that what remains fits into one panel of so many pixels."""
+    step = _step(values.shape, pixels)
     return values[::step, ::step]
 
 
-def any_in_tile(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def any_in_tile(mask: npt.NDArray[np.bool_], pixels: int = _PIXELS) -> npt.NDArray[np.bool_]:
     """Thinned like the picture, True where any point of the tile is."""
-    step = _step(mask.shape)
-    rows, columns = (np.arange(0, extent, step) for extent in mask.shape)
-    by_row: npt.NDArray[np.bool_] = np.logical_or.reduceat(mask, rows, axis=0)
-    return np.logical_or.reduceat(by_row, columns, axis=1)
+    return over_tiles(np.logical_or, mask, pixels)
+
+
+def over_tiles(reduce: np.ufunc, values: npt.NDArray[Any], pixels: int) -> npt.NDArray[Any]:
+    """One value for each tile, of which the thinned picture has a corner."""
+    step = _step(values.shape, pixels)
+    rows, columns = (np.arange(0, extent, step) for extent in values.shape)
+    by_row = reduce.reduceat(values, rows, axis=0)
+    tiles: npt.NDArray[Any] = reduce.reduceat(by_row, columns, axis=1)
+    return tiles
 
 
 def _extent(xyz: npt.NDArray[Any], measured: npt.NDArray[np.bool_]) -> tuple[float, float, float, float]:
@@ -98,6 +106,12 @@ def _extent(xyz: npt.NDArray[Any], measured: npt.NDArray[np.bool_]) -> tuple[flo
     return 0.0, float(xyz.shape[1]), float(xyz.shape[0]), 0.0
 
 
+def aspect_of(xyz: npt.NDArray[Any]) -> float:
+    """Width of a cloud (H, W, 3) by its height, on the part; 0.6 to 3.3, so that it can be shown."""
+    few = thinned(xyz)
+    return _aspect(_extent(few, np.isfinite(few).all(axis=2)))
+
+
 def _aspect(extent: tuple[float, float, float, float]) -> float:
     left, right, bottom, top = extent
-    return min(max((bottom - top) / (right - left), 0.3), 1.6)
+    return min(max((right - left) / (bottom - top), 1 / 1.6), 1 / 0.3)

@@ -28,6 +28,7 @@ class Table:
         columns: from left to right.
         rows: each as long as `columns`.
         note: what a reader must know to read it.
+        links: for each row the anchor that its first cell leads to; none: no row leads anywhere.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Table:
     columns: Sequence[Column]
     rows: Sequence[Sequence[Cell]]
     note: str = ''
+    links: Sequence[str] = ()
 
     def texts(self) -> list[list[str]]:
         """The cells as they are shown."""
@@ -61,6 +63,31 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Panels:
+    """Small pictures side by side that show the same points.
+
+    Attributes:
+        pictures: a title and a PNG each.
+        aspect: width by height of each on the part.
+        scale: what the ends of the colour bar stand for, and the bar as a PNG; None: no bar.
+    """
+
+    pictures: Sequence[tuple[str, bytes]]
+    aspect: float
+    scale: tuple[str, str, bytes] | None = None
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Small tables side by side."""
+
+    tables: Sequence[Table]
+
+
+Item = Table | Picture | Panels | Beside
+
+
+@dataclass(frozen=True)
 class Section:
     """A part of the page.
 
@@ -69,12 +96,16 @@ class Section:
         text: paragraphs, above the tables.
         findings: sentences that follow from the numbers; shown together at the top of the page as well.
         items: tables and pictures, in order.
+        warnings: sentences that must not be overlooked, below the head.
+        anchor: where links lead to; empty: none does. A section that has one is kept on one sheet of paper.
     """
 
     title: str
     text: Sequence[str] = ()
     findings: Sequence[str] = ()
-    items: Sequence[Table | Picture] = field(default_factory=tuple)
+    items: Sequence[Item] = field(default_factory=tuple)
+    warnings: Sequence[str] = ()
+    anchor: str = ''
 
     @property
     def tables(self) -> list[Table]:

@@ -24,24 +24,53 @@ class Scores:
     """Of the good points, how many were called outliers."""
 
 
-def score(found: Mask, truth: Mask, counted: Mask) -> Scores:
-    """Compare a mask with the truth.
+@dataclass(frozen=True)
+class Tally:
+    """Counts of points; those of several clouds add up to those of all."""
+
+    right: int = 0
+    """Outliers that were called so."""
+    called: int = 0
+    """Points that were called outliers."""
+    there: int = 0
+    """Outliers."""
+    counted: int = 0
+    """Points whose truth is certain."""
+
+    def __add__(self, other: 'Tally') -> 'Tally':
+        return Tally(
+            self.right + other.right,
+            self.called + other.called,
+            self.there + other.there,
+            self.counted + other.counted,
+        )
+
+    @property
+    def scores(self) -> Scores:
+        """What the counts say."""
+        return Scores(
+            precision=_share(self.right, self.called),
+            recall=_share(self.right, self.there),
+            f1=_share(2 * self.right, self.called + self.there),
+            false_positive_rate=_share(self.called - self.right, self.counted - self.there),
+        )
+
+
+def tally(found: Mask, truth: Mask, counted: Mask) -> Tally:
+    """Count what a mask has in common with the truth.
 
     Args:
         found: (H, W) what the filter called outliers.
         truth: (H, W) the outliers.
         counted: (H, W) the points whose truth is certain; the others do not count.
     """
-    right = int(np.count_nonzero(found & truth & counted))
-    called = int(np.count_nonzero(found & counted))
-    there = int(np.count_nonzero(truth & counted))
-    good = int(np.count_nonzero(counted)) - there
-    return Scores(
-        precision=_share(right, called),
-        recall=_share(right, there),
-        f1=_share(2 * right, called + there),
-        false_positive_rate=_share(called - right, good),
-    )
+    masks = (found & truth & counted, found & counted, truth & counted, counted)
+    return Tally(*(int(np.count_nonzero(mask)) for mask in masks))
+
+
+def score(found: Mask, truth: Mask, counted: Mask) -> Scores:
+    """Compare a mask with the truth; as `tally`, for one cloud."""
+    return tally(found, truth, counted).scores
 
 
 def roc_area(values: npt.NDArray[Any], truth: Mask, counted: Mask) -> float:

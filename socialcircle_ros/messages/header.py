@@ -33,3 +33,12 @@ class Header:
         writer.int32(self.seconds)
         writer.uint32(self.nanoseconds)
         writer.string(self.frame_id)
+
+
+def stamp_of(message: bytes) -> int:
+    """The stamp, in ns, of any serialized message that begins with a header.
+
+    Raises:
+        MessageError: it ends early.
+    """
+    return Header.read(CdrReader(message)).stamp

@@ -22,12 +22,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.header import Header, stamp_of
 from socialcircle_ros.messages.image import encode_image
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.simulation import make_scene
 
-from .process import NodeProcess, stamp_of
+from .process import NodeProcess
 
 SHAPE = (960, 1280)
 """Rows and columns of frames and clouds."""

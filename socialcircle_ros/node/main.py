@@ -1,9 +1,15 @@
 """The executable `social_circle_node`."""
 
+import contextlib
+import itertools
 import os
 import signal
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 from .transport import prepare_process
 
@@ -37,6 +43,12 @@ def _run(arguments: list[str] | None) -> int:
 
     from .social_circle_node import SocialCircleNode  # noqa: PLC0415
 
+    odd = _file_without_parameters(sys.argv[1:] if arguments is None else arguments)
+    if odd is not None:
+        sys.stderr.write(
+            f'The node cannot start: {odd} holds no parameters; see config/social_circle.yaml for the form.\n'
+        )
+        return 1
     node, began = None, False
     try:
         rclpy.init(args=arguments)
@@ -61,6 +73,20 @@ def _run(arguments: list[str] | None) -> int:
     finally:
         _end(node, rclpy)
     return 0
+
+
+def _file_without_parameters(arguments: Sequence[str]) -> str | None:
+    """A parameter file that is some other text, which rcl takes for one without parameters; None: none is.
+
+    An empty file may be meant; what rcl refuses itself, and what cannot be read, is left to it.
+    """
+    for option, path in itertools.pairwise(arguments):
+        if option == '--params-file':
+            with contextlib.suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
+                content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+                if content is not None and not isinstance(content, dict):
+                    return path
+    return None
 
 
 def _end(node: Any, rclpy: Any) -> None:

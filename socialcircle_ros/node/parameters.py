@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -84,13 +85,16 @@ class LiveParameters:
 
     def unknown(self) -> list[str]:
         """Names that the node was started with and does not have: most likely misspelled."""
-        given = self._node._parameter_overrides  # noqa: SLF001 - rclpy has no other way to ask
         return sorted(
-            name for name in given if not self._node.has_parameter(name) and not name.startswith('qos_overrides.')
+            name
+            for name in self._given()
+            if not self._node.has_parameter(name) and not name.startswith('qos_overrides.')
         )
 
     def save(self) -> Path:
-        """Write the parameters in force to a file that the node starts from.
+        """Write the parameters in force to a file that the node starts from, in any namespace.
+
+        What it was started with of qos_overrides, whose names hold whole topics, is kept for this node alone.
 
         Raises:
             OSError: the file cannot be written.
@@ -103,15 +107,20 @@ class LiveParameters:
             path = Path(given).expanduser()
         else:
             path = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros') / 'socialcircle' / f'{name}.yaml'
-        overrides = self._node.get_parameters_by_prefix('qos_overrides')
-        values = self.configuration.to_ros() | {
-            f'qos_overrides.{key}': item.value for key, item in overrides.items()
-        }
+        text = yaml_text(self.configuration.to_ros())
+        overrides = {key: item.value for key, item in self._given().items() if key.startswith('qos_overrides.')}
+        if overrides:
+            own = {self._node.get_fully_qualified_name(): {'ros__parameters': overrides}}
+            text += '\n' + yaml.safe_dump(own, sort_keys=False)
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(path.name + '.partial')
-        partial.write_text(yaml_text(values), encoding='utf-8')
+        partial.write_text(text, encoding='utf-8')
         partial.replace(path)
         return path
+
+    def _given(self) -> dict[str, RosParameter]:
+        """What the node was started with."""
+        return dict(self._node._parameter_overrides)  # noqa: SLF001 - rclpy has no other way to ask
 
     def _values(self) -> dict[str, RosValue]:
         return {name: _plain(self._node.get_parameter(name)) for name in PARAMETERS}

@@ -19,9 +19,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.messages.cdr import CdrReader
 from socialcircle_ros.messages.diagnostics import Status
-from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import Message, Topic
 
 from .replay import Player
@@ -239,8 +237,3 @@ class Client:
                     count = sum(int(values[kind]) for kind in kinds)
                     self._refusals = (count, values['last_reason'])
                     self._changed.notify_all()
-
-
-def stamp_of(message: bytes) -> int:
-    """The stamp in the header of a serialized message, in ns."""
-    return Header.read(CdrReader(message)).stamp

@@ -4,6 +4,7 @@ Messages stay serialized both ways: what was recorded is what is published, byte
 """
 
 import importlib
+import math
 import time
 from collections.abc import Callable, Collection, Iterable
 from typing import Any
@@ -64,16 +65,23 @@ class Player(Node):
             self._players[topic.name] = self.create_publisher(kind, remap + topic.name, qos)
         self._ticks: Any = None
 
-    def wait_for_listeners(self, topics: Collection[str], timeout: float) -> list[str]:
-        """Wait until each of `topics` has a subscriber that can hear it; the ones that have none by then."""
-        end = time.monotonic() + timeout
+    def wait_for_listeners(self, topics: Collection[str], timeout: float, settled: float = math.inf) -> list[str]:
+        """Wait until each of `topics` has a subscriber that can hear it; the ones that have none by then.
+
+        Args:
+            topics: names as recorded.
+            timeout: s to wait at most.
+            settled: s to wait for the others once somebody listens, and nobody new comes.
+        """
+        players = {name: self._players[name] for name in topics if name in self._players}
+        since = time.monotonic()
+        end, before = since + timeout, list(players)
         while rclpy.ok(context=self.context):
-            lonely = [
-                name
-                for name in topics
-                if name in self._players and self._players[name].get_subscription_count() == 0
-            ]
-            if not lonely or time.monotonic() > end:
+            lonely = [name for name, player in players.items() if player.get_subscription_count() == 0]
+            now = time.monotonic()
+            if lonely != before:
+                before, since = lonely, now
+            if not lonely or now > end or (len(lonely) < len(players) and now - since > settled):
                 return lonely
             time.sleep(_LONGEST_WAIT)
         return []

@@ -220,6 +220,8 @@ class StackInput:
             self._publish(event)
 
     def _publish(self, cloud: StackCloud) -> None:
+        if cloud.warning:
+            self._node.get_logger().warning(cloud.warning, throttle_duration_sec=5.0)
         self._points.publish(cloud.points)
         self._health.stack_finished(time.monotonic() - self._closing_arrival)
         self._filter(cloud.points)

@@ -1,9 +1,10 @@
 """A recording in, a recording out: the node's filter, cloud by cloud, always with the same result."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.messages import diagnostics, image, point_cloud
@@ -32,6 +33,21 @@ class Job:
     repair: RepairSettings = field(default_factory=RepairSettings)
     output: OutputSettings = field(default_factory=OutputSettings)
 
+    @classmethod
+    def from_ros(cls, values: Mapping[str, Any]) -> 'Job':
+        """Settings from full ROS names to values.
+
+        Raises:
+            SettingError: a value that cannot be, or values that do not go together.
+        """
+        return cls(
+            CircleSettings.from_ros(values),
+            FocusSettings.from_ros(values),
+            StackSettings.from_ros(values),
+            RepairSettings.from_ros(values),
+            OutputSettings.from_ros(values),
+        )
+
 
 @dataclass
 class Summary:
@@ -43,6 +59,8 @@ class Summary:
     """Stacks that became clouds."""
     refused: dict[str, int] = field(default_factory=dict)
     """How many clouds or frames were refused, by reason."""
+    warnings: dict[str, int] = field(default_factory=dict)
+    """Of how many stacks there is something to tell, by what."""
     passed: int = 0
     """Messages of other topics, passed on as they were."""
     replaced: list[str] = field(default_factory=list)
@@ -55,6 +73,27 @@ class Summary:
         self.refused[reason] = self.refused.get(reason, 0) + 1
 
 
+@dataclass(frozen=True)
+class Arrival:
+    """A cloud of a recording, as the filter meets it.
+
+    Attributes:
+        namespace: of its cell, such as `/cell1`; empty: none.
+        topic: `/cell1/points`; of a stack `/cell1/stack/points`.
+        points: the serialized PointCloud2.
+        message: with whose times its results are recorded: the cloud's own, or the one that ended the stack.
+        image: of a stack, the serialized image in focus; None for a cloud.
+        warning: why a stack's cloud may not be what was meant; empty: nothing speaks against it.
+    """
+
+    namespace: str
+    topic: str
+    points: bytes
+    message: Message
+    image: bytes | None = None
+    warning: str = ''
+
+
 def filter_recording(
     source: str | Path,
     target: str | Path,
@@ -63,7 +102,7 @@ def filter_recording(
     topics: tuple[str, ...] = (),
     compression: Compression = 'none',
     overwrite: bool = False,
-    seen: Callable[[Message, list[Cleaned]], None] = lambda message, cleaned: None,
+    seen: Callable[[Message | None, list[Cleaned]], None] = lambda message, cleaned: None,
 ) -> Summary:
     """Filter each cloud of a recording, and write a recording with the results beside all that it had.
 
@@ -80,17 +119,16 @@ def filter_recording(
         topics: which topics of clouds to filter; none: `clouds_of`.
         compression: of the target's chunks.
         overwrite: whether a recording that is there may be replaced.
-        seen: called after each message, with the results that it led to.
+        seen: called after each message, None at the end, with the results that it led to.
 
     Raises:
         RecordingError: it cannot be read or written, or it has neither clouds nor frames of a stack.
     """
     summary = Summary()
     with open_recording(source) as reader:
-        cells = _cells(reader, topics, job, summary)
+        cells = _cells(reader, topics, job)
         produced = {name for cell in cells for name in cell.replaced}
         summary.replaced = sorted(produced & reader.topics.keys())
-        by_input = {name: cell for cell in cells for name in cell.inputs}
         with RecordingWriter(target, compression=compression, overwrite=overwrite, source=source) as writer:
             for name, topic in reader.topics.items():
                 if name not in produced:
@@ -98,24 +136,52 @@ def filter_recording(
             for cell in cells:
                 for name, kind in cell.results.items():
                     writer.add_topic(ros_topic(name, kind))
-            last = None
             with closing(read_ahead(reader.messages())) as messages, WriterBehind(writer) as behind:
-                for message in messages:
-                    if message.topic in produced:
-                        continue
-                    behind.write(*message)
+                for message, events in _walk(messages, cells):
+                    if message is not None:
+                        behind.write(*message)
+                        summary.passed += all(message.topic not in cell.inputs for cell in cells)
                     cleaned: list[Cleaned] = []
-                    if message.topic in by_input:
-                        cleaned = by_input[message.topic].take(message, behind)
-                    else:
-                        summary.passed += 1
+                    for event in events:
+                        if isinstance(event, Refusal):
+                            summary.refuse(event.reason)
+                        else:
+                            cleaned += _filter(event, job, summary, behind)
                     seen(message, cleaned)
-                    last = message
-                for cell in cells:
-                    if last is not None:
-                        seen(last, cell.finish(last, behind))
         summary.damage = reader.damage
     return summary
+
+
+def arrivals(
+    reader: RecordingReader,
+    job: Job,
+    *,
+    topics: tuple[str, ...] = (),
+    seen: Callable[[Message | None], None] = lambda message: None,
+) -> Iterator[Arrival | Refusal]:
+    """The clouds that `filter_recording` would filter, in their order; those of stacks are made first.
+
+    Args:
+        reader: the recording.
+        job: how stacks become clouds.
+        topics: which topics of clouds; none: `clouds_of`, and every stack.
+        seen: called after each message, None at the end.
+
+    Raises:
+        RecordingError: as `filter_recording`.
+    """
+    for message, events in _walk(reader.messages(), _cells(reader, topics, job)):
+        yield from events
+        seen(message)
+
+
+def measurements_of(reader: RecordingReader) -> dict[tuple[str, str], diagnostics.Status]:
+    """What a node, or an earlier run, said of each cloud: by namespace and stamp, as the measurement has it."""
+    found = {}
+    for message in reader.messages([name for name in reader.topics if _namespace(name, MEASUREMENT) is not None]):
+        status = diagnostics.Status.decode(message.data)
+        found[_namespace(message.topic, MEASUREMENT) or '', status.values.get('stamp', '')] = status
+    return found
 
 
 def clouds_of(reader: RecordingReader) -> tuple[str, ...]:
@@ -150,81 +216,105 @@ def stacks_of(reader: RecordingReader) -> tuple[str, ...]:
 class _Cell:
     """One namespace of the recording: what comes in, and what goes out beside it."""
 
-    def __init__(self, namespace: str, clouds: Iterable[str], stack: bool, job: Job, summary: Summary) -> None:
-        self._job, self._summary = job, summary
+    def __init__(self, namespace: str, clouds: Iterable[str], stack: bool, job: Job) -> None:
+        self._namespace = namespace
+        self._timeout = job.stack.timeout
         self._clouds = set(clouds)
-        self._filtered, self._mask, self._measurement = (
-            f'{namespace}/{name}' for name in (FILTERED, MASK, MEASUREMENT)
-        )
-        self._repaired = f'{namespace}/{REPAIRED}'
         self._frames, self._joints = f'{namespace}/{FRAMES}', f'{namespace}/{JOINT_STATES}'
-        self._points, self._image = f'{namespace}/{STACK_POINTS}', f'{namespace}/{STACK_IMAGE}'
         self._assembler = StackAssembler()
         self._assembler.configure(job.focus, job.stack)
         self._last_frame: Message | None = None
         self.inputs = {*self._clouds, *((self._frames, self._joints) if stack else ())}
-        self.replaced = {self._filtered, self._mask, self._measurement, self._repaired}
-        self.results = {self._filtered: point_cloud.TYPE, self._measurement: diagnostics.TYPE}
+        kinds = {FILTERED: point_cloud.TYPE, MEASUREMENT: diagnostics.TYPE}
         if job.output.mask:
-            self.results[self._mask] = image.TYPE
+            kinds[MASK] = image.TYPE
         if job.output.repaired:
-            self.results[self._repaired] = point_cloud.TYPE
+            kinds[REPAIRED] = point_cloud.TYPE
+        replaced = {FILTERED, MASK, MEASUREMENT, REPAIRED}
         if stack:
-            self.results |= {self._points: point_cloud.TYPE, self._image: image.TYPE}
-            self.replaced |= {self._points, self._image}
+            kinds |= {STACK_POINTS: point_cloud.TYPE, STACK_IMAGE: image.TYPE}
+            replaced |= {STACK_POINTS, STACK_IMAGE}
+        self.results = {f'{namespace}/{name}': kind for name, kind in kinds.items()}
+        self.replaced = {f'{namespace}/{name}' for name in replaced}
 
-    def take(self, message: Message, writer: WriterBehind) -> list[Cleaned]:
-        """Take in a message of this cell; what was filtered because of it."""
+    def take(self, message: Message) -> Iterator[Arrival | Refusal]:
+        """Take in a message of this cell; the clouds that came of it."""
         if message.topic in self._clouds:
-            return self._clean(message.data, message, writer)
-        cleaned: list[Cleaned] = []
-        timeout = self._job.stack.timeout
+            yield Arrival(self._namespace, message.topic, message.data, message)
+            return
         if message.topic == self._joints:
-            return self._handle(self._assembler.add_joint_state(message.data), message, writer)
+            yield from self._handle(self._assembler.add_joint_state(message.data), message)
+            return
         before = self._last_frame
-        if before is not None and 0 < timeout < (message.log_time - before.log_time) / 1e9:
-            cleaned += self._handle(self._assembler.finish(), before, writer)
+        if before is not None and 0 < self._timeout < (message.log_time - before.log_time) / 1e9:
+            yield from self._handle(self._assembler.finish(), before)
         self._last_frame = message
-        return cleaned + self._handle(self._assembler.add_frame(message.data), message, writer)
+        yield from self._handle(self._assembler.add_frame(message.data), message)
 
-    def finish(self, last: Message, writer: WriterBehind) -> list[Cleaned]:
+    def finish(self, last: Message) -> Iterator[Arrival | Refusal]:
         """Close the stack that runs at the end of the recording."""
-        return self._handle(self._assembler.finish(), last, writer) if self._assembler.running else []
+        if self._assembler.running:
+            yield from self._handle(self._assembler.finish(), last)
 
-    def _handle(self, events: Iterator[Event], message: Message, writer: WriterBehind) -> list[Cleaned]:
-        cleaned: list[Cleaned] = []
+    def _handle(self, events: Iterator[Event], message: Message) -> Iterator[Arrival | Refusal]:
         for event in events:
             if isinstance(event, Refusal):
-                self._summary.refuse(event.reason)
+                yield event
             elif not event.preview:
-                self._summary.stacks += 1
-                self._write(writer, message, {self._points: event.points, self._image: event.image})
-                cleaned += self._clean(event.points, message, writer)
-        return cleaned
-
-    def _clean(self, cloud: bytes, message: Message, writer: WriterBehind) -> list[Cleaned]:
-        """Filter one cloud; a refusal is counted with its reason, and ends nothing."""
-        try:
-            cleaned = clean(cloud, self._job.circle, self._job.output, self._job.repair)
-        except SocialCircleError as refusal:
-            self._summary.refuse(str(refusal))
-            return []
-        self._summary.clouds += 1
-        results = {self._filtered: cleaned.filtered, self._measurement: cleaned.status.encode()}
-        if cleaned.mask is not None:
-            results[self._mask] = cleaned.mask
-        if cleaned.repaired is not None:
-            results[self._repaired] = cleaned.repaired
-        self._write(writer, message, results)
-        return [cleaned]
-
-    @staticmethod
-    def _write(writer: WriterBehind, message: Message, results: dict[str, bytes]) -> None:
-        for name, data in results.items():
-            writer.write(name, data, message.log_time, message.publish_time, message.sequence)
+                yield Arrival(
+                    self._namespace,
+                    f'{self._namespace}/{STACK_POINTS}',
+                    event.points,
+                    message,
+                    event.image,
+                    event.warning,
+                )
 
 
-def _cells(reader: RecordingReader, topics: tuple[str, ...], job: Job, summary: Summary) -> list[_Cell]:
+def _walk(
+    messages: Iterable[Message], cells: Sequence[_Cell]
+) -> Iterator[tuple[Message | None, Iterator[Arrival | Refusal]]]:
+    """Each message that is no result of an earlier run, with what comes of it; None at the end."""
+    produced = {name for cell in cells for name in cell.replaced}
+    by_input = {name: cell for cell in cells for name in cell.inputs}
+    last = None
+    for message in messages:
+        if message.topic not in produced:
+            cell = by_input.get(message.topic)
+            yield message, cell.take(message) if cell is not None else iter(())
+            last = message
+    if last is not None:
+        for cell in cells:
+            yield None, cell.finish(last)
+
+
+def _filter(arrival: Arrival, job: Job, summary: Summary, writer: WriterBehind) -> list[Cleaned]:
+    """Filter one cloud and write what it gives; a refusal is counted with its reason, and ends nothing."""
+    results: dict[str, bytes] = {}
+    if arrival.image is not None:
+        summary.stacks += 1
+        if arrival.warning:
+            summary.warnings[arrival.warning] = summary.warnings.get(arrival.warning, 0) + 1
+        results = {STACK_POINTS: arrival.points, STACK_IMAGE: arrival.image}
+    cleaned: list[Cleaned] = []
+    try:
+        cleaned = [clean(arrival.points, job.circle, job.output, job.repair)]
+    except SocialCircleError as refusal:
+        summary.refuse(str(refusal))
+    for result in cleaned:
+        summary.clouds += 1
+        results |= {FILTERED: result.filtered, MEASUREMENT: result.status.encode()}
+        if result.mask is not None:
+            results[MASK] = result.mask
+        if result.repaired is not None:
+            results[REPAIRED] = result.repaired
+    of = arrival.message
+    for name, data in results.items():
+        writer.write(f'{arrival.namespace}/{name}', data, of.log_time, of.publish_time, of.sequence)
+    return cleaned
+
+
+def _cells(reader: RecordingReader, topics: tuple[str, ...], job: Job) -> list[_Cell]:
     """The namespaces that have clouds or stacks to filter.
 
     Raises:
@@ -235,13 +325,13 @@ def _cells(reader: RecordingReader, topics: tuple[str, ...], job: Job, summary: 
     for name in clouds:
         if name not in reader.topics or reader.topics[name].type != point_cloud.TYPE:
             raise RecordingError(f'{reader.path} has no topic {name} of clouds; it has: {_listed(reader)}.')
+        if name.rpartition('/')[2] in (FILTERED, REPAIRED):
+            raise RecordingError(f'{name} is a result of this filter; filter the clouds that it came from.')
     if not clouds and not stacks:
         raise RecordingError(
             f'{reader.path} has neither clouds ({point_cloud.TYPE}) nor frames (stack/image); it has:'
             f' {_listed(reader)}.'
         )
-        if name.rpartition('/')[2] in (FILTERED, REPAIRED):
-            raise RecordingError(f'{name} is a result of this filter; filter the clouds that it came from.')
     by_namespace: dict[str, list[str]] = {namespace: [] for namespace in stacks}
     for name in clouds:
         by_namespace.setdefault(name.rpartition('/')[0], []).append(name)
@@ -251,9 +341,7 @@ def _cells(reader: RecordingReader, topics: tuple[str, ...], job: Job, summary: 
                 f'{" and ".join(names)} are in one namespace, so that their results would mix; filter one'
                 ' at a time.'
             )
-    return [
-        _Cell(namespace, names, namespace in stacks, job, summary) for namespace, names in by_namespace.items()
-    ]
+    return [_Cell(namespace, names, namespace in stacks, job) for namespace, names in by_namespace.items()]
 
 
 def _namespace(topic: str, name: str) -> str | None:

@@ -34,6 +34,12 @@ def test_height_maps_become_clouds_in_the_order_given(run, tmp_path):
         (['frames', '-o', 'x.mcap'], 1, 'frames does not exist'),
         (['cut.npz', '-o', 'x.mcap'], 1, 'cut.npz is not an .npz archive'),
         (['good.npz', '-o', 'x.mcap', '--period', '0'], 2, 'must be above 0'),
+        (
+            ['good.npz', '-o', 'x.mcap', '--pitch', '1e-6'],
+            1,
+            '--pitch and --z-step are for focus stacks, and good.npz',
+        ),
+        (['nowhere.npz', '-o', 'x.mcap', '--pitch', '1e-6'], 1, 'nowhere.npz does not exist'),
         (['-o', 'x.mcap'], 2, 'Missing argument'),
     ],
 )

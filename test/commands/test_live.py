@@ -80,6 +80,8 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
         (['play', 'nowhere.mcap'], 1, 'nowhere.mcap'),
         (['play', BAGS / 'parts.mcap', '--rate', '0'], 2, 'must be above 0'),
         (['play', BAGS / 'parts.mcap', '--topic', '/nowhere'], 1, 'has no topic /nowhere'),
+        (['play', BAGS / 'parts.mcap', '--namespace', 'bad x'], 2, "'bad x' is no name for topics"),
+        (['play', BAGS / 'parts.mcap', '--namespace', '1st'], 2, 'no digit in front'),
         (['record', '-o', 'no/folder/x.mcap'], 1, 'no/folder'),
         (['demo', 'nowhere.npz'], 1, 'nowhere.npz does not exist'),
         (['demo', 'nowhere.mcap'], 1, 'nowhere.mcap'),
@@ -87,9 +89,11 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
         (['node', '--ros-args', '-p', 'circle.window:=4'], 1, 'circle.window'),
         (['node', 'circle.window:=5'], 2, 'arguments for ROS follow --ros-args'),
         (['node', '--ros-args', '--params-file', 'nowhere.yaml'], 1, 'nowhere.yaml'),
+        (['node', '--ros-args', '--params-file', 'notes.txt'], 1, 'notes.txt holds no parameters'),
     ],
 )
-def test_an_error_is_one_sentence(run, arguments, code, sentence):
+def test_an_error_is_one_sentence(run, tmp_path, arguments, code, sentence):
+    (tmp_path / 'notes.txt').write_text('Remember the milk.\n')
     done = run(*arguments)
     assert done.code == code, done.err
     assert sentence in done.err
@@ -109,7 +113,7 @@ def test_a_type_that_is_not_installed_is_left_out_and_told(run, tmp_path):
     assert done.code == 0, done.err
     assert "Not played: /odd: Type 'odd_msgs/msg/Odd' is not installed here" in done.err
     assert 'Nobody listens to /odd/mask' in done.err
-    assert '1 messages played' in done.out
+    assert '1 message played' in done.out
 
 
 def test_recording_nothing_says_so(run):
@@ -130,6 +134,9 @@ def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
         if line.startswith(('metal_groove', 'parts', 'padded', 'stack'))
     ]
     assert len(rows) == 12
+    measured = {row[0]: (int(row[2]), int(row[3])) for row in rows if row[0] in ('parts', 'padded')}
+    assert measured == {'parts': (19200, 19200), 'padded': (10800, measured['padded'][1])}
+    assert measured['padded'][1] < 10800
     assert all(float(row[-1]) > 0.99 and float(row[-2]) > 0.99 for row in rows if row[0] != 'stack')
     topics, messages = contents(tmp_path / 'out/demo/metal_groove_cleaned.mcap')
     assert {'/points', '/points_filtered', '/outlier_mask', '/social_circle/measurement'} == set(topics)
@@ -158,6 +165,25 @@ def test_the_demo_goes_on_after_a_cloud_that_is_refused(run, tmp_path):
     assert done.code == 0, done.err
     assert 'refused' in done.out
     assert (tmp_path / 'out/demo/mixed.png').exists()
+
+
+def test_a_replay_does_not_wait_for_who_listens_to_what_nobody_wants(run, tmp_path):
+    with started(tmp_path, 'record', '/wanted/points', '-o', 'again.mcap') as recorder:
+        # Far longer than `run` waits for the whole.
+        done = run('play', BAGS / 'parts.mcap', '--namespace', '/wanted', '--rate', '8', '--wait', '3600')
+        assert done.code == 0, done.err
+        assert 'Nobody listens to /wanted/truth/outlier_mask; playing anyway' in done.err
+    assert '8 messages written' in recorder.output[0]
+
+
+def test_a_replay_ended_by_its_supervisor_says_nothing_odd(tmp_path):
+    with started(tmp_path, 'play', BAGS / 'parts.mcap', '--loop', '--wait', '0', '--namespace', '/term') as player:
+        assert 'Nobody listens to' in player.stderr.readline()
+        player.send_signal(signal.SIGTERM)
+        player.wait(60)
+    assert player.returncode == 0
+    assert 'messages played' in player.output[0]
+    assert 'Traceback' not in player.output[1]
 
 
 def test_ctrl_c_ends_a_replay_in_a_loop(tmp_path):

@@ -18,11 +18,22 @@ def test_a_simulated_stack_is_filtered_with_the_parameters_beside_it(run, tmp_pa
     assert '20 frames of 40×50 pixels' in done.out
     filtered = run('filter', 'flat.mcap', '--params-file', 'flat.yaml', '-o', 'cleaned.mcap')
     assert filtered.code == 0, filtered.err
-    assert '1 stacks became clouds; 1 clouds filtered' in filtered.out
+    assert '1 focus stack measured; 1 cloud filtered, ' in filtered.out
     messages = contents(tmp_path / 'cleaned.mcap')
     depth = PointCloud.decode(messages['/stack/points']).xyz()[..., 2]
     truth = PointCloud.decode(messages['/truth/surface']).xyz()[..., 2]
     assert np.nanmedian(np.abs(depth - truth)) < 0.5e-6
+
+
+def test_a_stack_that_was_cut_short_is_told(run, tmp_path):
+    run('simulate', 'flat', '-o', 'flat.mcap', '--size', '40', '50', '--frames', '20', '--seed', '2')
+    given = ('flat.mcap', '--params-file', 'flat.yaml', '-p', 'stack.frames:=25')
+    filtered = run('filter', *given, '-o', 'cleaned.mcap')
+    assert filtered.code == 0, filtered.err
+    assert 'Warning: A stack ended after 20 frames, where stack.frames says 25' in filtered.err
+    pytest.importorskip('matplotlib')
+    assert '1 measurement with warnings' in run('report', *given).err
+    assert 'A stack ended after 20 frames' in (tmp_path / 'report.html').read_text()
 
 
 def test_the_same_seed_gives_the_same_recording(run, tmp_path):
@@ -40,7 +51,7 @@ def test_a_real_or_imported_stack_needs_its_pitch_and_step(run, tmp_path):
     done = run('import', 's.npz', '-o', 's.mcap', '--pitch', '2e-6', '--z-step', '1e-5')
     assert done.code == 0, done.err
     filtered = run('filter', 's.mcap', '--params-file', 's.yaml', '-o', 'cleaned.mcap')
-    assert '1 stacks became clouds' in filtered.out
+    assert '1 focus stack measured; ' in filtered.out
     assert PointCloud.decode(contents(tmp_path / 'cleaned.mcap')['/stack/points']).xyz()[0, 1, 0] == np.float32(
         2e-6
     )

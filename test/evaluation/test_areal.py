@@ -38,3 +38,11 @@ def test_the_plane_is_that_of_the_measured_points():
 
 def test_nothing_measured_has_no_texture():
     assert math.isnan(texture(np.full((3, 3), np.nan)).sz)
+
+
+@pytest.mark.parametrize('kept', [np.s_[7:8, :], np.s_[:, 9:10]])
+def test_a_single_row_or_column_has_no_slope_across(kept):
+    heights = np.full(ROWS.shape, np.nan)
+    heights[kept] = (2 * ROWS + 3 * COLUMNS)[kept]
+    found = texture(heights)
+    assert (found.sa, found.sq, found.sz) == pytest.approx((0, 0, 0), abs=1e-9)

@@ -3,10 +3,11 @@
 import csv
 import io
 import math
+from dataclasses import replace
 from html.parser import HTMLParser
 
 from socialcircle_ros.evaluation.page import render
-from socialcircle_ros.evaluation.report import Column, Picture, Section, Table
+from socialcircle_ros.evaluation.report import Beside, Column, Panels, Picture, Section, Table
 
 TABLE = Table(
     'numbers',
@@ -44,7 +45,16 @@ class _Tags(HTMLParser):
 
 def test_the_page_is_whole_escaped_and_needs_no_other_file():
     sections = [
-        Section('Head & shoulders', ['5 < 6'], ['found <this>'], [TABLE, Picture('p', b'\x89PNG', 'a "caption"')])
+        Section('Head & shoulders', ['5 < 6'], ['found <this>'], [TABLE, Picture('p', b'\x89PNG', 'a "caption"')]),
+        Section(
+            'One',
+            items=[
+                Panels([('before & after', b'\x89PNG')], 1.5, ('0', '1 <m>', b'\x89PNG')),
+                Beside([Table('', '', [Column(''), Column('')], [['<b>', 1]])]),
+            ],
+            warnings=['look & <see>'],
+            anchor='one',
+        ),
     ]
     page = render('Title', ['Introduction'], sections)
     tags = _Tags()
@@ -57,6 +67,20 @@ def test_the_page_is_whole_escaped_and_needs_no_other_file():
         '1 &lt; 2',
         'found &lt;this&gt;',
         '5 &lt; 6',
+        'before &amp; after',
+        '1 &lt;m&gt;',
+        '&lt;b&gt;',
+        'look &amp; &lt;see&gt;',
     ):
         assert text in page
     assert page.index('found &lt;this&gt;') < page.index('Head &amp; shoulders')
+
+
+def test_rows_lead_to_the_sections_of_their_names():
+    page = render(
+        'Title', [], [Section('All', items=[replace(TABLE, links=['x', 'y'])]), Section('Y', anchor='y')]
+    )
+    tags = _Tags()
+    tags.feed(page)
+    assert tags.links == ['#x', '#y']
+    assert '<section class="sheet" id="y">' in page

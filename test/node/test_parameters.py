@@ -102,6 +102,23 @@ def test_what_is_saved_starts_a_node_with_the_same_parameters(start_cell, tmp_pa
     assert second.get('parameters_file') == str(path)
 
 
+def test_what_is_saved_binds_to_no_namespace_but_for_the_qos_of_whole_topics(start_cell, tmp_path):
+    plain = start_cell({'parameters_file': str(tmp_path / 'plain.yaml')})
+    assert plain.trigger('save_parameters').success
+    assert set(yaml.safe_load((tmp_path / 'plain.yaml').read_text())) == {'/**'}
+    name = 'qos_overrides./camera/points.subscription.reliability'
+    file = str(tmp_path / 'own.yaml')
+    remapped = ('-r', 'points:=/camera/points')
+    heard = start_cell({'parameters_file': file, name: 'best_effort'}, remapped, active=False)
+    heard.wait_for_state('active')
+    assert heard.trigger('save_parameters').success
+    saved = yaml.safe_load((tmp_path / 'own.yaml').read_text())
+    assert not any(name.startswith('qos_overrides') for name in saved['/**']['ros__parameters'])
+    assert saved[heard.name] == {'ros__parameters': {name: 'best_effort'}}
+    elsewhere = start_cell(arguments=('--params-file', file))
+    assert elsewhere.get('parameters_file') == file
+
+
 @pytest.mark.parametrize('path', ['/proc/nowhere/tuned.yaml', '~nobody_here/tuned.yaml', '.'])
 def test_a_file_that_cannot_be_written_is_told(cell, path):
     cell.set(parameters_file=path)

@@ -14,7 +14,7 @@ from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
 from socialcircle_ros.pipeline import clean
 from socialcircle_ros.recording import RecordingWriter, Topic, open_recording, ros_topic
-from socialcircle_ros.recording.offline import Job, filter_recording
+from socialcircle_ros.recording.offline import Job, arrivals, filter_recording
 from socialcircle_ros.settings import OutputSettings
 
 OTHER = Topic('/cell/notes', 'odd_msgs/msg/Note', b'string text\n', 'ros2msg', 'cdr', {'by': 'someone'})
@@ -176,3 +176,22 @@ def test_shipped_recordings_are_filtered_nearly_without_error(request):
                 .all(axis=1)
                 .any()
             )
+
+
+def test_a_result_of_the_filter_is_not_filtered_again(tmp_path):
+    run(night(tmp_path / 'night.mcap'), tmp_path / 'cleaned.mcap')
+    with pytest.raises(RecordingError, match='points_filtered is a result of this filter'):
+        run(tmp_path / 'cleaned.mcap', tmp_path / 'again.mcap', topics=('/cell/points_filtered',))
+
+
+def test_the_clouds_that_would_be_filtered_come_in_their_order_with_their_messages(tmp_path):
+    source = night(tmp_path / 'night.mcap')
+    seen = []
+    with open_recording(source) as reader:
+        clouds = list(arrivals(reader, Job(), seen=seen.append))
+        messages = list(reader.messages())
+    assert [cloud.message for cloud in clouds] == [m for m in messages if m.topic == '/cell/points']
+    assert [(cloud.namespace, cloud.topic, cloud.image) for cloud in clouds] == [
+        ('/cell', '/cell/points', None)
+    ] * 3
+    assert seen == [*messages, None]

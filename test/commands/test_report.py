@@ -1,0 +1,91 @@
+"""`socialcircle report`."""
+
+import html
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('matplotlib')
+
+from examples import cloud
+
+from socialcircle_ros.messages import point_cloud
+from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+
+
+def text_of(path):
+    return html.unescape(re.sub(r'<style>.*?</style>|<[^>]+>', ' ', path.read_text(), flags=re.DOTALL))
+
+
+def test_the_page_shows_each_cloud_and_needs_no_other_file(run, tmp_path):
+    done = run('report', BAGS / 'parts.mcap', '-o', 'new/folder/parts.html')
+    assert done.code == 0, done.err
+    assert '8 measurements, 14680 of 153600 measured points are outliers' in done.out
+    page = (tmp_path / 'new/folder/parts.html').read_text()
+    assert all(source.startswith('data:') for source in re.findall(r'src="([^"]*)"', page))
+    for number in range(8):
+        assert f'/points {number} – 2023-11-14' in page
+    assert page.count('<th class="words">') > 0
+    assert len(re.findall(r'precision', page)) == 8
+
+
+def test_a_focus_stack_is_a_measurement_too(run, tmp_path):
+    done = run('report', BAGS / 'stack.mcap', '--params-file', BAGS / 'stack.yaml')
+    assert done.code == 0, done.err
+    assert '1 measurement,' in done.out
+    text = text_of(tmp_path / 'report.html')
+    assert '/stack/points 0' in text
+    assert re.search(r'stack\.frames\s+32\s+0\s+frames\s+changed', text)
+
+
+def test_what_the_node_of_the_recording_did_otherwise_is_told(run, tmp_path):
+    run('filter', BAGS / 'padded.mcap', '-o', 'cleaned.mcap', '-p', 'circle.radius_scale:=3.0')
+    done = run('report', 'cleaned.mcap')
+    assert done.code == 0, done.err
+    assert '2 measurements with warnings' in done.err
+    assert 'The node that was recorded had circle.radius_scale 3.0 (here 1.0)' in text_of(tmp_path / 'report.html')
+
+
+def test_clouds_that_are_refused_are_told_and_the_others_shown(run, tmp_path):
+    with RecordingWriter(tmp_path / 'mixed.mcap') as writer:
+        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        for number, points in enumerate((cloud(1, 9), cloud(), cloud(1, 9))):
+            writer.write('/points', points, number)
+    done = run('report', 'mixed.mcap')
+    assert done.code == 0, done.err
+    assert '1 measurement,' in done.out
+    assert 'Refused, 2 times: The cloud is not organized' in done.err
+    text = text_of(tmp_path / 'report.html')
+    assert 'Refused, 2 times: The cloud is not organized' in text
+    assert '/points 1 –' in text
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        (['nowhere.mcap'], 'nowhere.mcap'),
+        ([BAGS / 'stack.mcap'], 'stack.pitch_x is not set'),
+        ([BAGS / 'parts.mcap', '-o', '.'], 'is a directory'),
+        ([BAGS / 'parts.mcap', '-o', '/proc/nowhere/x.html'], '/proc/nowhere cannot be written'),
+        ([BAGS / 'parts.mcap', '-p', 'circle.window:=4'], 'circle.window must be odd'),
+        ([BAGS / 'parts.mcap', '--topic', '/nowhere'], 'has no topic /nowhere'),
+    ],
+)
+def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, arguments, sentence):
+    done = run('report', *arguments)
+    assert done.code == 1, done.err
+    assert sentence in done.err
+    assert 'Traceback' not in done.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_results_of_an_earlier_run_are_no_measurements(run, tmp_path):
+    run('filter', BAGS / 'padded.mcap', '-o', 'cleaned.mcap')
+    done = run('report', 'cleaned.mcap')
+    assert done.code == 0, done.err
+    assert '2 measurements,' in done.out
+    with open_recording(tmp_path / 'cleaned.mcap') as reader:
+        assert '/points_filtered' in reader.topics

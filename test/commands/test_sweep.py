@@ -1,0 +1,175 @@
+"""`socialcircle sweep`."""
+
+import csv
+import html
+import json
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('matplotlib')
+
+from examples import cloud
+
+from socialcircle_ros.messages import point_cloud
+from socialcircle_ros.recording import RecordingWriter, ros_topic
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+GRID = ('sweep', BAGS / 'parts.mcap', '--param', 'circle.radius_scale=0.5:1.5:0.5', '--clouds', '3')
+
+
+def page_of(folder):
+    page = (folder / 'sweep.html').read_text()
+    assert all(source.startswith('data:') for source in re.findall(r'src="([^"]*)"', page))
+    return html.unescape(re.sub(r'<style>.*?</style>|<[^>]+>', ' ', page, flags=re.DOTALL))
+
+
+def rows_of(folder):
+    with (folder / 'sweep.csv').open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def unknown(tmp_path):
+    """A recording that knows no truth."""
+    with RecordingWriter(tmp_path / 'night.mcap') as writer:
+        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        for number in range(3):
+            writer.write('/points', cloud(seed=number, stamp=number), number)
+        writer.write('/points', cloud(1, 9), 9)
+    return tmp_path / 'night.mcap'
+
+
+def test_a_grid_is_tried_against_the_truth_and_the_best_can_be_loaded(run, tmp_path):
+    done = run(*GRID)
+    assert done.code == 0, done.err
+    assert '3 trials on 3 clouds, against the truth.' in done.out
+    assert 'Best: circle.radius_scale 1.0: F1 1.0' in done.out
+    folder = tmp_path / 'out/sweep'
+    rows = rows_of(folder)
+    assert {row['circle.radius_scale'] for row in rows} == {'0.5', '1.0', '1.5'}
+    scores = [float(row['F1']) for row in rows]
+    assert scores == sorted(scores, reverse=True)
+    assert float(rows[-1]['F1']) < 0.9
+    text = page_of(folder)
+    assert 'the harmonic mean of precision' in text
+    assert 'Best of 3 trials: circle.radius_scale 1.0, with F1 1.0' in text
+    filtered = run('filter', BAGS / 'padded.mcap', '-o', 'x.mcap', '--params-file', folder / 'best.yaml')
+    assert filtered.code == 0, filtered.err
+
+
+def test_without_a_truth_the_page_states_what_it_was_scored_by(run, tmp_path, unknown):
+    done = run('sweep', unknown, '--param', 'circle.radius_scale=0.01,1,100', '-p', 'circle.window:=5')
+    assert done.code == 0, done.err
+    assert '3 trials on 3 clouds, against a criterion' in done.out
+    assert 'Refused: The cloud is not organized' in done.err
+    text = page_of(tmp_path / 'out/sweep')
+    assert 'further than 5 robust standard deviations' in text
+    assert 'It stands in for the truth' in text
+    best = (tmp_path / 'out/sweep/best.yaml').read_text()
+    assert 'circle.radius_scale: 1.0' in best
+    assert 'circle.window: 5' in best
+
+
+def test_a_best_setting_at_the_end_of_a_range_is_pointed_out(run, tmp_path):
+    done = run(
+        'sweep',
+        BAGS / 'padded.mcap',
+        '--param',
+        'circle.radius_scale=0.2:0.6:0.2',
+        '-p',
+        'circle.radius_scale:=0.4',
+    )
+    assert done.code == 0, done.err
+    assert 'best at the end of what was tried, 0.6' in page_of(tmp_path / 'out/sweep')
+
+
+def test_a_run_that_was_interrupted_goes_on_with_what_is_left(run, tmp_path):
+    assert run(*GRID).code == 0
+    folder = tmp_path / 'out/sweep'
+    whole = rows_of(folder)
+    lines = (folder / 'trials.jsonl').read_text().splitlines(keepends=True)
+    (folder / 'trials.jsonl').write_text(''.join(lines[:3]) + lines[3][:10])
+    done = run(*GRID)
+    assert done.code == 0, done.err
+    assert f'2 trials of an earlier run taken from {Path("out/sweep/trials.jsonl")}' in done.err
+    timeless = [{name: value for name, value in row.items() if name != 'time [ms]'} for row in whole]
+    assert [{name: row[name] for name in row if name != 'time [ms]'} for row in rows_of(folder)] == timeless
+    assert (folder / 'trials.jsonl').read_text().splitlines(keepends=True)[:3] == lines[:3]
+
+
+def test_ctrl_c_keeps_what_is_finished(tmp_path):
+    command = [sys.executable, '-m', 'socialcircle_ros.commands.main', *map(str, GRID[:3])]
+    command.append('circle.radius_scale=0.5:3:0.001')
+    trials = tmp_path / 'out/sweep/trials.jsonl'
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+        for _ in range(10_000):
+            if trials.exists() and trials.read_text().count('\n') > 3:
+                break
+            try:
+                process.wait(0.02)
+            except subprocess.TimeoutExpired:
+                continue
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert 'the same command goes on' in err
+    assert 'Traceback' not in err
+    finished = [json.loads(line) for line in trials.read_text().splitlines()]
+    assert 3 <= len(finished) - 1 < 2501
+
+
+def test_a_search_needs_no_step(run, tmp_path):
+    pytest.importorskip('optuna')
+    search = (
+        'sweep',
+        BAGS / 'padded.mcap',
+        '--param',
+        'circle.radius_scale=0.5:3',
+        '--param',
+        'circle.window=3,5',
+    )
+    done = run(*search, '--search', '6')
+    assert done.code == 0, done.err
+    assert '6 trials on 2 clouds' in done.out
+    more = run(*search, '--search', '8')
+    assert '6 trials of an earlier run' in more.err
+    assert len(rows_of(tmp_path / 'out/sweep')) == 8
+
+
+def test_a_parameter_of_the_focus_measures_the_stack_anew(run, tmp_path):
+    done = run(
+        'sweep', BAGS / 'stack.mcap', '--params-file', BAGS / 'stack.yaml', '--param', 'focus.half_window=1,4'
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    assert '2 trials on 1 cloud, against the truth' in done.out
+    one, other = rows_of(tmp_path / 'out/sweep')
+    assert one['Sq after'] != other['Sq after']
+    best = (tmp_path / 'out/sweep/best.yaml').read_text()
+    assert 'stack.pitch_x: 1.0e-06' in best
+    assert 'focus.half_window: ' in best
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        (['nowhere.mcap', '--param', 'circle.window=3'], 'nowhere.mcap'),
+        ([BAGS / 'parts.mcap', '--param', 'circle.window=4'], 'circle.window must be odd'),
+        ([BAGS / 'parts.mcap', '--param', 'circle.radius_scale=1:2'], 'or search with --search 50'),
+        ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-o', '/proc/x'], '/proc/x cannot be written'),
+        ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-p', 'circle.radius:=-1'], 'circle.radius'),
+        ([BAGS / 'stack.mcap', '--param', 'circle.window=3'], 'stack.pitch_x is not set'),
+        ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-o', 'other'], 'holds trials on other clouds'),
+    ],
+)
+def test_an_error_is_one_sentence(run, tmp_path, arguments, sentence):
+    (tmp_path / 'other').mkdir()
+    (tmp_path / 'other/trials.jsonl').write_text('{"sweep": "of something else"}\n')
+    done = run('sweep', *arguments)
+    assert done.code == 1, done.err
+    assert sentence in done.err
+    assert 'Traceback' not in done.err

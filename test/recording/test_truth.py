@@ -1,0 +1,60 @@
+"""What a recording knows of the truth."""
+
+from pathlib import Path
+
+import numpy as np
+from examples import cloud
+
+from socialcircle_ros.messages import image, point_cloud
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
+from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
+from socialcircle_ros.recording.truth import truths_of
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+NAME = '/cell/truth/outlier_mask'
+
+
+def truth_of(path, points, namespace=''):
+    with open_recording(path) as reader:
+        return truths_of(reader)(namespace, points)
+
+
+def recorded_mask(path, mask, stamp):
+    with RecordingWriter(path) as writer:
+        writer.add_topic(ros_topic(NAME, image.TYPE))
+        writer.write(NAME, image.encode_image(Header.at(stamp, ''), mask), stamp)
+    return path
+
+
+def test_a_mask_belongs_to_the_cloud_of_its_namespace_and_stamp(tmp_path):
+    mask = np.zeros((70, 80), np.uint8)
+    mask[10, 12], mask[20, 0] = 255, 127
+    path = recorded_mask(tmp_path / 'night.mcap', mask, 5)
+    truth = truth_of(path, cloud(stamp=5), '/cell')
+    assert np.argwhere(truth.outlier).tolist() == [[10, 12]]
+    assert np.argwhere(~truth.counted).tolist() == [[20, 0]]
+    assert truth_of(path, cloud(stamp=6), '/cell') is None
+    assert truth_of(path, cloud(stamp=5), '/other') is None
+
+
+def test_a_mask_of_another_size_says_nothing(tmp_path):
+    path = recorded_mask(tmp_path / 'night.mcap', np.zeros((7, 8), np.uint8), 5)
+    assert truth_of(path, cloud(stamp=5), '/cell') is None
+
+
+def test_a_simulated_stack_is_judged_by_its_distance_to_the_true_surface():
+    with open_recording(BAGS / 'stack.mcap') as reader:
+        surface = next(message.data for message in reader.messages(['/truth/surface']))
+    perfect = PointCloud.decode(surface).xyz().copy()
+    perfect[20, 30, 2] += 1e-3
+    truth = truth_of(BAGS / 'stack.mcap', encode_point_cloud(Header.at(1, ''), perfect))
+    assert np.argwhere(truth.outlier).tolist() == [[20, 30]]
+    assert truth.counted.all()
+
+
+def test_without_a_word_of_it_nothing_is_known(tmp_path):
+    with RecordingWriter(tmp_path / 'night.mcap') as writer:
+        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        writer.write('/points', cloud(), 1)
+    assert truth_of(tmp_path / 'night.mcap', cloud()) is None

@@ -1,0 +1,86 @@
+"""docs/tutorial.md: every command in it is run, in its order, in one shell."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from launching.stand_in import commands
+
+from socialcircle_ros.commands.main import COMMANDS
+
+TOP = Path(__file__).resolve().parents[1]
+BLOCKS = re.findall(
+    r'^```(\w+)(?: (\w+))?\n(.*?)^```$', (TOP / 'docs/tutorial.md').read_text(), re.MULTILINE | re.DOTALL
+)
+
+PAGES_THAT_STAY_OPEN = ('tune',)
+"""Commands that serve until Ctrl-C: their help is asked for, where they are there."""
+
+
+def lines(language, mark=''):
+    return [
+        line for found, label, text in BLOCKS if (found, label) == (language, mark) for line in text.splitlines()
+    ]
+
+
+def runnable(line):
+    words = shlex.split(line)
+    if words[0] == 'socialcircle' and words[1] in PAGES_THAT_STAY_OPEN:
+        return f'{line} --help' if words[1] in COMMANDS else ': not there yet'
+    return line
+
+
+def test_every_block_is_of_a_kind_that_is_run():
+    assert {(language, mark) for language, mark, _ in BLOCKS} == {('sh', 'install'), ('sh', ''), ('ros', '')}
+
+
+def test_what_installs_is_there():
+    make, activate = lines('sh', 'install')
+    assert make == 'make'
+    assert activate == '. .venv/bin/activate'
+    command = [shutil.which('make') or 'make', '--dry-run', '--always-make']
+    done = subprocess.run(command, cwd=TOP, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert '-m venv --clear  .venv' in done.stdout.replace('--system-site-packages', '')
+
+
+def test_the_launch_files_take_these_arguments():
+    for line in lines('ros'):
+        (
+            *ros2,
+            file,
+        ) = shlex.split(line)[:4]
+        assert ros2 == ['ros2', 'launch', 'socialcircle_ros']
+        given = dict(argument.split(':=') for argument in shlex.split(line)[4:])
+        declared = re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", (TOP / 'launch' / file).read_text())
+        assert set(given) <= set(declared)
+        assert commands(TOP / 'launch' / file, given)
+
+
+@pytest.mark.live
+def test_the_commands_work_one_after_the_other(tmp_path):
+    pytest.importorskip('rclpy', reason='the tutorial needs ROS 2')
+    pytest.importorskip('optuna')
+    pytest.importorskip('matplotlib')
+    tools = tmp_path / 'tools'
+    tools.mkdir()
+    ours = tools / 'socialcircle'
+    ours.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m socialcircle_ros.commands.main "$@"\n')
+    ours.chmod(0o755)
+    work = tmp_path / 'work'
+    work.mkdir()
+    script = '\n'.join(['set -e', 'set -x', *map(runnable, lines('sh'))])
+    environment = os.environ | {'PATH': f'{tools}{os.pathsep}{os.environ["PATH"]}'}
+    done = subprocess.run(
+        [shutil.which('bash') or '/bin/bash', '-c', script],
+        cwd=work, env=environment, capture_output=True, text=True, timeout=900, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert 'Traceback' not in done.stderr
+    for page in ('before.html', 'after.html', 'night.html', 'sweep/sweep.html', 'search/sweep.html'):
+        assert (work / 'out' / page).stat().st_size > 10_000
