@@ -72,19 +72,19 @@ def before_and_after(
 _PIXELS = 800  # along the longer side of one panel
 
 
-def _step(shape: tuple[int, ...]) -> int:
-    return max(1, -(-max(shape[:2]) // _PIXELS))
+def _step(shape: tuple[int, ...], pixels: int) -> int:
+    return max(1, -(-max(shape[:2]) // pixels))
 
 
-def thinned(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Every so many rows and columns, so that what remains fits into one panel."""
-    step = _step(values.shape)
+def thinned(values: npt.NDArray[Any], pixels: int = _PIXELS) -> npt.NDArray[Any]:
+    """Every so many rows and columns, so that what remains is at most `pixels` along its longer side."""
+    step = _step(values.shape, pixels)
     return values[::step, ::step]
 
 
-def any_in_tile(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def any_in_tile(mask: npt.NDArray[np.bool_], pixels: int = _PIXELS) -> npt.NDArray[np.bool_]:
     """Thinned like the picture, True where any point of the tile is."""
-    step = _step(mask.shape)
+    step = _step(mask.shape, pixels)
     rows, columns = (np.arange(0, extent, step) for extent in mask.shape)
     by_row: npt.NDArray[np.bool_] = np.logical_or.reduceat(mask, rows, axis=0)
     return np.logical_or.reduceat(by_row, columns, axis=1)
