@@ -118,7 +118,7 @@ def _widget(gui: Any, row: Descriptor, value: RosValue, asked: Asked, complained
             return _Plain(slider, asked, _DRAGGED)
     if row.kind is Kind.TEXT:
         return _Plain(gui.add_text(label, str(value), hint=hint), asked, _TYPED)
-    return _Number(gui, row, label, hint, value, asked, complained)
+    return NumberWidget(gui, row, label, hint, value, asked, complained)
 
 
 class _Plain:
@@ -137,7 +137,7 @@ class _Plain:
             self._handle.disabled = not enabled
 
 
-class _Number:
+class NumberWidget:
     """Numbers as text, because a length may be 1.25e-6; above it a slider, where a range says where to look.
 
     A range of lengths says what is possible, not what is sensible: only numbers without a unit get a slider.
@@ -161,10 +161,10 @@ class _Number:
         if row.kind is Kind.REAL and not row.unit and low is not None and high is not None and high > low:
             self._logarithmic = low > 0 and high / low >= 10**_DECADES
             first, last = self._place(low), self._place(high)
-            marks = (low, math.sqrt(low * high), high) if self._logarithmic else (low, high)
+            # Without a label, page.css hides the slider's own number, which would be a power of ten.
             self._slider = gui.add_slider(
                 '', first, last, (last - first) / _MOST_STEPS, self._place(value), hint=hint,
-                marks=tuple((self._place(mark), f'{mark:g}') for mark in marks),
+                marks=_decades(first, last) if self._logarithmic else ((low, f'{low:g}'), (high, f'{high:g}')),
             )  # fmt: skip
 
             def dragged(event: Any) -> None:
@@ -188,6 +188,7 @@ class _Number:
         self._text.on_update(typed)
 
     def show(self, value: RosValue) -> None:
+        """Show the value that is in force."""
         try:
             same = value_of(self._text.value, self._row) == value
         except SettingError:
@@ -198,6 +199,7 @@ class _Number:
             self._slider.value = self._place(value)
 
     def enable(self, enabled: bool) -> None:
+        """Let it be moved or not."""
         for handle in (self._text, self._slider):
             if handle is not None and handle.disabled == enabled:
                 handle.disabled = not enabled
@@ -212,6 +214,13 @@ class _Number:
         """The value of a place, to three digits: a slider is not finer."""
         value = 10.0**place if self._logarithmic else place
         return min(max(float(f'{value:.3g}'), self._row.low or 0.0), self._row.high or 0.0)
+
+
+def _decades(first: float, last: float) -> tuple[tuple[float, str], ...]:
+    """Marks at the powers of ten between two; where there are many, every other has its number."""
+    powers = range(math.ceil(first), math.floor(last) + 1)
+    every = 1 if len(powers) <= 5 else 2
+    return tuple((float(power), f'{10.0**power:g}' if power % every == 0 else '') for power in powers)
 
 
 def text_of(value: RosValue) -> str:

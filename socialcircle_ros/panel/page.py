@@ -18,8 +18,8 @@ from . import colours, markup
 from .changes import Changes
 from .clouds import RecordedClouds
 from .comparison import Comparison, Side, compare
-from .controls import Controls
-from .link import Answer, Event, Link, Presence, Snapshot
+from .controls import Controls, NumberWidget
+from .link import Answer, Descriptor, Event, Kind, Link, Presence, Snapshot
 from .presets import Presets
 from .view import SIDE, View, height_picture, mask_picture, view
 
@@ -31,7 +31,7 @@ _IN_FORCE = 'in force now'
 _NO_PRESET = 'none saved yet'
 _PREVIOUS, _NEXT = '◀ previous', 'next ▶'
 _LOG_LINES = 60
-_MOST_STRETCH = 5  # powers of ten
+_STRETCH = Descriptor('z scale', Kind.REAL, 'How many times heights are stretched.', low=1.0, high=1e5)
 _EMPTY = np.zeros((24, 32, 3), np.uint8)
 
 
@@ -116,13 +116,9 @@ class Page:
         gui.set_panel_label('Social circle')
         server.scene.set_up_direction('+z')
         server.scene.world_axes.visible = False
-        server.initial_camera.position = (0.0, -1.05 * SIDE, 0.85 * SIDE)
+        server.initial_camera.position = (0.0, -1.25 * SIDE, 1.0 * SIDE)
         server.initial_camera.look_at = (0.0, 0.0, 0.0)
         server.initial_camera.fov = 0.75
-        self._grid = server.scene.add_grid(
-            '/grid', 1.6 * SIDE, 1.6 * SIDE, cell_size=SIDE / 10, section_size=SIDE / 2, plane='xy',
-            position=(0, 0, -0.2 * SIDE), cell_color=(60, 64, 72), section_color=(80, 86, 96),
-        )  # fmt: skip
         gui.add_html(markup.STYLE)
         self._node = gui.add_html(markup.node_card(self._link.name, self._snapshot))
         tabs = gui.add_tab_group()
@@ -213,13 +209,10 @@ class Page:
         self._legend = gui.add_html(markup.legend(None, 0))
         self._show_kept = gui.add_checkbox('kept points', True)
         self._show_outliers = gui.add_checkbox('outliers', True)
-        self._scale = gui.add_slider(
-            'z scale', 0.0, float(_MOST_STRETCH), 0.02, 0.0, hint='How much heights are stretched in the scene.',
-            marks=tuple((float(power), f'{10**power:g}×') for power in range(_MOST_STRETCH + 1)),
-        )  # fmt: skip
-        self._fitted = gui.add_checkbox('z scale fitted to the cloud', True)
-        for handle in (self._show_kept, self._show_outliers, self._scale, self._fitted):
-            handle.on_update(lambda event: self._adjust(event.target) if event.client_id is not None else None)
+        self._scale = NumberWidget(gui, _STRETCH, 'z scale', _STRETCH.sentence, 1.0, self._stretched, self._tell)
+        self._fitted = gui.add_checkbox('fit z scale', True, hint='Stretch heights as far as each cloud needs.')
+        for handle in (self._show_kept, self._show_outliers, self._fitted):
+            handle.on_update(lambda event: self._redraw() if event.client_id is not None else None)
         self._measurement = gui.add_html(markup.measurement(None))
         self._heights = gui.add_image(_EMPTY, label='heights that are kept', format='png')
         self._mask = gui.add_image(_EMPTY, label='outlier mask', format='png')
@@ -250,8 +243,7 @@ class Page:
         drawn = self._view
         if drawn is None:
             return
-        if self._fitted.value:
-            self._set_stretch(drawn.stretch())
+        self._fit(drawn)
         outliers, far = drawn.drawn_outliers(self._stretch)
         self._legend.content = markup.legend(drawn, far)
         self._add_points('/cloud/kept', drawn.kept, drawn.kept_colours, drawn.pitch, self._show_kept.value, 0.0)
@@ -266,25 +258,33 @@ class Page:
     def _add_outliers(self, name: str, points: Any, colour: Any, drawn: View, x: float) -> None:
         """Larger than the others, so that a single one is seen."""
         self._server.scene.add_point_cloud(
-            name, points, colour, point_size=max(1.6 * drawn.pitch, SIDE / 250), point_shape='circle',
+            name, points, colour, point_size=drawn.outlier_size, point_shape='circle',
             point_shading='flat', precision='float32', position=(x, 0.0, 0.0), visible=self._show_outliers.value,
         )  # fmt: skip
 
-    def _adjust(self, moved: Any) -> None:
-        """Take over a change of how the scene is shown."""
-        with self._drawing:
-            if moved is self._scale:
-                self._fitted.value = False
-                self._stretch = 10.0**self._scale.value
-            with self._server.atomic():
-                if self._comparison is None:
-                    self._draw_scene()
-                else:
-                    self._draw_comparison(self._comparison)
+    def _stretched(self, stretch: RosValue, _: float) -> None:
+        """Take over a z scale that was typed or dragged to."""
+        self._fitted.value = False
+        self._stretch = float(stretch)  # type: ignore[arg-type]
+        self._redraw()
 
-    def _set_stretch(self, stretch: float) -> None:
-        self._stretch = stretch
-        self._scale.value = min(float(np.log10(stretch)), float(_MOST_STRETCH))
+    def _redraw(self) -> None:
+        with self._drawing, self._server.atomic():
+            if self._comparison is None:
+                self._draw_scene()
+            else:
+                self._draw_comparison(self._comparison)
+
+    def _fit(self, drawn: View) -> None:
+        """Stretch heights as the cloud needs, where that is wanted, and lay the floor below it."""
+        if self._fitted.value:
+            self._stretch = drawn.stretch()
+            self._scale.show(self._stretch)
+        self._server.scene.add_grid(
+            '/floor', 1.6 * SIDE, 1.6 * SIDE, cell_size=SIDE / 10, section_size=SIDE / 2, plane='xy',
+            position=(0.0, 0.0, -0.5 * drawn.height * self._stretch - SIDE / 20),
+            cell_color=(60, 64, 72), section_color=(80, 86, 96),
+        )  # fmt: skip
 
     def _take_log(self, snapshot: Snapshot) -> None:
         new = snapshot.event_count - self._logged
@@ -395,8 +395,7 @@ class Page:
         a, b = comparison.a, comparison.b
         for side, other, letter, colour in ((a, b, 'A', colours.ONLY_A), (b, a, 'B', colours.ONLY_B)):
             drawn = view(xyz, side.mask)
-            if self._fitted.value:
-                self._set_stretch(drawn.stretch())
+            self._fit(drawn)
             x = (drawn.size[0] / 2 + SIDE / 20) * (-1 if letter == 'A' else 1)
             self._add_points(
                 f'/compare/{letter}/kept', drawn.kept, drawn.kept_colours, drawn.pitch, self._show_kept.value, x

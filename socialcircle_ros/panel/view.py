@@ -3,6 +3,7 @@
 Only points that are kept are ever left out; every outlier is drawn.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,10 @@ SIDE = 10.0
 
 PIXELS = 400
 """Of the longer side of a picture, at most."""
+
+
+_SHADE = 0.3
+"""By how much a slope is lighter or darker than the plane."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,12 @@ class View:
         if self.step == 1:
             return f'Showing all {self.kept_total:,} kept points and {outliers}.'
         return f'Showing {len(self.kept):,} of {self.kept_total:,} kept points (1 of {self.step}), and {outliers}.'
+
+    @property
+    def outlier_size(self) -> float:
+        """Of an outlier's mark in the scene: a single one is to be seen, thousands must not hide the surface."""
+        few = SIDE / 150 / max(1.0, math.sqrt(len(self.outliers) / 30))
+        return max(few, 1.2 * self.pitch / math.sqrt(self.step))
 
     def stretch(self) -> float:
         """The factor on z that makes heights as visible as a quarter of the shorter side, rounded to 1, 2 or 5."""
@@ -91,7 +102,8 @@ def view(xyz: npt.NDArray[Any], mask: npt.NDArray[np.uint8], most: int = MOST_PO
         raise CloudError('No point of the cloud is measured.')
     rows, columns = _steps(kept_total / max(most - outlier_total, most // 3))
     drawn = kept[::rows, ::columns]
-    points = xyz[::rows, ::columns][drawn].astype(np.float64)
+    grid = xyz[::rows, ::columns]
+    points = grid[drawn].astype(np.float64)
     strays = xyz[outlier].astype(np.float64)
     surface = points if len(points) else strays
     low, high = (float(height) for height in np.percentile(surface[:, 2], [0.5, 99.5]))
@@ -101,7 +113,9 @@ def view(xyz: npt.NDArray[Any], mask: npt.NDArray[np.uint8], most: int = MOST_PO
     size = (last - first) * scale
     return View(
         kept=((points - centre) * scale).astype(np.float32),
-        kept_colours=colours.coloured(points[:, 2], (low, high)),
+        kept_colours=_lit(
+            colours.coloured(points[:, 2], (low, high)), np.where(drawn, grid[..., 2], np.nan), drawn
+        ),
         outliers=((strays - centre) * scale).astype(np.float32),
         kept_total=kept_total,
         step=rows * columns,
@@ -116,6 +130,23 @@ def _steps(ratio: float) -> tuple[int, int]:
     """Along rows and columns, as alike as can be, so that their product is at least `ratio`."""
     rows = max(1, int(np.floor(np.sqrt(ratio))))
     return (rows, max(1, int(np.ceil(ratio / rows))))
+
+
+def _lit(
+    flat: npt.NDArray[np.uint8], heights: npt.NDArray[Any], drawn: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.uint8]:
+    """Colours of the drawn points under a slanting light, by slopes relative to the usual one of this surface.
+
+    Without it a rough plane is one flat patch of colour. A neighbour of a gap has no slope, and keeps its colour.
+    """
+    if min(heights.shape) < 2:
+        return flat
+    down, right = np.gradient(np.where(drawn, heights, np.nan))
+    slope: npt.NDArray[np.float64] = (right - down)[drawn]
+    usual = float(np.nanmedian(np.abs(slope))) if np.isfinite(slope).any() else 0.0
+    light = 1 - _SHADE * np.tanh(np.nan_to_num(slope / (3 * usual))) if usual > 0 else np.ones(len(flat))
+    shaded: npt.NDArray[np.uint8] = (flat * np.asarray(light)[:, None] / (1 + _SHADE)).astype(np.uint8)
+    return shaded
 
 
 def height_picture(xyz: npt.NDArray[Any], mask: npt.NDArray[np.uint8], span: tuple[float, float]) -> Any:
