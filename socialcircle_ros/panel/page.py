@@ -1,9 +1,11 @@
 """The page: a scene between two docks, kept up to date with what the link says."""
 
+import io
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -451,9 +453,19 @@ def _title(side: Side) -> str:
     return f'{side.name}, {side.cleaned.outliers:,} outliers'
 
 
-def page_of(
-    link: Link, presets: Presets, host: str, port: int, recordings: Iterable[Path] = ()
-) -> 'tuple[viser.ViserServer, Page]':
+def require_viser() -> None:
+    """See that viser is here.
+
+    Raises:
+        SocialCircleError: it is not; says how to get it.
+    """
+    try:
+        import viser  # noqa: F401, PLC0415 - an extra
+    except ImportError:
+        raise SocialCircleError('The page needs viser: pip install "socialcircle_ros[panel]".') from None
+
+
+def page_of(link: Link, presets: Presets, host: str, port: int) -> 'tuple[viser.ViserServer, Page]':
     """Serve the page; the server's port is `port`, or the next that is free.
 
     Args:
@@ -461,17 +473,13 @@ def page_of(
         presets: where they are kept.
         host: the address to listen on: 127.0.0.1, unless others shall see it.
         port: 0: any that is free.
-        recordings: one to begin with, or none.
 
     Raises:
         SocialCircleError: viser is not installed.
     """
-    try:
-        import viser  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise SocialCircleError('The page needs viser: pip install "socialcircle_ros[panel]".') from None
-    server = viser.ViserServer(host=host, port=port, label='Social circle', verbose=False)
-    page = Page(server, link, presets)
-    for path in recordings:
-        page.open_recording(path)
-    return server, page
+    require_viser()
+    import viser  # noqa: PLC0415 - an extra
+
+    with redirect_stdout(io.StringIO()):  # viser announces itself
+        server = viser.ViserServer(host=host, port=port, label='Social circle', verbose=False)
+    return server, Page(server, link, presets)
