@@ -49,47 +49,41 @@ def note(text: str, *, bad: bool = False) -> str:
 
 
 def measurement(status: Status | None) -> str:
-    """The counts of the last measurement, and what the node says of it."""
+    """The counts of the last measurement, and what the node says of it where that is more than the counts."""
     if status is None:
         return _box('<span class="sc-dim">No measurement yet.</span>')
     values = status.values
     measured, outliers = _whole(values, 'measured'), _whole(values, 'outliers')
     share = f'{100 * outliers / measured:.2f} %' if measured else '–'
-    big = ''.join(
-        f'<div>{title}<b>{content}</b></div>'
-        for title, content in (
-            ('kept', f'{_whole(values, "kept"):,}'),
-            ('outliers', f'{outliers:,}'),
-            ('of measured', share),
-        )
-    )
-    rows = {
-        'points': f'{_whole(values, "points"):,}',
-        'measured': f'{measured:,}',
-        'seed (row, column)': f'{values.get("seed_row", "–")}, {values.get("seed_column", "–")}',
-        'radius': _short(values.get('radius', '–')),
-        'repaired': f'{_whole(values, "repaired"):,}',
-        'stamp': values.get('stamp', '–'),
-    }
-    card = note(status.message, bad=True) if status.level else ''
-    return _box(f'<div class="sc-big">{big}</div>{_table(rows)}') + card
+    counts = {'kept': f'{_whole(values, "kept"):,}', 'outliers': f'{outliers:,}', 'of measured': share}
+    big = ''.join(f'<div>{title}<b>{count}</b></div>' for title, count in counts.items())
+    return _box(f'<div class="sc-big">{big}</div>') + (note(status.message, bad=True) if status.level else '')
 
 
-def times(status: Status | None) -> str:
-    """The stage times of the last measurement, each with a bar."""
+def details(status: Status | None) -> str:
+    """The stage times of the last measurement, each with a bar, and what else it says."""
+    if status is None:
+        return ''
+    values = status.values
     stages = _times(status)
-    if not stages:
-        return _box('<span class="sc-dim">No times yet.</span>')
     total = stages.pop('total', sum(stages.values()))
     longest = max([*stages.values(), 1e-9])
-    rows = ''.join(
+    bars = ''.join(
         f'<tr><td>{escape(stage)}</td><td style="width:50%"><div class="sc-bar"'
         f' style="width:{100 * value / longest:.1f}%"></div></td><td class="sc-num">{value:.1f} ms</td></tr>'
         for stage, value in stages.items()
     )
-    return _box(
-        f'<table>{rows}<tr><td><b>total</b></td><td></td><td class="sc-num"><b>{total:.1f} ms</b></td></table>'
-    )
+    end = f'<tr><td><b>total</b></td><td></td><td class="sc-num"><b>{total:.1f} ms</b></td></tr>'
+    rows = {
+        'points': f'{_whole(values, "points"):,}',
+        'measured': f'{_whole(values, "measured"):,}',
+        'repaired': f'{_whole(values, "repaired"):,}',
+        'seed (row, column)': f'{values.get("seed_row", "–")}, {values.get("seed_column", "–")}',
+        'radius': _short(values.get('radius', '–')),
+        'frame': status.hardware_id or '–',
+        'stamp': values.get('stamp', '–'),
+    }
+    return _box(f'<table>{bars}{end}</table>') + _box(_table(rows))
 
 
 def legend(view: View | None, far: int) -> str:
@@ -149,10 +143,10 @@ def compared(comparison: Comparison) -> str:
     )
 
 
-def _times(status: Status | None) -> dict[str, float]:
+def _times(status: Status) -> dict[str, float]:
     """Milliseconds by stage, in the order of the stages; what is no number is left out."""
     found = {}
-    for key, text in status.values.items() if status else ():
+    for key, text in status.values.items():
         if key.startswith('time_') and key.endswith('_ms'):
             try:
                 found[key[5:-3]] = float(text)

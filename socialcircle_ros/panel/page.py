@@ -19,7 +19,7 @@ from socialcircle_ros.settings import RosValue
 from . import colours, markup
 from .changes import Changes
 from .clouds import RecordedClouds
-from .comparison import Comparison, Side, compare
+from .comparison import Comparison, compare
 from .controls import Controls, NumberWidget
 from .link import Answer, Descriptor, Event, Kind, Link, Presence, Snapshot
 from .presets import Presets
@@ -118,7 +118,7 @@ class Page:
         gui.set_panel_label('Social circle')
         server.scene.set_up_direction('+z')
         server.scene.world_axes.visible = False
-        server.initial_camera.position = (0.0, -1.25 * SIDE, 1.0 * SIDE)
+        server.initial_camera.position = (0.0, -1.4 * SIDE, 1.1 * SIDE)
         server.initial_camera.look_at = (0.0, 0.0, 0.0)
         server.initial_camera.fov = 0.75
         gui.add_html(markup.STYLE)
@@ -208,17 +208,19 @@ class Page:
 
     def _build_result(self) -> None:
         gui: Any = self._server.gui
+        self._measurement = gui.add_html(markup.measurement(None))
         self._legend = gui.add_html(markup.legend(None, 0))
-        self._show_kept = gui.add_checkbox('kept points', True)
-        self._show_outliers = gui.add_checkbox('outliers', True)
-        self._scale = NumberWidget(gui, _STRETCH, 'z scale', _STRETCH.sentence, 1.0, self._stretched, self._tell)
-        self._fitted = gui.add_checkbox('fit z scale', True, hint='Stretch heights as far as each cloud needs.')
+        with gui.add_folder('scene'):
+            self._show_kept = gui.add_checkbox('kept points', True)
+            self._show_outliers = gui.add_checkbox('outliers', True)
+            self._fitted = gui.add_checkbox('fit z scale', True, hint='Stretch heights as each cloud needs.')
+            hint = _STRETCH.sentence
+            self._scale = NumberWidget(gui, _STRETCH, 'z scale', hint, 1.0, self._stretched, self._tell)
         for handle in (self._show_kept, self._show_outliers, self._fitted):
             handle.on_update(lambda event: self._redraw() if event.client_id is not None else None)
-        self._measurement = gui.add_html(markup.measurement(None))
         self._heights = gui.add_image(_EMPTY, label='heights that are kept', format='png')
         self._mask = gui.add_image(_EMPTY, label='outlier mask', format='png')
-        self._times = gui.add_html(markup.times(None))
+        self._details = gui.add_html(markup.details(None))
 
     # Showing
 
@@ -234,7 +236,7 @@ class Page:
             self._view = drawn
             with self._server.atomic():
                 self._measurement.content = markup.measurement(answer.measurement)
-                self._times.content = markup.times(answer.measurement)
+                self._details.content = markup.details(answer.measurement)
                 self._heights.image = height_picture(xyz, answer.mask, drawn.span)
                 self._mask.image = mask_picture(answer.mask)
                 if self._comparison is None:
@@ -248,26 +250,27 @@ class Page:
         self._fit(drawn)
         outliers, far = drawn.drawn_outliers(self._stretch)
         self._legend.content = markup.legend(drawn, far)
-        self._add_points('/cloud/kept', drawn.kept, drawn.kept_colours, drawn.pitch, self._show_kept.value, 0.0)
-        self._add_outliers('/cloud/outliers', outliers, colours.OUTLIER, drawn, 0.0)
+        self._draw('/cloud', drawn, outliers, colours.OUTLIER)
 
-    def _add_points(self, name: str, points: Any, colour: Any, size: float, shown: bool, x: float) -> None:
+    def _draw(
+        self, name: str, drawn: View, outliers: Any, outlier_colours: Any, x: float = 0.0, share: float = 1.0
+    ) -> None:
+        """One cloud, with its middle at x and `share` of its size."""
+        style: dict[str, Any] = {'point_shading': 'flat', 'precision': 'float32', 'position': (x, 0.0, 0.0)}
         self._server.scene.add_point_cloud(
-            name, points, colour, point_size=1.1 * size, point_shape='square', point_shading='flat',
-            precision='float32', scale=(1.0, 1.0, self._stretch), position=(x, 0.0, 0.0), visible=shown,
+            f'{name}/kept', drawn.kept, drawn.kept_colours, point_size=1.1 * drawn.pitch,
+            scale=(share, share, share * self._stretch), visible=self._show_kept.value, **style,
         )  # fmt: skip
-
-    def _add_outliers(self, name: str, points: Any, colour: Any, drawn: View, x: float) -> None:
-        """Larger than the others, so that a single one is seen."""
         self._server.scene.add_point_cloud(
-            name, points, colour, point_size=drawn.outlier_size, point_shape='circle',
-            point_shading='flat', precision='float32', position=(x, 0.0, 0.0), visible=self._show_outliers.value,
+            f'{name}/outliers', outliers, outlier_colours, point_size=drawn.outlier_size,
+            point_shape='circle', scale=share, visible=self._show_outliers.value, **style,
         )  # fmt: skip
 
     def _stretched(self, stretch: RosValue, _: float) -> None:
         """Take over a z scale that was typed or dragged to."""
         self._fitted.value = False
-        self._stretch = float(stretch)  # type: ignore[arg-type]
+        self._stretch = min(max(float(stretch), 1.0), 1e5)  # type: ignore[arg-type]
+        self._scale.show(self._stretch)
         self._redraw()
 
     def _redraw(self) -> None:
@@ -398,17 +401,14 @@ class Page:
         for side, other, letter, colour in ((a, b, 'A', colours.ONLY_A), (b, a, 'B', colours.ONLY_B)):
             drawn = view(xyz, side.mask)
             self._fit(drawn)
-            x = (drawn.size[0] / 2 + SIDE / 20) * (-1 if letter == 'A' else 1)
-            self._add_points(
-                f'/compare/{letter}/kept', drawn.kept, drawn.kept_colours, drawn.pitch, self._show_kept.value, x
-            )
             outliers, _ = drawn.drawn_outliers(self._stretch)
             shared = other.mask[side.mask == OUTLIER] == OUTLIER
             shades = np.where(shared[:, None], colours.BOTH, colour).astype(np.uint8)
-            self._add_outliers(f'/compare/{letter}/outliers', outliers, shades, drawn, x)
+            x = (drawn.size[0] / 4 + SIDE / 40) * (-1 if letter == 'A' else 1)
+            self._draw(f'/compare/{letter}', drawn, outliers, shades, x, 0.5)
             self._server.scene.add_label(
-                f'/compare/{letter}/label', f'{letter}: {_title(side)}',
-                position=(x, -drawn.size[1] / 2 - SIDE / 12, 0.0),
+                f'/compare/{letter}/label', f'{letter}: {side.name}, {side.cleaned.outliers:,} outliers',
+                position=(x - drawn.size[0] / 8, -drawn.size[1] / 4 - SIDE / 20, 0.0),
             )  # fmt: skip
 
     def _end_comparison(self) -> None:
@@ -447,10 +447,6 @@ class Page:
 
 def _listed(values: Mapping[str, RosValue]) -> str:
     return ', '.join(f'{name} = {value}' for name, value in values.items())
-
-
-def _title(side: Side) -> str:
-    return f'{side.name}, {side.cleaned.outliers:,} outliers'
 
 
 def require_viser() -> None:

@@ -108,7 +108,8 @@ def view(xyz: npt.NDArray[Any], mask: npt.NDArray[np.uint8], most: int = MOST_PO
     surface = points if len(points) else strays
     low, high = (float(height) for height in np.percentile(surface[:, 2], [0.5, 99.5]))
     first, last = surface.min(axis=0), surface.max(axis=0)
-    scale = SIDE / max(float(np.max((last - first)[:2])), np.finfo(float).tiny)
+    extent = float(np.max((last - first)[:2]))
+    scale = SIDE / extent if extent > 0 else 1.0
     centre = np.array([*(first + last)[:2] / 2, (low + high) / 2])
     size = (last - first) * scale
     return View(
