@@ -128,9 +128,10 @@ def view(xyz: npt.NDArray[Any], mask: npt.NDArray[np.uint8], most: int = MOST_PO
 
 
 def _steps(ratio: float) -> tuple[int, int]:
-    """Along rows and columns, as alike as can be, so that their product is at least `ratio`."""
-    rows = max(1, int(np.floor(np.sqrt(ratio))))
-    return (rows, max(1, int(np.ceil(ratio / rows))))
+    """Along rows and columns, about alike, so that their product is at least `ratio`, and little more."""
+    near = math.isqrt(max(1, math.floor(ratio)))
+    pairs = [(rows, max(1, math.ceil(ratio / rows))) for rows in (near, near + 1)]
+    return min(pairs, key=math.prod)
 
 
 def _lit(

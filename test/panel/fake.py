@@ -78,3 +78,8 @@ class FakeLink:
         cleaned = clean(cloud, CircleSettings.from_ros(self.snapshot.values))
         number = self.snapshot.answer.number + 1 if self.snapshot.answer else 1
         self.update(answer=Answer(number, cloud, decode_mono8(cleaned.mask), cleaned.measurement))
+
+    def wait_for(self, condition):
+        """Wait until the values in force meet a condition."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: condition(self.snapshot.values), 30)

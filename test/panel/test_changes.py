@@ -19,10 +19,6 @@ class Desk:
             self.acceptances.append,
         )
 
-    def wait_for(self, condition):
-        with self.link.changed:
-            assert self.link.changed.wait_for(lambda: condition(self.link.snapshot.values), 30)
-
 
 @pytest.fixture
 def desk():
@@ -35,14 +31,14 @@ def test_of_values_in_quick_succession_the_newest_is_asked_for(desk):
     for value in (1.5, 2.5, 3.5):
         desk.changes.ask(SCALE, value, 0.2)
     assert desk.changes.settling(SCALE)
-    desk.wait_for(lambda values: values[SCALE] == 3.5)
+    desk.link.wait_for(lambda values: values[SCALE] == 3.5)
     assert desk.link.asked == [{SCALE: 3.5}]
 
 
 def test_parameters_do_not_wait_for_each_other(desk):
     desk.changes.ask(SCALE, 9.0, 3600)
     desk.changes.ask('circle.window', 5, 0)
-    desk.wait_for(lambda values: values['circle.window'] == 5)
+    desk.link.wait_for(lambda values: values['circle.window'] == 5)
     assert desk.link.snapshot.values[SCALE] == 1.0
     assert not desk.changes.settling('circle.radius')
 
