@@ -16,16 +16,18 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, ParameterType
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_parameter_events
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from sensor_msgs.msg import Image as ImageMessage
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from socialcircle_ros.errors import MessageError
+from socialcircle_ros.errors import MessageError, SettingError
 from socialcircle_ros.messages.diagnostics import OK, WARN, Status
 from socialcircle_ros.messages.image import Image, decode_mono8
 from socialcircle_ros.panel.link import Answer, Descriptor, Event, Kind, Presence, Snapshot
@@ -60,9 +62,18 @@ class RemoteNode:
     Args:
         target: the node's name, absolute or relative to the namespace that `arguments` give.
         arguments: of ROS, as on the command line (--ros-args ...).
+
+    Raises:
+        SettingError: no node can have that name.
     """
 
     def __init__(self, target: str, arguments: list[str] | None = None) -> None:
+        try:
+            validate_full_topic_name(target if target.startswith('/') else f'/{target}')
+        except NameValidationException:
+            raise SettingError(
+                f'{target!r} cannot be the name of a node; give one such as /cell1/social_circle.'
+            ) from None
         self._context = rclpy.Context()
         rclpy.init(args=arguments or [], context=self._context)
         namespace = target.rpartition('/')[0] if target.startswith('/') else ''
@@ -112,6 +123,8 @@ class RemoteNode:
 
     def change(self, values: Mapping[str, RosValue]) -> str:
         """Set parameters, all or none; '' where they were accepted, else the reason of the refusal."""
+        if not self._parameters.services_are_ready():
+            return f'{self._name} is not there to be changed.'
         kinds = {row.name: row.kind for row in self._snapshot.descriptors}
         wanted = {
             name: float(value) if kinds.get(name) is Kind.REAL and type(value) is int else value

@@ -1,6 +1,7 @@
 """The page: a scene between two docks, kept up to date with what the link says."""
 
 import io
+import socket
 import threading
 import time
 from collections import deque
@@ -471,10 +472,18 @@ def page_of(link: Link, presets: Presets, host: str, port: int) -> 'tuple[viser.
         port: 0: any that is free.
 
     Raises:
-        SocialCircleError: viser is not installed.
+        SocialCircleError: viser is not installed, or this machine has no such address.
     """
     require_viser()
     import viser  # noqa: PLC0415 - an extra
+
+    try:
+        # viser takes any failure for a port that is in use, and would try the next for ever.
+        family, kind, *_, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind) as trial:
+            trial.bind(address)
+    except OSError as error:
+        raise SocialCircleError(f'The page cannot listen on {host}: {error.strerror}.') from None
 
     with redirect_stdout(io.StringIO()):  # viser announces itself
         server = viser.ViserServer(host=host, port=port, label='Social circle', verbose=False)
