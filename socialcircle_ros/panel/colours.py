@@ -4,6 +4,7 @@ Heights run through blues and greens from dark to light; outliers are vermilion.
 kind of colour blindness (held by a test).
 """
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ ONLY_A, ONLY_B, BOTH = (230, 159, 0), (86, 180, 233), (204, 121, 167)
 """Okabe and Ito's orange, sky blue and purple: outliers of one setting, of the other, and of both."""
 
 
+@functools.cache
 def height_table() -> npt.NDArray[np.uint8]:
     """(256, 3): the colours from the lowest to the highest."""
     from matplotlib import colormaps  # noqa: PLC0415 - an extra

@@ -119,8 +119,8 @@ class Page:
         gui.set_panel_label('Social circle')
         server.scene.set_up_direction('+z')
         server.scene.world_axes.visible = False
-        server.initial_camera.position = (0.0, -1.4 * SIDE, 1.1 * SIDE)
-        server.initial_camera.look_at = (0.0, 0.0, 0.0)
+        server.initial_camera.position = (0.0, -1.5 * SIDE, 1.2 * SIDE)
+        server.initial_camera.look_at = (0.0, -0.05 * SIDE, 0.0)
         server.initial_camera.fov = 0.75
         gui.add_html(markup.STYLE)
         self._node = gui.add_html(markup.node_card(self._link.name, self._snapshot))
