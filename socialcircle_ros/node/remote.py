@@ -43,6 +43,7 @@ _CALL, _TRIES = (
 )  # s for an answer of a service, and how often it is asked: an answer can be lost at discovery
 _LISTENING = 5.0  # s in which a subscriber of our clouds is found, and has one delivered
 _QUIET = 2.0  # s after which we no longer count as a publisher, before the node misses our clouds
+_ASKING, _ASKS = 1.0, 5  # s between two tries to see the last cloud, and how many there are
 _CLOUDS = 12  # that wait for their answer, at most
 _CLOUD_BYTES = 512 << 20
 _EVENTS = 100
@@ -98,6 +99,8 @@ class RemoteNode:
         self._subscribe()
         self._parameters = AsyncParameterClient(self._node, self._name)
         self._saving = self._node.create_client(Trigger, f'{self._name}/save_parameters')
+        self._showing = self._node.create_client(Trigger, f'{self._name}/publish_last')
+        self._asked_at, self._asks_left = 0.0, 0
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._stopping = threading.Event()
@@ -187,8 +190,8 @@ class RemoteNode:
 
     def _subscribe(self) -> None:
         node, space = self._node, self._namespace
-        for topic in ('points', 'stack/points'):
-            node.create_subscription(PointCloud2, f'{space}/{topic}', self._cloud_arrived, _reliable(), raw=True)
+        for topic in (f'{space}/points', f'{space}/stack/points', f'{self._name}/last_points'):
+            node.create_subscription(PointCloud2, topic, self._cloud_arrived, _reliable(), raw=True)
         node.create_subscription(ImageMessage, f'{space}/outlier_mask', self._mask_arrived, _reliable(), raw=True)
         node.create_subscription(
             DiagnosticStatus, f'{self._name}/measurement', self._measured, _reliable(), raw=True
@@ -272,6 +275,7 @@ class RemoteNode:
             if (endpoints - self._seen or not self._snapshot.descriptors) and self._describe():
                 again = bool(self._seen)
                 self._seen |= endpoints
+                self._asks_left = _ASKS
                 self._happened('The node was started again.' if again else 'The node is there.')
         with self._changed:
             presence, level, sentence = self._presence(alive)
@@ -280,6 +284,17 @@ class RemoteNode:
                 if not alive and before in (Presence.ACTIVE, Presence.INACTIVE):
                     self._happened('The node no longer answers.', bad=True)
                 self._update(presence=presence, level=level, sentence=sentence)
+        if presence is Presence.ACTIVE:
+            self._ask_for_the_last_cloud()
+
+    def _ask_for_the_last_cloud(self) -> None:
+        """See the cloud that came before this page; again where it was lost while we were being discovered."""
+        due = self._asks_left and time.monotonic() - self._asked_at > _ASKING
+        if self._snapshot.answer is None and due and self._showing.service_is_ready():
+            self._asked_at = time.monotonic()
+            response = self._call(lambda: self._showing.call_async(Trigger.Request()))
+            told = response is not None and not response.success  # that there is none
+            self._asks_left = 0 if told else self._asks_left - 1
 
     def _presence(self, alive: bool) -> tuple[Presence, int, str]:
         level, message, state = self._health

@@ -84,6 +84,17 @@ def test_a_cloud_of_somebody_else_is_shown_too(bench):
     assert answer.measurement.values['stamp'] == '6.000000000'
 
 
+def test_the_last_cloud_is_seen_by_a_page_that_came_after_it(cell):
+    cell.clean(cloud(stamp=8_000_000_000))
+    bench = Bench(cell)
+    try:
+        answer = bench.until(lambda snapshot: snapshot.answer).answer
+        assert answer.cloud == cloud(stamp=8_000_000_000)
+        assert (answer.mask == OUTLIER).sum() == 26
+    finally:
+        bench.link.close()
+
+
 def test_a_change_is_answered_with_the_cloud_filtered_again(bench):
     bench.until_active()
     bench.link.publish(cloud())
