@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import RosValue
 
 from .link import Link
@@ -46,15 +47,19 @@ class Changes:
         self._accepted = accepted
         self._changed = threading.Condition()
         self._asking = threading.Lock()  # one change at a time, so that each knows what it replaces
-        self._waiting: dict[str, tuple[RosValue, float]] = {}  # value, and when it is due
+        self._waiting: dict[str, tuple[RosValue | SettingError, float]] = {}  # and when it is due
         self._touched: dict[str, float] = {}
         self._steps: list[_Step] = []
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name='changes')
         self._thread.start()
 
-    def ask(self, name: str, value: RosValue, pause: float) -> None:
-        """Set one parameter, unless a newer value for it comes within `pause` seconds."""
+    def ask(self, name: str, value: RosValue | SettingError, pause: float) -> None:
+        """Set one parameter, unless a newer value for it comes within `pause` seconds.
+
+        What is typed passes through much that is no value, such as 1e on the way to 1e-6: that comes as the
+        error, and is a refusal only if it stays.
+        """
         with self._changed:
             self._waiting[name] = (value, time.monotonic() + pause)
             self._touched[name] = time.monotonic() + pause
@@ -142,7 +147,10 @@ class Changes:
                 if remaining > 0:
                     self._changed.wait(remaining)
                     continue
-            self.apply({due: value}, gesture=True)
+            if isinstance(value, SettingError):
+                self._refused((due,), str(value))
+            else:
+                self.apply({due: value}, gesture=True)
             with self._changed:
                 if self._waiting.get(due) == (value, at):
                     del self._waiting[due]

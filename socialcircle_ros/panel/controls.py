@@ -29,10 +29,8 @@ class _Widget(Protocol):
         """Let it be moved or not."""
 
 
-Asked = Callable[[RosValue, float], None]
-"""Called with a value that was chosen, and the seconds in which a newer one replaces it."""
-Complained = Callable[[str], None]
-"""Called with what is wrong about a value that was typed."""
+Asked = Callable[[RosValue | SettingError, float], None]
+"""Called with a value, or with what is wrong with a text, and the seconds in which a newer one replaces it."""
 
 
 class Controls:
@@ -91,17 +89,14 @@ class Controls:
                 self._reasons[name].visible = False
 
     def _add(self, row: Descriptor, value: RosValue) -> None:
-        def asked(chosen: RosValue, pause: float) -> None:
+        def asked(chosen: RosValue | SettingError, pause: float) -> None:
             self._changes.ask(row.name, chosen, pause)
 
-        def complained(reason: str) -> None:
-            self.refused([row.name], reason)
-
-        self._widgets[row.name] = _widget(self._gui, row, value, asked, complained)
+        self._widgets[row.name] = _widget(self._gui, row, value, asked)
         self._reasons[row.name] = self._gui.add_html('', visible=False)
 
 
-def _widget(gui: Any, row: Descriptor, value: RosValue, asked: Asked, complained: Complained) -> _Widget:
+def _widget(gui: Any, row: Descriptor, value: RosValue, asked: Asked) -> _Widget:
     label = row.name.rpartition('.')[2].replace('_', ' ')
     if row.unit:
         label += f' [{row.unit}]'
@@ -118,7 +113,7 @@ def _widget(gui: Any, row: Descriptor, value: RosValue, asked: Asked, complained
             return _Plain(slider, asked, _DRAGGED)
     if row.kind is Kind.TEXT:
         return _Plain(gui.add_text(label, str(value), hint=hint), asked, _TYPED)
-    return NumberWidget(gui, row, label, hint, value, asked, complained)
+    return NumberWidget(gui, row, label, hint, value, asked)
 
 
 class _Plain:
@@ -151,7 +146,6 @@ class NumberWidget:
         hint: str,
         value: RosValue,
         asked: Asked,
-        complained: Complained,
     ) -> None:
         self._row = row
         self._slider: Any = None
@@ -179,11 +173,9 @@ class NumberWidget:
             if event.client_id is None:
                 return
             try:
-                chosen = value_of(event.target.value, row)
+                asked(value_of(event.target.value, row), _TYPED)
             except SettingError as error:
-                complained(str(error))
-                return
-            asked(chosen, _TYPED)
+                asked(error, _TYPED)
 
         self._text.on_update(typed)
 

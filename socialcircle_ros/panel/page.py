@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.messages.image import OUTLIER
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.settings import RosValue
@@ -57,6 +57,8 @@ class Page:
         self._view: View | None = None
         self._stretch = 1.0
         self._clouds: RecordedClouds | None = None
+        self._stepping = threading.RLock()
+        self._wanted = 1  # cloud of the recording
         self._comparison: Comparison | None = None
         self._changes = Changes(link, lambda: self._snapshot.values, self._refused, self._accepted)
         self._build()
@@ -99,7 +101,7 @@ class Page:
         except SocialCircleError as error:
             self._recording_note.content = markup.note(str(error), bad=True)
             return
-        with self._drawing:
+        with self._stepping:
             if self._clouds is not None:
                 self._clouds.close()
             self._clouds = clouds
@@ -216,7 +218,7 @@ class Page:
             self._show_outliers = gui.add_checkbox('outliers', True)
             self._fitted = gui.add_checkbox('fit z scale', True, hint='Stretch heights as each cloud needs.')
             hint = _STRETCH.sentence
-            self._scale = NumberWidget(gui, _STRETCH, 'z scale', hint, 1.0, self._stretched, self._tell)
+            self._scale = NumberWidget(gui, _STRETCH, 'z scale', hint, 1.0, self._stretched)
         for handle in (self._show_kept, self._show_outliers, self._fitted):
             handle.on_update(lambda event: self._redraw() if event.client_id is not None else None)
         self._heights = gui.add_image(_EMPTY, label='heights that are kept', format='png')
@@ -267,10 +269,12 @@ class Page:
             point_shape='circle', scale=share, visible=self._show_outliers.value, **style,
         )  # fmt: skip
 
-    def _stretched(self, stretch: RosValue, _: float) -> None:
-        """Take over a z scale that was typed or dragged to."""
+    def _stretched(self, stretch: RosValue | SettingError, _: float) -> None:
+        """Take over a z scale that was typed or dragged to; what is none yet is on the way to one."""
+        if not isinstance(stretch, float) or not stretch >= 1.0:
+            return
         self._fitted.value = False
-        self._stretch = min(max(float(stretch), 1.0), 1e5)  # type: ignore[arg-type]
+        self._stretch = min(stretch, 1e5)
         self._scale.show(self._stretch)
         self._redraw()
 
@@ -427,10 +431,11 @@ class Page:
     # Recording
 
     def _go(self, number: int) -> None:
-        """Send a cloud of the recording to the node, by its number from 1 on."""
-        with self._drawing:
+        """Send a cloud of the recording to the node, by its number from 1 on, unless a later wish overtakes it."""
+        self._wanted = number
+        with self._stepping:
             clouds = self._clouds
-            if clouds is None:
+            if clouds is None or self._wanted != number:
                 return
             number = min(max(number, 1), len(clouds))
             self._place.value = number
@@ -439,11 +444,10 @@ class Page:
             except SocialCircleError as error:
                 self._recording_note.content = markup.note(str(error), bad=True)
                 return
-        when = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(message.log_time / 1e9))
-        text = f'Cloud {number} of {len(clouds)}, recorded {when} on {message.topic}.'
-        reason = self._link.publish(message.data)
-        damage = f' {clouds.damage}' if clouds.damage else ''
-        self._recording_note.content = markup.note(f'{text} {reason}{damage}', bad=bool(reason or damage))
+            when = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(message.log_time / 1e9))
+            said = [f'Cloud {number} of {len(clouds)}, recorded {when} on {message.topic}.']
+            trouble = [text for text in (self._link.publish(message.data), clouds.damage) if text]
+            self._recording_note.content = markup.note(' '.join(said + trouble), bad=bool(trouble))
 
 
 def _listed(values: Mapping[str, RosValue]) -> str:

@@ -3,6 +3,7 @@
 import pytest
 from panel.fake import FakeLink
 
+from socialcircle_ros.errors import SettingError
 from socialcircle_ros.panel.changes import Changes
 
 SCALE = 'circle.radius_scale'
@@ -72,3 +73,14 @@ def test_a_step_that_cannot_be_undone_stays(desk):
     desk.link.change = lambda values: 'The node is away.'
     assert desk.changes.undo() == ({SCALE: 1.0}, 'The node is away.')
     assert desk.changes.undoable == 1
+
+
+def test_what_is_no_value_is_refused_only_if_it_stays(desk):
+    desk.changes.ask(SCALE, SettingError('1e is no number.'), 0.2)
+    desk.changes.ask(SCALE, 1e-1, 0.2)
+    desk.link.wait_for(lambda values: values[SCALE] == 1e-1)
+    assert desk.refusals == []
+    desk.changes.ask('circle.window', SettingError('3. is no whole number.'), 0)
+    desk.changes.ask(SCALE, 2.0, 0.1)
+    desk.link.wait_for(lambda values: values[SCALE] == 2.0)
+    assert desk.refusals == [(('circle.window',), '3. is no whole number.')]

@@ -71,8 +71,12 @@ def test_what_is_no_number_is_refused_before_the_node_is_asked(tuning):
     assert tuning.link.asked == []
 
 
-def test_tiny_lengths_can_be_typed(tuning):
-    tuning.visitor.field('radius [cloud]').fill('1.25e-6')
+def test_tiny_lengths_can_be_typed_one_key_after_the_other(tuning):
+    field = tuning.visitor.field('radius [cloud]')
+    field.clear()
+    field.press_sequentially('1.25e-6', delay=300)
+    tuning.link.wait_for(lambda values: values['circle.radius'] == 1.25e-6)
+    assert [asked['circle.radius'] for asked in tuning.link.asked] == [1.25e-6]
     tuning.visitor.open_tab('Log')
     assert tuning.visitor.sees('circle.radius: 0.0 → 1.25e-06')
 
