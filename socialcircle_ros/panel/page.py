@@ -24,7 +24,7 @@ from .comparison import Comparison, compare
 from .controls import Controls, NumberWidget
 from .link import Answer, Descriptor, Event, Kind, Link, Presence, Snapshot
 from .presets import Presets
-from .view import SIDE, View, height_picture, mask_picture, view
+from .view import SIDE, View, height_picture, mask_picture, stretched, view
 
 if TYPE_CHECKING:
     import viser
@@ -251,22 +251,23 @@ class Page:
         if drawn is None:
             return
         self._fit(drawn)
-        outliers, far = drawn.drawn_outliers(self._stretch)
+        outliers, far = drawn.stretched_outliers(self._stretch)
         self._legend.content = markup.legend(drawn, far)
         self._draw('/cloud', drawn, outliers, colours.OUTLIER)
 
     def _draw(
         self, name: str, drawn: View, outliers: Any, outlier_colours: Any, x: float = 0.0, share: float = 1.0
     ) -> None:
-        """One cloud, with its middle at x and `share` of its size."""
+        """One cloud, with its middle at x and `share` of its size; viser's own scale would scale the marks too."""
         style: dict[str, Any] = {'point_shading': 'flat', 'precision': 'float32', 'position': (x, 0.0, 0.0)}
+        kept = stretched(drawn.kept, self._stretch)
         self._server.scene.add_point_cloud(
-            f'{name}/kept', drawn.kept, drawn.kept_colours, point_size=1.1 * drawn.pitch,
-            scale=(share, share, share * self._stretch), visible=self._show_kept.value, **style,
+            f'{name}/kept', share * kept, drawn.kept_colours, point_size=1.1 * share * drawn.pitch,
+            visible=self._show_kept.value, **style,
         )  # fmt: skip
         self._server.scene.add_point_cloud(
-            f'{name}/outliers', outliers, outlier_colours, point_size=drawn.outlier_size,
-            point_shape='circle', scale=share, visible=self._show_outliers.value, **style,
+            f'{name}/outliers', share * outliers, outlier_colours, point_size=share * drawn.outlier_size,
+            point_shape='circle', visible=self._show_outliers.value, **style,
         )  # fmt: skip
 
     def _stretched(self, stretch: RosValue | SettingError, _: float) -> None:
@@ -406,7 +407,7 @@ class Page:
         for side, other, letter, colour in ((a, b, 'A', colours.ONLY_A), (b, a, 'B', colours.ONLY_B)):
             drawn = view(xyz, side.mask)
             self._fit(drawn)
-            outliers, _ = drawn.drawn_outliers(self._stretch)
+            outliers, _ = drawn.stretched_outliers(self._stretch)
             shared = other.mask[side.mask == OUTLIER] == OUTLIER
             shades = np.where(shared[:, None], colours.BOTH, colour).astype(np.uint8)
             x = (drawn.size[0] / 4 + SIDE / 40) * (-1 if letter == 'A' else 1)

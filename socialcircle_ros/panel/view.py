@@ -73,12 +73,17 @@ class View:
         decade = 10.0 ** np.floor(np.log10(wanted))
         return float(max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= wanted))
 
-    def drawn_outliers(self, stretch: float) -> tuple[npt.NDArray[np.float32], int]:
+    def stretched_outliers(self, stretch: float) -> tuple[npt.NDArray[np.float32], int]:
         """Outliers with z times `stretch`; those beyond a side's length are brought back to it, and counted."""
-        drawn = self.outliers * np.array([1, 1, stretch], np.float32)
-        far = np.abs(drawn[:, 2]) > SIDE
-        drawn[:, 2] = np.clip(drawn[:, 2], -SIDE, SIDE)
-        return drawn, int(np.count_nonzero(far))
+        points = stretched(self.outliers, stretch)
+        far = np.abs(points[:, 2]) > SIDE
+        points[:, 2] = np.clip(points[:, 2], -SIDE, SIDE)
+        return points, int(np.count_nonzero(far))
+
+
+def stretched(points: npt.NDArray[np.float32], stretch: float) -> npt.NDArray[np.float32]:
+    """Points with z times `stretch`."""
+    return points * np.array([1, 1, stretch], np.float32)
 
 
 def view(xyz: npt.NDArray[Any], mask: npt.NDArray[np.uint8], most: int = MOST_POINTS) -> View:

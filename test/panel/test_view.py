@@ -83,7 +83,7 @@ def test_an_outlier_beyond_the_scene_is_drawn_at_its_edge_and_counted():
     xyz = surface().astype(np.float64)
     xyz[3, 4, 2] = 1e9
     drawn = view(xyz, masked(xyz, [(3, 4), (10, 12)]))
-    points, far = drawn.drawn_outliers(1.0)
+    points, far = drawn.stretched_outliers(1.0)
     assert far == 1
     assert points[:, 2].max() == SIDE
 
