@@ -91,6 +91,8 @@ class Page:
             self._show_answer(snapshot.answer)
         if before.values.keys() != snapshot.values.keys():
             self._list_presets()
+        if snapshot.presence is Presence.ACTIVE and before.presence is not Presence.ACTIVE:
+            self._go(self._wanted)  # a node that has just come has no cloud to be tuned on
 
     def open_recording(self, path: Path) -> None:
         """Open a recording and show its first cloud."""
@@ -446,9 +448,13 @@ class Page:
                 self._recording_note.content = markup.note(str(error), bad=True)
                 return
             when = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(message.log_time / 1e9))
-            said = [f'Cloud {number} of {len(clouds)}, recorded {when} on {message.topic}.']
-            trouble = [text for text in (self._link.publish(message.data), clouds.damage) if text]
-            self._recording_note.content = markup.note(' '.join(said + trouble), bad=bool(trouble))
+            said = f'Cloud {number} of {len(clouds)}, recorded {when} on {message.topic}.'
+            if self._snapshot.presence is Presence.ACTIVE:
+                missed = self._link.publish(message.data)
+            else:
+                missed = 'It is sent once the node is active.'
+            trouble = [text for text in (missed, clouds.damage) if text]
+            self._recording_note.content = markup.note(' '.join([said, *trouble]), bad=bool(trouble))
 
 
 def _listed(values: Mapping[str, RosValue]) -> str:

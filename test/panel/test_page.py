@@ -163,6 +163,23 @@ def test_a_recording_is_stepped_cloud_by_cloud(tuning):
     assert visitor.sees('/nowhere.mcap does not exist')
 
 
+def test_a_recording_waits_for_the_node_and_is_sent_again_to_one_that_comes_back(tuning):
+    visitor, link = tuning.visitor, tuning.link
+    link.update(presence=Presence.ABSENT, sentence='Waiting for it.')
+    assert visitor.sees('Waiting for it.')
+    visitor.open_tab('Recording')
+    visitor.field('path').fill(str(BAGS / 'parts.mcap'))
+    visitor.press('Open')
+    assert visitor.sees('It is sent once the node is active.')
+    visitor.press('next ▶')
+    assert visitor.sees('Cloud 2 of 8')
+    assert link.published == []
+    link.update(presence=Presence.ACTIVE, sentence='Here it is.')
+    assert visitor.no_longer_sees('It is sent once the node is active.')
+    with RecordedClouds(BAGS / 'parts.mcap') as clouds:
+        assert link.published == [clouds[1].data]
+
+
 def test_a_million_points_are_thinned_which_it_says_but_no_outlier_is(tuning):
     y, x = np.mgrid[:960, :1280].astype(np.float32)
     z = np.random.default_rng(0).random(x.shape, np.float32)
