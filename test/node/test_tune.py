@@ -37,7 +37,6 @@ class Bench:
         return self.until(lambda snapshot: snapshot.presence is Presence.ACTIVE and snapshot.values)
 
     def start_again(self, folder, parameters):
-        self.cell.node_process.process.wait()
         self.cell.node_process = NodeProcess(self.cell.namespace, folder / 'again.log', parameters)
 
 
@@ -145,7 +144,7 @@ def test_a_node_that_is_killed_and_started_again_is_found_again_with_its_new_val
     bench = Bench(start_cell())
     try:
         bench.until_active()
-        bench.cell.node_process.process.send_signal(signal.SIGKILL)
+        bench.cell.kill()
         away = bench.until(lambda snapshot: snapshot.presence is not Presence.ACTIVE)
         assert away.sentence.startswith('Waiting')
         assert away.values[SCALE] == 1.0  # what was known stays to be seen
@@ -248,9 +247,8 @@ def test_an_operator_tunes_a_node_that_comes_is_killed_and_comes_back(start_cell
         cell.set(circle__radius_scale=1.5)
         assert visitor.wait_until('radius scale', '1.5')
         # Kill the node, see the page say so and recover.
-        cell.node_process.process.send_signal(signal.SIGKILL)
+        cell.kill()
         assert visitor.sees('the node has stopped answering')
-        cell.node_process.process.wait()
         cell.node_process = NodeProcess(cell.namespace, tmp_path / 'again.log', {SCALE: '2.5'})
         assert visitor.wait_until('radius scale', '2.5')
         visitor.open_tab('Recording')
