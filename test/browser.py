@@ -7,7 +7,7 @@ import pytest
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or shutil.which('google-chrome')
 SWITCHES = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist', '--no-sandbox']
-PATIENCE = 30_000  # ms: far longer than anything takes, also where a picture is drawn in software
+PATIENCE = 60_000  # ms: far longer than anything takes, also where a picture is drawn in software
 
 
 @contextlib.contextmanager

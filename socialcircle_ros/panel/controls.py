@@ -117,15 +117,27 @@ def _widget(gui: Any, row: Descriptor, value: RosValue, asked: Asked) -> _Widget
 
 
 class _Plain:
-    """One element whose value is the parameter's."""
+    """One element whose value is the parameter's.
+
+    What it shows is compared with what was shown or chosen last, never with the element: that may hold a choice
+    that is still on its way to us.
+    """
 
     def __init__(self, handle: Any, asked: Asked, pause: float) -> None:
         self._handle = handle
-        handle.on_update(lambda event: asked(event.target.value, pause) if event.client_id is not None else None)
+        self._known = handle.value
+
+        def chosen(event: Any) -> None:
+            if event.client_id is not None:
+                value = event.target.value
+                asked(value, pause)
+                self._known = value
+
+        handle.on_update(chosen)
 
     def show(self, value: RosValue) -> None:
-        if self._handle.value != value:
-            self._handle.value = value
+        if self._known != value:
+            self._known = self._handle.value = value
 
     def enable(self, enabled: bool) -> None:
         if self._handle.disabled == enabled:
@@ -148,6 +160,7 @@ class NumberWidget:
         asked: Asked,
     ) -> None:
         self._row = row
+        self._known: RosValue | None = value
         self._slider: Any = None
         self._logarithmic = False
         self._text = gui.add_text(label, text_of(value), hint=hint)
@@ -166,6 +179,7 @@ class NumberWidget:
                     chosen = self._at(event.target.value)
                     self._text.value = text_of(chosen)
                     asked(chosen, _DRAGGED)
+                    self._known = chosen
 
             self._slider.on_update(dragged)
 
@@ -173,22 +187,25 @@ class NumberWidget:
             if event.client_id is None:
                 return
             try:
-                asked(value_of(event.target.value, row), _TYPED)
+                typed_value = value_of(event.target.value, row)
             except SettingError as error:
                 asked(error, _TYPED)
+                self._known = None
+            else:
+                asked(typed_value, _TYPED)
+                self._known = typed_value
+                if self._slider is not None:
+                    self._slider.value = self._place(typed_value)
 
         self._text.on_update(typed)
 
     def show(self, value: RosValue) -> None:
         """Show the value that is in force."""
-        try:
-            same = value_of(self._text.value, self._row) == value
-        except SettingError:
-            same = False
-        if not same:
+        if self._known != value:
+            self._known = value
             self._text.value = text_of(value)
-        if self._slider is not None and self._at(self._slider.value) != value:
-            self._slider.value = self._place(value)
+            if self._slider is not None:
+                self._slider.value = self._place(value)
 
     def enable(self, enabled: bool) -> None:
         """Let it be moved or not."""

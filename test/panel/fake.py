@@ -82,4 +82,4 @@ class FakeLink:
     def wait_for(self, condition):
         """Wait until the values in force meet a condition."""
         with self.changed:
-            assert self.changed.wait_for(lambda: condition(self.snapshot.values), 30)
+            assert self.changed.wait_for(lambda: condition(self.snapshot.values), 60)
