@@ -16,11 +16,13 @@ ROS = [
 ]
 PICTURES = ['matplotlib>=3.6']
 TUNING = ['optuna>=4']
+PANEL = ['viser>=1.1,<2', *PICTURES]
 TEST = [
     'pytest>=7.4',
     'pytest-xdist>=3.4',
     'hypothesis>=6.98',
     'rosbags>=0.10',
+    'playwright>=1.40',  # drives the system's Chromium; brings no browser of its own
 ]
 LINT = ['ruff==0.17.6', 'mypy==2.4.1', 'types-PyYAML']
 
@@ -41,7 +43,7 @@ setup(
     maintainer='socialcircle_ros maintainers',
     maintainer_email='maintainers@socialcircle.dev',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'node/*.xml', 'recording/definitions/*']},
+    package_data={NAME: ['py.typed', 'node/*.xml', 'recording/definitions/*', 'panel/*.css']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -66,14 +68,16 @@ setup(
         'ros': ROS,
         'pictures': PICTURES,
         'tuning': [*TUNING, *PICTURES],
-        'test': [*TEST, *PICTURES, *TUNING],
-        'dev': [*TEST, *PICTURES, *TUNING, *LINT],
+        'panel': PANEL,
+        'test': [*TEST, *PANEL, *TUNING],
+        'dev': [*TEST, *PANEL, *TUNING, *LINT],
     },
     zip_safe=True,
     entry_points={
         'console_scripts': [
             'socialcircle = socialcircle_ros.commands.main:main',
             'social_circle_node = socialcircle_ros.node.main:main',
+            'tune = socialcircle_ros.commands.tune:main',
         ],
     },
 )

@@ -103,6 +103,11 @@ class Parameter:
             return f'{words}at least {limits.minimum:g}'
         return words.rstrip(', ') or 'any'
 
+    @property
+    def description(self) -> str:
+        """Sentence and unit, as ROS's descriptor holds them; `sentence_and_unit` takes them apart."""
+        return f'{self.sentence} [{self.unit}]' if self.unit else self.sentence
+
     def to_ros(self, value: Any) -> RosValue:
         """The Python value as ROS holds it."""
         if value is None:
@@ -599,6 +604,17 @@ GROUPS: tuple[type[Settings], ...] = (
 
 PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in group.parameters()}
 """Every parameter of the node by its full name."""
+
+
+def sentence_and_unit(description: str) -> tuple[str, str]:
+    """The sentence and the unit of `Parameter.description`; a description without a unit gives ''."""
+    match = re.fullmatch(r'(.*) \[([^\[\]]+)\]', description, re.DOTALL)
+    return (match[1], match[2]) if match else (description, '')
+
+
+def choices_in(allowed: str) -> tuple[str, ...]:
+    """The choices of a text that `Parameter.allowed` lists; none where any text is allowed."""
+    return () if allowed in ('any', '') else tuple(allowed.split(', '))
 
 
 def yaml_text(values: Mapping[str, RosValue], *, whole: bool = True) -> str:

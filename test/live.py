@@ -5,6 +5,7 @@ import itertools
 import os
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import rclpy
@@ -43,6 +44,7 @@ class Cell:
         self.peer = Node('peer', namespace=self.namespace, context=self.context)
         self.changed = threading.Condition()
         self.services = {}
+        self.orphans = set()
         self.inbox = {name: [] for name in (*RESULTS, 'diagnostics')}
         kinds = dict(zip(RESULTS, (PointCloud2, Image, DiagnosticStatus), strict=True))
         for name, kind in kinds.items():
@@ -174,9 +176,30 @@ class Cell:
             lambda: next((found for found in self.inbox['diagnostics'] if condition(found)), None)
         )
 
+    def kill(self):
+        """End the node the hard way, which leaves its shared memory behind; `close` tidies that up."""
+        process = self.node_process.process
+        self.orphans |= mapped_by(process.pid)
+        process.kill()
+        process.wait()
+
     def close(self):
         code = self.node_process.stop()
         rclpy.shutdown(context=self.context)
         self.thread.join()
         self.peer.destroy_node()
+        for path in self.orphans - mapped_by('*'):
+            for file in (path, path.with_name(f'{path.name}_el')):
+                file.unlink(missing_ok=True)
         return code
+
+
+def mapped_by(process):
+    """The shared memory that a process has mapped; '*': any process."""
+    found = set()
+    for maps in Path('/proc').glob(f'{process}/maps'):
+        with contextlib.suppress(OSError):
+            found |= {
+                Path(line.split(maxsplit=5)[5]) for line in maps.read_text().splitlines() if '/dev/shm' in line
+            }
+    return found

@@ -15,8 +15,8 @@ PACKAGE = Path(socialcircle_ros.__file__).parent
 # A room may import from the rooms on lines below its own, and from itself.
 LEVELS = [
     {'commands'},
-    {'node', 'recording', 'evaluation'},
-    {'pipeline', 'stacking'},
+    {'node', 'panel', 'recording', 'evaluation'},
+    {'pipeline', 'stacking', 'parameter_file'},
     {'simulation', 'messages'},
     {'circle', 'focus', 'repair', 'baselines'},
     {'cloud'},
@@ -24,8 +24,16 @@ LEVELS = [
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 
-# Beside it on its own line: the node plays and records recordings, benchmarks time them; settings refuse.
-BESIDE = {('node', 'recording'), ('evaluation', 'recording'), ('settings', 'errors')}
+# Beside it on its own line: the node plays and records recordings, and starts the panel, which steps through
+# recordings and draws with the evaluation's pictures; settings refuse with errors.
+BESIDE = {
+    ('node', 'recording'),
+    ('node', 'panel'),
+    ('panel', 'recording'),
+    ('panel', 'evaluation'),
+    ('evaluation', 'recording'),
+    ('settings', 'errors'),
+}
 
 ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs', 'rcl_interfaces', 'lifecycle_msgs',
        'rosgraph_msgs', 'builtin_interfaces', 'ament_index_python'}  # fmt: skip

@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros import CircleSettings, SocialCircleError
-from socialcircle_ros.settings import GROUPS, PARAMETERS, NodeSettings, OutputSettings, yaml_text
+from socialcircle_ros.settings import (
+    GROUPS,
+    PARAMETERS,
+    NodeSettings,
+    OutputSettings,
+    choices_in,
+    sentence_and_unit,
+    yaml_text,
+)
 
 TOP = Path(__file__).resolve().parents[1]
 
@@ -100,6 +108,12 @@ def test_every_parameter_has_a_sentence_and_a_default_of_its_type():
     for name, row in PARAMETERS.items():
         assert row.sentence.endswith('.'), name
         assert isinstance(row.default, row.kind), name
+
+
+def test_what_ros_is_told_can_be_taken_apart_again():
+    for row in PARAMETERS.values():
+        assert sentence_and_unit(row.description) == (row.sentence, row.unit)
+        assert row.kind is not str or choices_in(row.allowed) == row.limits.choices
 
 
 def test_every_default_is_allowed():

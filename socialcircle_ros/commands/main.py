@@ -10,6 +10,7 @@ from socialcircle_ros.errors import SocialCircleError
 COMMANDS = {
     'demo': 'demo',
     'node': 'node',
+    'tune': 'tune',
     'filter': 'filter',
     'play': 'play',
     'record': 'record',
@@ -49,11 +50,11 @@ def socialcircle() -> None:
     """
 
 
-def main() -> int:
-    """Run a command; an error is one sentence, and exit code 1."""
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command, of the command line unless given; an error is one sentence, and exit code 1."""
     try:
         # Without standalone mode click gives the code of an Exit back instead of exiting.
-        return int(socialcircle.main(standalone_mode=False) or 0)
+        return int(socialcircle.main(arguments, standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()
         return error.exit_code

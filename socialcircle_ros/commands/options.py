@@ -1,6 +1,5 @@
 """Options that several commands share, made from the table of parameters."""
 
-import contextlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import click
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
+from socialcircle_ros.parameter_file import as_ros_reads, read_parameter_file
 from socialcircle_ros.settings import PARAMETERS
 
 
@@ -37,13 +37,7 @@ def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> d
 
     values: dict[str, Any] = {}
     if params_file is not None:
-        try:
-            content = yaml.safe_load(params_file.read_text(encoding='utf-8'))
-        except OSError as error:
-            raise SocialCircleError(f'{params_file} cannot be read: {error.strerror}.') from None
-        except (yaml.YAMLError, UnicodeDecodeError):
-            raise SettingError(f'{params_file} is not YAML; see config/social_circle.yaml for the form.') from None
-        values |= _ros_parameters(params_file, content)
+        values |= read_parameter_file(params_file)
     for text in parameters:
         name, separator, value = text.partition(':=')
         if not separator:
@@ -53,32 +47,10 @@ def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> d
         except yaml.YAMLError:
             raise SettingError(f'-p {text}: the value is not YAML.') from None
     for name, value in values.items():
-        if name in PARAMETERS and PARAMETERS[name].kind is float and isinstance(value, str):
-            # YAML 1.1 takes 1e-6 for a text; ROS takes it for a number.
-            with contextlib.suppress(ValueError):
-                values[name] = float(value)
+        values[name] = as_ros_reads(name, value)
         if name not in PARAMETERS and not name.startswith(('qos_overrides', 'use_sim_time')):
             raise SettingError(f'There is no parameter {name}; the parameters are: {", ".join(PARAMETERS)}.')
     return values
-
-
-def _ros_parameters(path: Path, content: Any) -> dict[str, Any]:
-    """The parameters of every node in a ROS parameter file, nested or dotted, under dotted names."""
-    found: dict[str, Any] = {}
-
-    def walk(prefix: str, item: Any) -> None:
-        if isinstance(item, dict):
-            for key, value in item.items():
-                walk(f'{prefix}.{key}' if prefix else str(key), value)
-        else:
-            found[prefix] = item
-
-    for node in (content or {}).values() if isinstance(content, dict) else ():
-        if isinstance(node, dict):
-            walk('', node.get('ros__parameters', {}))
-    if not found:
-        raise SettingError(f'{path} holds no ros__parameters; see config/social_circle.yaml for the form.')
-    return found
 
 
 def quantity(count: int, noun: str) -> str:

@@ -156,7 +156,7 @@ def _descriptor(row: Parameter) -> ParameterDescriptor:
     """
     descriptor = ParameterDescriptor(
         name=row.name,
-        description=f'{row.sentence} [{row.unit}]' if row.unit else row.sentence,
+        description=row.description,
         additional_constraints=row.allowed,
         read_only=row.read_only,
         dynamic_typing=row.kind is float,

@@ -98,6 +98,7 @@ class SocialCircleNode(LifecycleNode):
         self.create_service(Trigger, '~/finish_stack', self._finish_stack)
         self.create_service(Trigger, '~/reset', self._reset)
         self.create_service(Trigger, '~/save_parameters', self._save_parameters)
+        self.create_service(Trigger, '~/publish_last', self._publish_last)
 
     def start(self) -> None:
         """Configure and activate, if `autostart` says so."""
@@ -123,6 +124,7 @@ class SocialCircleNode(LifecycleNode):
         self._mask = self._publisher(Image, 'outlier_mask')
         self._repaired = self._publisher(PointCloud2, 'points_repaired')
         self._measurement = self._publisher(DiagnosticStatus, '~/measurement')
+        self._last_points = self._publisher(PointCloud2, '~/last_points')
         began = time.monotonic()
         if not self.warm_up.wait(self.context.ok):
             return TransitionCallbackReturn.FAILURE
@@ -195,7 +197,7 @@ class SocialCircleNode(LifecycleNode):
     def _release(self) -> None:
         self._stop_workers()
         self._last = None
-        for name in ('_filtered', '_mask', '_repaired', '_measurement'):
+        for name in ('_filtered', '_mask', '_repaired', '_measurement', '_last_points'):
             publisher = self.__dict__.pop(name, None)
             if publisher is not None:
                 self.destroy_lifecycle_publisher(publisher)
@@ -322,6 +324,16 @@ class SocialCircleNode(LifecycleNode):
             True,
             'Counters are zero; the last cloud and the stack that ran are forgotten.',
         )
+        return response
+
+    def _publish_last(self, _: Any, response: Any) -> Any:
+        """Give the last cloud and its answer again, to somebody who came after it."""
+        if self._last is None or self._worker is None or self._clouds is None:
+            response.success, response.message = False, 'No cloud has come yet.'
+            return response
+        self._last_points.publish(self._last.message)
+        self._worker.put_again()
+        response.success, response.message = True, 'The last cloud is on ~/last_points, and is filtered again.'
         return response
 
     def _save_parameters(self, _: Any, response: Any) -> Any:

@@ -62,6 +62,7 @@ class Span(NamedTuple):
     """
 
     start_time: int
+    end_time: int
     offset: int
     length: int
     channels: frozenset[int] | None
@@ -208,6 +209,7 @@ class McapFile:
             index.spans.append(
                 Span(
                     chunk.message_start_time,
+                    chunk.message_end_time,
                     chunk.chunk_start_offset,
                     chunk.chunk_length,
                     frozenset(chunk.message_index_offsets) or None,
@@ -247,19 +249,22 @@ class McapFile:
                     times.append(found[0])
                     channels.add(found[1])
         finally:  # of a damaged chunk, the messages before the damage count
-            index.spans.append(Span(min(times, default=0), offset, length, frozenset(channels)))
+            index.spans.append(
+                Span(min(times, default=0), max(times, default=0), offset, length, frozenset(channels))
+            )
 
     def _scan_record(self, index: _Index, offset: int, length: int, *, joinable: bool) -> None:
         """Take a record outside of chunks into the index, in the last span if that is `joinable`."""
-        start_time, start, channels = sys.maxsize, offset, frozenset[int]()
+        start_time, end_time, start, channels = sys.maxsize, 0, offset, frozenset[int]()
         for opcode, body in self._records(offset, length):
             if found := index.take(opcode, body):
-                start_time, channels = found[0], frozenset([found[1]])
+                start_time, end_time, channels = found[0], found[0], frozenset([found[1]])
         if joinable:
             last = index.spans.pop()
             start_time, start = min(start_time, last.start_time), last.offset
+            end_time = max(end_time, last.end_time)
             channels |= last.channels or frozenset()
-        index.spans.append(Span(start_time, start, offset + length - start, channels))
+        index.spans.append(Span(start_time, end_time, start, offset + length - start, channels))
 
     def _records(self, offset: int, length: int) -> Iterator[tuple[int, memoryview]]:
         """Give opcode and body of each record in a chunk, or in a run of records outside of chunks."""

@@ -39,7 +39,7 @@ class RecordingReader:
         self.message_count = sum(file.message_count for file in self._files)
         self.damage = next((file.damage for file in self._files if file.damage), None)
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[Message]:
+    def messages(self, topics: Collection[str] | None = None, since: int = 0) -> Iterator[Message]:
         """Give the messages in the order of their log times, equal ones in the order of the file.
 
         One chunk is in memory at a time, or as many as overlap in time. At damage, everything before it in
@@ -47,12 +47,13 @@ class RecordingReader:
 
         Args:
             topics: Names of the topics that are wanted; None for all.
+            since: Log time in ns of the first message that is wanted; what lies before is not even loaded.
         """
         queue: list[tuple[int, int, int, int, Span | Message]] = []
         for number, file in enumerate(self._files):
             wanted = {id_ for id_, topic in file.channels.items() if topics is None or topic.name in topics}
             for span in file.spans:
-                if span.channels is None or span.channels & wanted:
+                if span.end_time >= since and (span.channels is None or span.channels & wanted):
                     queue.append((span.start_time, number, span.offset, -1, span))  # noqa: PERF401 - legible
         heapq.heapify(queue)
         cuts: dict[int, int] = {}  # file number → offset of its damage
@@ -66,12 +67,12 @@ class RecordingReader:
                 file = self._files[number]
                 try:
                     for place, message in enumerate(file.messages(item)):
-                        if topics is None or message.topic in topics:
+                        if message.log_time >= since and (topics is None or message.topic in topics):
                             heapq.heappush(queue, (message.log_time, number, offset, place, message))
                 except DAMAGE as reason:
                     cuts[number] = offset
                     self.damage = self.damage or file.damage_sentence(offset, reason)
-        if topics is None and count != self.message_count and not self.damage:
+        if topics is None and since == 0 and count != self.message_count and not self.damage:
             self.damage = (
                 f'{self.path} is damaged: its index counts {self.message_count} messages, but {count} were '
                 'found and read.'

@@ -39,7 +39,7 @@ def test_help_loads_neither_the_compiler_nor_ros():
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize('name', ['node', 'play', 'record', 'demo'])
+@pytest.mark.parametrize('name', ['node', 'tune', 'play', 'record', 'demo'])
 def test_a_command_that_needs_ros_says_so_where_there_is_none(name, tmp_path):
     arguments = {'play': ['x.mcap'], 'record': ['-o', 'x.mcap']}.get(name, [])
     program = (
@@ -53,3 +53,34 @@ def test_a_command_that_needs_ros_says_so_where_there_is_none(name, tmp_path):
     assert done.returncode == 1
     assert 'pip install "socialcircle_ros[ros]"' in done.stderr
     assert 'Traceback' not in done.stderr
+
+
+def test_the_page_says_what_to_install_where_viser_is_missing(tmp_path):
+    pytest.importorskip('rclpy', reason='the command needs ROS 2')
+    program = (
+        'import sys\nsys.modules["viser"] = None\nsys.argv = ["socialcircle", "tune"]\n'
+        'from socialcircle_ros.commands.main import main\nsys.exit(main())'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', program], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    assert done.returncode == 1
+    assert done.stderr == 'Error: The page needs viser: pip install "socialcircle_ros[panel]".\n'
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        (['a.mcap', 'b.mcap'], "'b.mcap' is not for this command"),
+        (['--prot', '80'], 'is not for this command'),
+        (['--ros-args', '-r', 'no_rule'], 'The page cannot start'),
+        (['--node', 'a name'], "'a name' cannot be the name of a node"),
+        (['--host', 'nowhere.invalid'], 'cannot listen on nowhere.invalid'),
+    ],
+)
+def test_tune_says_what_is_wrong_with_its_arguments(run, arguments, sentence):
+    pytest.importorskip('viser', reason='the page needs viser')
+    done = run('tune', '--port', '0', *arguments)
+    assert done.code in (1, 2)
+    assert sentence in done.err
+    assert 'Traceback' not in done.err

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from examples import cloud, surface
-from live import RESULTS
+from live import RELIABLE, RESULTS
 from sensor_msgs.msg import PointCloud2, PointField
 
 from socialcircle_ros import remove_outliers
@@ -194,3 +194,22 @@ def test_holes_are_filled_when_repair_is_on(cell):
     kept = np.isfinite(filtered.xyz())
     np.testing.assert_array_equal(repaired[kept], filtered.xyz()[kept])
     assert np.count_nonzero(np.isnan(repaired[..., 2])) == 6
+
+
+def test_the_last_cloud_is_given_again_on_request_with_its_answer(cell):
+    assert not cell.trigger('publish_last').success
+    topic = 'social_circle/last_points'
+    cell.inbox[topic] = []
+    hearing = cell.peer.create_subscription(PointCloud2, topic, cell.keep(topic), RELIABLE, raw=True)
+    cell.clean(cloud(stamp=3_000_000_000))
+
+    def given():
+        assert cell.trigger('publish_last').success
+        return cell.inbox[topic]
+
+    assert cell.wait_for(given)[0] == cloud(stamp=3_000_000_000)  # asked again until we are discovered
+    _, mask, measurement = cell.answer()
+    assert measurement.values['stamp'] == '3.000000000'
+    assert (mask == 255).sum() == 26
+    cell.peer.destroy_subscription(hearing)
+    del cell.inbox[topic]

@@ -1,6 +1,5 @@
 """The node's life: states, ends, and what it says of its connections."""
 
-import contextlib
 import signal
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import pytest
 import rclpy
 from examples import cloud
 from lifecycle_msgs.msg import Transition
-from live import RESULTS
+from live import RESULTS, mapped_by
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
 
@@ -73,17 +72,6 @@ def test_a_signal_ends_it_cleanly_and_leaves_no_shared_memory(start_cell, number
     left = {path for path in segments if path.exists()}
     assert not left - mapped_by('*'), 'what is left is in use by the peer'
     assert 'Traceback' not in cell.node_process.log.read_text()
-
-
-def mapped_by(process):
-    """The files that a process has mapped; '*': any process."""
-    found = set()
-    for maps in Path('/proc').glob(f'{process}/maps'):
-        with contextlib.suppress(OSError):
-            found |= {
-                Path(line.split(maxsplit=5)[5]) for line in maps.read_text().splitlines() if '/dev/shm' in line
-            }
-    return found
 
 
 def test_a_signal_while_it_filters_lets_no_traceback_out(start_cell):

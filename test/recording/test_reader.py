@@ -45,6 +45,16 @@ def test_messages_of_chosen_topics_only(tmp_path):
     assert read(path, ['/none']) == ([], None)
 
 
+@given(log_times=times, since=st.integers(0, 31))
+def test_reading_may_begin_in_the_middle(log_times, since, tmp_path_factory):
+    messages = [Message('/points', bytes([i]), time, 0, i) for i, time in enumerate(log_times)]
+    path = write_mcap(tmp_path_factory.mktemp('since') / 'a.mcap', messages, chunk_size=150, topics=SMALL)
+    with open_recording(path) as recording:
+        later = [message for message in recording.messages() if message.log_time >= since]
+        assert list(recording.messages(since=since)) == later
+        assert recording.damage is None
+
+
 def test_a_recording_can_be_read_twice_and_in_parallel(tmp_path):
     messages = some_messages()
     with open_recording(write_mcap(tmp_path / 'a.mcap', messages, topics=SMALL)) as recording:

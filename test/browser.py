@@ -1,0 +1,80 @@
+"""A real browser for the tests of the tuning page: Debian's Chromium, headless, with WebGL in software."""
+
+import contextlib
+import shutil
+
+import pytest
+
+CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or shutil.which('google-chrome')
+SWITCHES = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist', '--no-sandbox']
+PATIENCE = 60_000  # ms: far longer than anything takes, also where a picture is drawn in software
+
+
+@contextlib.contextmanager
+def browser():
+    """Chromium, or a skip that says what is missing."""
+    playwright = pytest.importorskip(
+        'playwright.sync_api', reason='browser tests need playwright: pip install ".[test]"'
+    )
+    pytest.importorskip('viser', reason='the page needs viser: pip install ".[panel]"')
+    if CHROMIUM is None:
+        pytest.skip('browser tests need Chromium: apt-get install chromium')
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
+        yield chromium
+        chromium.close()
+
+
+class Visitor:
+    """Somebody who looks at the page and moves what is on it."""
+
+    def __init__(self, chromium, address, width=1280, height=800):
+        self.page = chromium.new_page(viewport={'width': width, 'height': height})
+        self.page.set_default_timeout(PATIENCE)
+        self.errors = []
+        self.page.on('pageerror', lambda error: self.errors.append(str(error)))
+        self.page.goto(address)
+        self.page.get_by_role('tab', name='Tune').wait_for()
+
+    def sees(self, text):
+        """Wait until the page shows a text; True, so that it can be asserted."""
+        self.page.get_by_text(text).locator('visible=true').first.wait_for()
+        return True
+
+    def no_longer_sees(self, text):
+        self.page.get_by_text(text).locator('visible=true').wait_for(state='hidden')
+        return True
+
+    def row(self, label):
+        """The row of a control, by its label."""
+        labels = self.page.locator('.mantine-Flex-root > div > p > label').get_by_text(label, exact=True)
+        return labels.locator('xpath=ancestor::div[contains(@class, "mantine-Flex-root")][1]')
+
+    def field(self, label):
+        return self.row(label).locator('input:not([type=hidden])').first
+
+    def slider(self, label):
+        """The slider in the row of a label, or in the row below it where a number is typed above."""
+        own = self.row(label).locator('[role=slider]')
+        below = self.row(label).locator('xpath=following::*[@role="slider"][1]')
+        return own if own.count() else below
+
+    def wait_until(self, label, value):
+        """Wait until a field shows a value."""
+        element = self.field(label).element_handle()
+        self.page.wait_for_function('([input, value]) => input.value === value', arg=[element, value])
+        return True
+
+    def choose(self, label, option):
+        self.field(label).click()
+        self.page.get_by_role('option', name=option, exact=True).locator('visible=true').click()
+
+    def press(self, name):
+        self.page.get_by_role('button', name=name).click()
+
+    def open_tab(self, name):
+        self.page.get_by_role('tab', name=name).click()
+
+    def leave(self):
+        self.page.close()
+        assert self.errors == []

@@ -1,0 +1,30 @@
+import threading
+from types import SimpleNamespace
+
+import pytest
+from browser import Visitor, browser
+from panel.fake import FakeLink
+
+
+@pytest.fixture(scope='session')
+def chromium():
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture
+def tuning(chromium, tmp_path):
+    """The page of a node without ROS, and a visitor who has it open."""
+    from socialcircle_ros.panel.page import page_of
+    from socialcircle_ros.panel.presets import Presets
+
+    link, presets, stop = FakeLink(), Presets(tmp_path / 'presets'), threading.Event()
+    server, page = page_of(link, presets, '127.0.0.1', 0)
+    thread = threading.Thread(target=page.run, args=(stop.is_set,))
+    thread.start()
+    visitor = Visitor(chromium, f'http://127.0.0.1:{server.get_port()}')
+    yield SimpleNamespace(link=link, presets=presets, server=server, page=page, visitor=visitor)
+    visitor.leave()
+    stop.set()
+    thread.join()
+    server.stop()

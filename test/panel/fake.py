@@ -1,0 +1,85 @@
+"""A node without ROS: filters by the pipeline, refuses by the settings, and can be taken away."""
+
+import dataclasses
+import threading
+import time
+
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.messages.image import decode_mono8
+from socialcircle_ros.panel.link import Answer, Descriptor, Event, Kind, Presence, Snapshot
+from socialcircle_ros.pipeline import clean
+from socialcircle_ros.settings import GROUPS, PARAMETERS, CircleSettings
+
+KINDS = {bool: Kind.BOOLEAN, int: Kind.WHOLE, float: Kind.REAL, str: Kind.TEXT, list: Kind.WHOLES}
+
+
+def descriptors():
+    return tuple(
+        Descriptor(
+            row.name, KINDS[row.kind], row.sentence, row.unit, row.allowed, row.limits.choices, row.limits.minimum,
+            row.limits.maximum, (2 if row.limits.odd else 1) if row.kind is int else 0, row.read_only,
+        )
+        for row in PARAMETERS.values()
+    )  # fmt: skip
+
+
+class FakeLink:
+    """A `Link` whose node is in this process."""
+
+    name = '/cell1/social_circle'
+
+    def __init__(self):
+        self.changed = threading.Condition()
+        self.published = []
+        self.asked = []
+        self.events = []
+        self.snapshot = Snapshot(
+            revision=1, presence=Presence.ACTIVE, sentence='Clouds are filtered as they come.',
+            descriptors=descriptors(), values={name: row.default for name, row in PARAMETERS.items()},
+        )  # fmt: skip
+
+    def update(self, **changes):
+        with self.changed:
+            self.snapshot = dataclasses.replace(
+                self.snapshot, revision=self.snapshot.revision + 1, events=tuple(self.events),
+                event_count=len(self.events), **changes,
+            )  # fmt: skip
+            self.changed.notify_all()
+
+    def wait(self, revision, timeout):
+        with self.changed:
+            self.changed.wait_for(lambda: self.snapshot.revision > revision, timeout)
+            return self.snapshot
+
+    def change(self, values):
+        self.asked.append(dict(values))
+        wanted = {**self.snapshot.values, **values}
+        try:
+            for group in GROUPS:
+                group.from_ros(wanted)
+        except SocialCircleError as error:
+            return str(error)
+        for name, value in values.items():
+            self.events.append(Event(time.time(), f'{name}: {self.snapshot.values[name]} → {value} (this page)'))
+        self.update(values=wanted)
+        if self.published:
+            self.filter(self.published[-1])
+        return ''
+
+    def publish(self, cloud):
+        self.published.append(cloud)
+        self.filter(cloud)
+        return ''
+
+    def save(self):
+        return 'Saved to /home/engineer/.ros/socialcircle/cell1.social_circle.yaml.'
+
+    def filter(self, cloud):
+        cleaned = clean(cloud, CircleSettings.from_ros(self.snapshot.values))
+        number = self.snapshot.answer.number + 1 if self.snapshot.answer else 1
+        self.update(answer=Answer(number, cloud, decode_mono8(cleaned.mask), cleaned.measurement))
+
+    def wait_for(self, condition):
+        """Wait until the values in force meet a condition."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: condition(self.snapshot.values), 60)

@@ -1,0 +1,86 @@
+"""Changes: the newest wins, each can be undone, refusals change nothing."""
+
+import pytest
+from panel.fake import FakeLink
+
+from socialcircle_ros.errors import SettingError
+from socialcircle_ros.panel.changes import Changes
+
+SCALE = 'circle.radius_scale'
+
+
+class Desk:
+    def __init__(self):
+        self.link = FakeLink()
+        self.refusals, self.acceptances = [], []
+        self.changes = Changes(
+            self.link,
+            lambda: self.link.snapshot.values,
+            lambda names, reason: self.refusals.append((names, reason)),
+            self.acceptances.append,
+        )
+
+
+@pytest.fixture
+def desk():
+    desk = Desk()
+    yield desk
+    desk.changes.stop()
+
+
+def test_of_values_in_quick_succession_the_newest_is_asked_for(desk):
+    for value in (1.5, 2.5, 3.5):
+        desk.changes.ask(SCALE, value, 0.2)
+    assert desk.changes.settling(SCALE)
+    desk.link.wait_for(lambda values: values[SCALE] == 3.5)
+    assert desk.link.asked == [{SCALE: 3.5}]
+
+
+def test_parameters_do_not_wait_for_each_other(desk):
+    desk.changes.ask(SCALE, 9.0, 3600)
+    desk.changes.ask('circle.window', 5, 0)
+    desk.link.wait_for(lambda values: values['circle.window'] == 5)
+    assert desk.link.snapshot.values[SCALE] == 1.0
+    assert not desk.changes.settling('circle.radius')
+
+
+def test_a_gesture_is_undone_as_one_and_a_preset_as_a_whole(desk):
+    desk.changes.apply({SCALE: 2.0}, gesture=True)
+    desk.changes.apply({SCALE: 3.0}, gesture=True)
+    desk.changes.apply({SCALE: 4.0, 'circle.window': 5})
+    assert desk.changes.undoable == 2
+    assert desk.changes.undo() == ({SCALE: 3.0, 'circle.window': 3}, '')
+    assert desk.changes.undo() == ({SCALE: 1.0}, '')
+    assert desk.link.snapshot.values[SCALE] == 1.0
+    assert desk.changes.undo() == ({}, 'Nothing was changed from this page yet.')
+
+
+def test_a_refusal_is_told_with_its_reason_and_leaves_nothing_to_undo(desk):
+    reason = desk.changes.apply({'circle.window': 4})
+    assert 'must be odd' in reason
+    assert desk.refusals == [(('circle.window',), reason)]
+    assert desk.changes.undoable == 0
+
+
+def test_what_is_in_force_is_not_asked_for_again(desk):
+    assert desk.changes.apply({SCALE: 1.0}) == ''
+    assert desk.link.asked == []
+    assert desk.acceptances == []
+
+
+def test_a_step_that_cannot_be_undone_stays(desk):
+    desk.changes.apply({SCALE: 2.0})
+    desk.link.change = lambda values: 'The node is away.'
+    assert desk.changes.undo() == ({SCALE: 1.0}, 'The node is away.')
+    assert desk.changes.undoable == 1
+
+
+def test_what_is_no_value_is_refused_only_if_it_stays(desk):
+    desk.changes.ask(SCALE, SettingError('1e is no number.'), 0.2)
+    desk.changes.ask(SCALE, 1e-1, 0.2)
+    desk.link.wait_for(lambda values: values[SCALE] == 1e-1)
+    assert desk.refusals == []
+    desk.changes.ask('circle.window', SettingError('3. is no whole number.'), 0)
+    desk.changes.ask(SCALE, 2.0, 0.1)
+    desk.link.wait_for(lambda values: values[SCALE] == 2.0)
+    assert desk.refusals == [(('circle.window',), '3. is no whole number.')]

@@ -1,0 +1,34 @@
+"""Two settings on one cloud."""
+
+import numpy as np
+import pytest
+from examples import cloud
+
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.panel import colours
+from socialcircle_ros.panel.comparison import compare
+from socialcircle_ros.settings import PARAMETERS
+
+DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
+
+
+def test_the_two_answers_and_their_difference():
+    found = compare(cloud(), ('strict', DEFAULTS), ('gentle', DEFAULTS | {'circle.radius_scale': 100.0}))
+    assert found.a.cleaned.outliers == 26
+    assert found.b.cleaned.outliers == 0
+    assert found.counts == (0, 26, 0)
+    assert found.differing == (('circle.radius_scale', 1.0, 100.0),)
+    picture = found.picture()
+    assert np.count_nonzero((picture == colours.ONLY_A).all(axis=2)) == 26
+
+
+def test_the_same_setting_twice_differs_nowhere():
+    found = compare(cloud(), ('a', DEFAULTS), ('b', DEFAULTS | {'output.mask': False}))
+    assert found.counts == (26, 0, 0)
+    assert np.count_nonzero((found.picture() == colours.BOTH).all(axis=2)) == 26
+    assert found.differing == (('output.mask', True, False),)
+
+
+def test_a_setting_that_cannot_be_is_refused():
+    with pytest.raises(SocialCircleError, match=r'circle\.window'):
+        compare(cloud(), ('a', DEFAULTS), ('b', DEFAULTS | {'circle.window': 4}))

@@ -1,0 +1,229 @@
+"""The page in a real browser, before a node without ROS."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from examples import cloud, surface
+from panel.fake import descriptors
+
+from socialcircle_ros import remove_outliers
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import encode_point_cloud
+from socialcircle_ros.panel.clouds import RecordedClouds
+from socialcircle_ros.panel.link import Descriptor, Kind, Presence
+from socialcircle_ros.panel.page import Page
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+SCALE = 'circle.radius_scale'
+
+
+def test_it_shows_counts_colours_pictures_and_times_of_the_last_answer(tuning):
+    tuning.link.publish(cloud())
+    assert tuning.visitor.sees('Showing all 5,568 kept points and all 26 outliers.')
+    assert tuning.visitor.sees('expansion')
+    row, column = remove_outliers(surface()).seed
+    assert tuning.visitor.sees(f'{row}, {column}')
+    assert tuning.visitor.sees('0.46 %')
+    assert tuning.visitor.page.locator('img:visible').count() == 2
+
+
+def test_controls_come_from_what_the_node_says_of_its_parameters(tuning):
+    told = [dataclasses.replace(row, choices=('paper', 'adaptive')) if row.name == 'circle.mode' else row
+            for row in descriptors()]  # fmt: skip
+    flank = Descriptor('circle.flank', Kind.REAL, 'How steep.', '', '0 to 1', (), 0.0, 1.0)
+    tuning.link.update(descriptors=(*told[:5], flank, *told[5:]),
+                       values={**tuning.link.snapshot.values, 'circle.flank': 0.25})  # fmt: skip
+    visitor = tuning.visitor
+    assert visitor.wait_until('flank', '0.25')
+    assert visitor.slider('flank').get_attribute('aria-valuemax') == '1'
+    assert visitor.sees('vote region [points]')
+    visitor.choose('mode', 'adaptive')
+    assert visitor.sees("circle.mode cannot be 'adaptive'")  # the settings of this fake do not know it
+    visitor.row('flank').hover()
+    assert visitor.sees('How steep. Allowed: 0 to 1.')
+
+
+def test_moving_a_slider_changes_the_answer(tuning):
+    visitor = tuning.visitor
+    tuning.link.publish(cloud())
+    assert visitor.sees('all 26 outliers')
+    visitor.slider('radius scale').press('End')
+    assert visitor.sees('and no outliers')
+    assert visitor.wait_until('radius scale', '100.0')
+    assert tuning.link.snapshot.values[SCALE] == 100.0
+
+
+def test_a_refusal_is_shown_with_its_reason_and_taken_back_with_the_next_good_value(tuning):
+    visitor = tuning.visitor
+    visitor.field('vote region [points]').fill('0, 0, 5, 0')
+    assert visitor.sees('circle.vote_region [0, 0, 5, 0] is empty; give a height')
+    assert visitor.wait_until('vote region [points]', '0, 0, 0, 0')
+    visitor.field('vote region [points]').fill('0, 0, 60, 60')
+    visitor.page.locator('.sc [role=alert]:visible').wait_for(state='hidden')
+    assert tuning.link.snapshot.values['circle.vote_region'] == [0, 0, 60, 60]
+
+
+def test_what_is_no_number_is_refused_before_the_node_is_asked(tuning):
+    tuning.visitor.field('radius [cloud]').fill('wide')
+    assert tuning.visitor.sees("circle.radius must be a number, not 'wide'.")
+    assert tuning.link.asked == []
+
+
+def test_tiny_lengths_can_be_typed_one_key_after_the_other(tuning):
+    field = tuning.visitor.field('radius [cloud]')
+    field.clear()
+    field.press_sequentially('1.25e-6', delay=300)
+    tuning.link.wait_for(lambda values: values['circle.radius'] == 1.25e-6)
+    assert [asked['circle.radius'] for asked in tuning.link.asked] == [1.25e-6]
+    tuning.visitor.open_tab('Log')
+    assert tuning.visitor.sees('circle.radius: 0.0 → 1.25e-06')
+
+
+def test_changes_made_elsewhere_are_followed(tuning):
+    tuning.link.update(values={**tuning.link.snapshot.values, SCALE: 2.5, 'circle.window': 7})
+    assert tuning.visitor.wait_until('radius scale', '2.5')
+    assert tuning.visitor.wait_until('window [points]', '7')
+
+
+def test_it_says_what_it_waits_for_and_goes_on(tuning):
+    visitor, link = tuning.visitor, tuning.link
+    link.update(presence=Presence.ABSENT, sentence='Waiting for /cell1/social_circle; start it with: x.')
+    assert visitor.sees('Waiting for /cell1/social_circle; start it with: x.')
+    assert visitor.sees('not there')
+    visitor.page.wait_for_function('input => input.disabled', arg=visitor.field('radius scale').element_handle())
+    link.update(presence=Presence.ACTIVE, sentence='Clouds are filtered as they come.')
+    assert visitor.sees('Clouds are filtered as they come.')
+    visitor.page.wait_for_function('input => !input.disabled', arg=visitor.field('radius scale').element_handle())
+
+
+def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
+    visitor, link = tuning.visitor, tuning.link
+    visitor.field('radius scale').fill('3')
+    visitor.open_tab('Presets')
+    visitor.field('name').fill('wide')
+    link.wait_for(lambda values: values[SCALE] == 3.0)
+    visitor.press('Save the settings in force')
+    assert visitor.sees('wide.yaml.')
+    saved = tuning.presets.load('wide')
+    assert saved[SCALE] == 3.0
+    assert 'autostart' not in saved  # read-only: nothing that can be set
+    assert link.change({SCALE: 0.5}) == ''
+    visitor.press('Load it into the node')
+    assert visitor.sees('wide is in force.')
+    assert link.snapshot.values[SCALE] == 3.0
+    visitor.open_tab('Tune')
+    visitor.press('Undo')
+    assert visitor.wait_until('radius scale', '0.5')
+
+
+def test_a_preset_that_the_node_refuses_says_why(tuning):
+    tuning.presets.save('bad', {'circle.window': 4})
+    tuning.page._list_presets()
+    tuning.visitor.open_tab('Presets')
+    tuning.visitor.press('Load it into the node')
+    assert tuning.visitor.sees('bad was refused: circle.window must be odd')
+
+
+def test_two_settings_are_compared_side_by_side_on_the_same_cloud(tuning):
+    visitor = tuning.visitor
+    tuning.presets.save('gentle', {SCALE: 100.0})
+    tuning.page._list_presets()
+    tuning.link.publish(cloud())
+    assert visitor.sees('all 26 outliers')
+    visitor.open_tab('Presets')
+    visitor.choose('B', 'gentle')
+    visitor.press('Compare on this cloud')
+    assert visitor.sees('only A 26')
+    assert visitor.sees('A: in force now')
+    assert visitor.sees('B: gentle')
+    assert tuning.link.asked == []
+    visitor.press('Back to the node')
+    assert visitor.no_longer_sees('B: gentle')
+
+
+def test_a_recording_is_stepped_cloud_by_cloud(tuning):
+    visitor, link = tuning.visitor, tuning.link
+    with RecordedClouds(BAGS / 'parts.mcap') as clouds:
+        recorded = [clouds[number].data for number in range(3)]
+    visitor.open_tab('Recording')
+    visitor.field('path').fill(str(BAGS / 'parts.mcap'))
+    visitor.press('Open')
+    assert visitor.sees('Cloud 1 of 8')
+    visitor.press('next ▶')
+    assert visitor.sees('Cloud 2 of 8')
+    visitor.press('next ▶')
+    assert visitor.sees('Cloud 3 of 8')
+    visitor.press('◀ previous')
+    assert visitor.sees('Cloud 2 of 8')
+    assert link.published == [recorded[0], recorded[1], recorded[2], recorded[1]]
+    visitor.field('path').fill('/nowhere.mcap')
+    visitor.press('Open')
+    assert visitor.sees('/nowhere.mcap does not exist')
+
+
+def test_a_recording_waits_for_the_node_and_is_sent_again_to_one_that_comes_back(tuning):
+    visitor, link = tuning.visitor, tuning.link
+    link.update(presence=Presence.ABSENT, sentence='Waiting for it.')
+    assert visitor.sees('Waiting for it.')
+    visitor.open_tab('Recording')
+    visitor.field('path').fill(str(BAGS / 'parts.mcap'))
+    visitor.press('Open')
+    assert visitor.sees('It is sent once the node is active.')
+    visitor.press('next ▶')
+    assert visitor.sees('Cloud 2 of 8')
+    assert link.published == []
+    link.update(presence=Presence.ACTIVE, sentence='Here it is.')
+    assert visitor.no_longer_sees('It is sent once the node is active.')
+    with RecordedClouds(BAGS / 'parts.mcap') as clouds:
+        assert link.published == [clouds[1].data]
+
+
+def test_a_million_points_are_thinned_which_it_says_but_no_outlier_is(tuning):
+    y, x = np.mgrid[:960, :1280].astype(np.float32)
+    z = np.random.default_rng(0).random(x.shape, np.float32)
+    z[::37, ::41] = 50
+    tuning.link.publish(encode_point_cloud(Header.at(1, 'microscope'), np.dstack([x, y, z])))
+    assert tuning.visitor.sees(f'all {z[::37, ::41].size:,} outliers')
+    assert tuning.visitor.sees('kept points (1 of 9)')
+
+
+def test_of_answers_that_come_faster_than_they_are_drawn_the_newest_wins(tuning, monkeypatch):
+    drawn = []
+    draw = Page._show_answer
+    monkeypatch.setattr(
+        Page, '_show_answer', lambda page, answer: (drawn.append(answer.number), draw(page, answer))
+    )
+    for number in range(60):
+        tuning.link.publish(cloud(stamp=number + 1))
+    assert tuning.visitor.sees('0.000000060')
+    assert drawn == sorted(set(drawn))
+    assert drawn[-1] == 60
+    assert len(drawn) < 60
+
+
+@pytest.mark.parametrize('text', ['<img src=x onerror="window.broken=1">', '<script>window.broken=1</script>'])
+def test_what_comes_from_outside_is_text_and_no_markup(tuning, text):
+    tuning.link.update(presence=Presence.ACTIVE, level=2, sentence=text)
+    assert tuning.visitor.sees(text)
+    assert tuning.visitor.page.evaluate('window.broken') is None
+
+
+@pytest.mark.parametrize(('width', 'height'), [(1280, 800), (1920, 1080)])
+def test_nothing_is_cut_off_on_usual_screens(tuning, width, height):
+    visitor = tuning.visitor
+    visitor.page.set_viewport_size({'width': width, 'height': height})
+    tuning.link.publish(cloud())
+    for text in (
+        '/cell1/social_circle',
+        'radius scale',
+        'of measured',
+        'height of kept points',
+        'heights that are kept',
+    ):
+        visitor.sees(text)
+        box = visitor.page.get_by_text(text).locator('visible=true').first.bounding_box()
+        assert box['x'] >= 0
+        assert box['x'] + box['width'] <= width
+        assert box['y'] + box['height'] <= height
