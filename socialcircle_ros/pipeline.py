@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .circle import remove_outliers
+from .circle import CircleResult, remove_outliers
 from .messages import diagnostics
 from .messages.image import encode_image, mask_pixels
 from .messages.point_cloud import PointCloud
@@ -26,6 +26,8 @@ class Cleaned:
     """PointCloud2 as it came, with x, y and z of the outliers NaN."""
     mask: bytes | None
     """Image mono8; None where it is not wanted."""
+    score: bytes | None
+    """Image 32FC1: 0 to 1, above 0.5 for outliers; None where it is not wanted, and from the paper's mode."""
     repaired: bytes | None
     """PointCloud2 as the filtered one, with holes of outliers filled; None where it is not wanted."""
     points: int
@@ -83,6 +85,7 @@ def clean(
     filtered = cloud.without(result.outliers, dense=measured == points and outliers == 0)
     clock.stage('cloud')
     mask = encode_image(cloud.header, mask_pixels(result.inliers, result.outliers)) if output.mask else None
+    score = encode_image(cloud.header, result.score) if output.score and result.score is not None else None
     clock.stage('mask')
     repaired, filled = None, 0
     if output.repaired:
@@ -95,6 +98,7 @@ def clean(
     return Cleaned(
         filtered=filtered,
         mask=mask,
+        score=score,
         repaired=repaired,
         points=points,
         measured=measured,
@@ -102,7 +106,7 @@ def clean(
         seed=result.seed,
         radius=result.radius,
         times=clock.times,
-        status=_status(cloud, measured, outliers, filled, result.seed, result.radius, circle),
+        status=_status(cloud, measured, outliers, filled, result, circle),
     )
 
 
@@ -127,8 +131,7 @@ def _status(
     measured: int,
     outliers: int,
     filled: int,
-    seed: tuple[int, int],
-    radius: float,
+    result: CircleResult,
     circle: CircleSettings,
 ) -> diagnostics.Status:
     """The measurement in words and values.
@@ -141,10 +144,16 @@ def _status(
     level = diagnostics.OK
     if share > 0.5:
         level = diagnostics.WARN
+        message += ' That is more than half: '
         message += (
-            ' That is more than half: the circle may have stayed on an outlier or on one part of the surface;'
+            'what was removed may be the surface; look at the mask.'
+            if circle.mode == 'adaptive'
+            else 'the circle may have stayed on an outlier or on one part of the surface;'
             ' raise circle.radius_scale, or move circle.vote_region to the surface.'
         )
+    for warning in result.warnings:
+        level = diagnostics.WARN
+        message += f' {warning[0].upper()}{warning[1:]}'
     values = {
         'stamp': f'{cloud.header.seconds}.{cloud.header.nanoseconds:09d}',
         'points': str(cloud.height * cloud.width),
@@ -152,9 +161,9 @@ def _status(
         'kept': str(measured - outliers),
         'outliers': str(outliers),
         'repaired': str(filled),
-        'seed_row': str(seed[0]),
-        'seed_column': str(seed[1]),
-        'radius': repr(radius),
+        'seed_row': str(result.seed[0]),
+        'seed_column': str(result.seed[1]),
+        'radius': repr(result.radius),
         **{name: str(value) for name, value in circle.to_ros().items()},
     }
     return diagnostics.Status(level, STATUS_NAME, message, cloud.header.frame_id, values)

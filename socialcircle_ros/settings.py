@@ -259,7 +259,7 @@ VOTERS = 40_000
 """Most points that a vote region may have."""
 
 
-Mode = Literal['paper']
+Mode = Literal['paper', 'adaptive']
 
 
 @dataclass(frozen=True)
@@ -270,8 +270,9 @@ class CircleSettings(Settings):
 
     mode: Mode = setting(
         'paper',
-        "The method: 'paper' is the social circle of the paper, bit for bit.",
-        choices=('paper',),
+        "The method: 'paper' is the social circle of the paper, bit for bit; 'adaptive' takes its scales from the"
+        ' surface and keeps several communities: it needs none of the other circle parameters, and uses none.',
+        choices=('paper', 'adaptive'),
     )
     window: int = setting(
         3,
@@ -562,6 +563,11 @@ class OutputSettings(Settings):
     group: ClassVar[str] = 'output'
 
     mask: bool = setting(True, 'Whether outlier_mask is published with each filtered cloud.')
+    score: bool = setting(
+        False,
+        "Whether outlier_score is published with each filtered cloud, where circle.mode is 'adaptive': 0 to 1,"
+        ' above 0.5 for outliers.',
+    )
     repaired: bool = setting(
         False, 'Whether points_repaired is published: the filtered cloud with the holes of its outliers filled.'
     )

@@ -5,10 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from socialcircle_ros.cloud import Mask, organized
+from socialcircle_ros.cloud import Cloud, Mask, measured_points, organized
+from socialcircle_ros.errors import NoSeedError
 from socialcircle_ros.settings import CircleSettings
 
+from .adaptive import TOUCH, find_outliers
 from .expansion import divide
 from .radius import circle_limit
 from .voting import elect_seed
@@ -24,11 +27,16 @@ class CircleResult:
     inliers: Mask
     outliers: Mask
     seed: tuple[int, int]
-    """Row and column of the initial point."""
+    """Row and column of the initial point; in the adaptive mode of the kept point nearest to the middle."""
     radius: float
-    """Radius in force, in the unit of the cloud."""
+    """Radius in force, in the unit of the cloud; in the adaptive mode the difference of heights within which
+    neighbours are in touch, where the surface is as rough as in the mean."""
     times: dict[str, float]
-    """Seconds that each step took: vote, radius, expansion."""
+    """Seconds that each step took, in the order of the steps."""
+    score: npt.NDArray[np.float32] | None = None
+    """How sure an outlier is, 0 to 1, above 0.5 for outliers, NaN where not measured; None in the paper's mode."""
+    warnings: tuple[str, ...] = ()
+    """What the method could not decide, and what it did."""
 
 
 def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleResult:
@@ -59,6 +67,8 @@ def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleR
     """
     settings = settings or CircleSettings()
     cloud = organized(xyz)
+    if settings.mode == 'adaptive':
+        return _adaptive(cloud)
     started = time.perf_counter()
     seed = elect_seed(cloud, settings.vote_region)
     voted = time.perf_counter()
@@ -76,4 +86,29 @@ def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleR
             'radius': measured_radius - voted,
             'expansion': done - measured_radius,
         },
+    )
+
+
+def _adaptive(cloud: Cloud) -> CircleResult:
+    """The adaptive mode: touch in the surface's own spread, many communities."""
+    measured = measured_points(cloud)
+    if not measured.any():
+        raise NoSeedError('No point of the cloud is measured.')
+    found = find_outliers(np.where(measured, cloud[..., 2], np.nan))
+    inliers = measured & ~found.outliers
+    rows, columns = np.nonzero(inliers if inliers.any() else measured)
+    height, width = measured.shape
+    middle = int(np.argmin((rows - height // 2) ** 2 + (columns - width // 2) ** 2))
+    warnings: tuple[str, ...] = ()
+    if found.islands_kept:
+        kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
+        warnings = (f'{kept}; if they are outliers, this mode cannot tell.',)
+    return CircleResult(
+        inliers=inliers,
+        outliers=found.outliers,
+        seed=(int(rows[middle]), int(columns[middle])),
+        radius=TOUCH * found.spread,
+        times=found.times,
+        score=found.score,
+        warnings=warnings,
     )

@@ -98,13 +98,13 @@ class Image:
 
 
 def encode_image(header: Header, pixels: npt.NDArray[Any]) -> bytes:
-    """A serialized image of `pixels`: (H, W) uint8 as mono8, uint16 as mono16."""
+    """A serialized image of `pixels`: (H, W) uint8 as mono8, uint16 as mono16, float32 as 32FC1."""
     height, width = pixels.shape
     writer = CdrWriter()
     header.write(writer)
     writer.uint32(height)
     writer.uint32(width)
-    writer.string('mono8' if pixels.dtype.itemsize == 1 else 'mono16')
+    writer.string({1: 'mono8', 2: 'mono16', 4: '32FC1'}[pixels.dtype.itemsize])
     writer.boolean(False)
     writer.uint32(width * pixels.dtype.itemsize)
     little = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('<'))

@@ -122,11 +122,12 @@ class SocialCircleNode(LifecycleNode):
         """Make the publishers, compile the filter, start the worker."""
         self._filtered = self._publisher(PointCloud2, 'points_filtered')
         self._mask = self._publisher(Image, 'outlier_mask')
+        self._score = self._publisher(Image, 'outlier_score')
         self._repaired = self._publisher(PointCloud2, 'points_repaired')
         self._measurement = self._publisher(DiagnosticStatus, '~/measurement')
         self._last_points = self._publisher(PointCloud2, '~/last_points')
         began = time.monotonic()
-        if not self.warm_up.wait(self.context.ok):
+        if not self.warm_up.wait(self.context.ok, self._live_parameters.configuration.circle.mode):
             return TransitionCallbackReturn.FAILURE
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began:.1f} s).')
         self._worker = LatestWorker(self._process, self._overtaken, self._filter_again)
@@ -260,6 +261,8 @@ class SocialCircleNode(LifecycleNode):
             self._filtered.publish(cleaned.filtered)
             if cleaned.mask is not None:
                 self._mask.publish(cleaned.mask)
+            if cleaned.score is not None:
+                self._score.publish(cleaned.score)
             if cleaned.repaired is not None:
                 self._repaired.publish(cleaned.repaired)
             self._measurement.publish(cleaned.measurement.encode())

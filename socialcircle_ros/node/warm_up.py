@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 
@@ -16,7 +16,14 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import encode_image
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.pipeline import clean
-from socialcircle_ros.settings import CircleSettings, FocusSettings, OutputSettings, RepairSettings, StackSettings
+from socialcircle_ros.settings import (
+    CircleSettings,
+    FocusSettings,
+    Mode,
+    OutputSettings,
+    RepairSettings,
+    StackSettings,
+)
 from socialcircle_ros.stacking import StackAssembler
 
 _LOOK = 0.05  # s between two looks whether somebody still waits
@@ -33,17 +40,19 @@ class WarmUp:
         self._thread: threading.Thread | None = None
         self._ready = threading.Event()
         self._error: Exception | None = None
+        self._mode: Mode = 'paper'
 
     @property
     def running(self) -> bool:
         """Whether something is still being compiled."""
         return self._thread is not None and self._thread.is_alive()
 
-    def wait(self, wanted: Callable[[], bool]) -> bool:
+    def wait(self, wanted: Callable[[], bool], mode: Mode) -> bool:
         """Begin, if that has not been done, and wait until the common is ready.
 
         Args:
             wanted: asked again and again; once it says no, nothing is waited for.
+            mode: of the filter, which is compiled first.
 
         Returns:
             Whether it is ready.
@@ -52,6 +61,7 @@ class WarmUp:
             SocialCircleError: something could not be compiled.
         """
         if self._thread is None:
+            self._mode = mode
             self._thread = threading.Thread(target=self._run, name='warm_up', daemon=True)
             self._thread.start()
         while wanted():
@@ -63,7 +73,7 @@ class WarmUp:
 
     def _run(self) -> None:
         try:
-            _compile_common()
+            _compile_common(self._mode)
         except Exception as error:  # noqa: BLE001 - told to whom waits
             self._error = error
         self._ready.set()
@@ -71,7 +81,7 @@ class WarmUp:
             _compile_rare()
 
 
-def _compile_common() -> None:
+def _compile_common(mode: Mode) -> None:
     """Clouds of both types under default settings, and a stack of 8 bits.
 
     On the very first start another process compiles for the stack meanwhile: numba compiles one thing at a time,
@@ -79,7 +89,7 @@ def _compile_common() -> None:
     """
     helper = _helper() if _is_cold() else None
     for kind in (np.float32, np.float64):
-        clean(_cloud(kind))
+        clean(_cloud(kind), CircleSettings(mode=mode))
     if helper is not None:
         with helper:
             helper.wait()
@@ -112,6 +122,8 @@ def _help() -> None:
 
 def _compile_rare() -> None:
     """What a setting or another camera asks for."""
+    for other in get_args(Mode):
+        clean(_cloud(np.float32), CircleSettings(mode=other))
     for kind in (np.float32, np.float64):
         clean(_cloud(kind), CircleSettings(window=5))
         for method in ('biharmonic', 'spline'):
@@ -124,8 +136,8 @@ def _compile_rare() -> None:
 
 
 def _cloud(kind: type[np.floating]) -> bytes:
-    """A rough plane with a spike, so that there is something to remove and to repair."""
-    rows, columns = np.mgrid[:12, :10]
+    """A rough plane with a spike: something to remove and to repair, and large enough for every step."""
+    rows, columns = np.mgrid[:40, :36]
     heights = (rows % 2).astype(float)
     heights[6, 5] = 99.0
     return encode_point_cloud(Header(), np.dstack([columns, rows, heights]).astype(kind))

@@ -18,7 +18,12 @@ from .topics import Message, ros_topic
 from .writer import Compression, RecordingWriter
 
 INPUT, FRAMES, JOINT_STATES = 'points', 'stack/image', 'stack/joint_states'
-FILTERED, MASK, MEASUREMENT = 'points_filtered', 'outlier_mask', 'social_circle/measurement'
+FILTERED, MASK, SCORE, MEASUREMENT = (
+    'points_filtered',
+    'outlier_mask',
+    'outlier_score',
+    'social_circle/measurement',
+)
 REPAIRED = 'points_repaired'
 STACK_POINTS, STACK_IMAGE = 'stack/points', 'stack/image_in_focus'
 
@@ -228,9 +233,11 @@ class _Cell:
         kinds = {FILTERED: point_cloud.TYPE, MEASUREMENT: diagnostics.TYPE}
         if job.output.mask:
             kinds[MASK] = image.TYPE
+        if job.output.score and job.circle.mode == 'adaptive':
+            kinds[SCORE] = image.TYPE
         if job.output.repaired:
             kinds[REPAIRED] = point_cloud.TYPE
-        replaced = {FILTERED, MASK, MEASUREMENT, REPAIRED}
+        replaced = {FILTERED, MASK, SCORE, MEASUREMENT, REPAIRED}
         if stack:
             kinds |= {STACK_POINTS: point_cloud.TYPE, STACK_IMAGE: image.TYPE}
             replaced |= {STACK_POINTS, STACK_IMAGE}
@@ -306,6 +313,8 @@ def _filter(arrival: Arrival, job: Job, summary: Summary, writer: WriterBehind) 
         results |= {FILTERED: result.filtered, MEASUREMENT: result.status.encode()}
         if result.mask is not None:
             results[MASK] = result.mask
+        if result.score is not None:
+            results[SCORE] = result.score
         if result.repaired is not None:
             results[REPAIRED] = result.repaired
     of = arrival.message

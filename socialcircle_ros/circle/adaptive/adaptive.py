@@ -1,0 +1,188 @@
+"""The adaptive mode, composed: loners, then islands, then islands seen from further off."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.cloud import Mask
+from socialcircle_ros.compiled import kernel
+
+from .islands import islands
+from .jumps import Heights, jumps_of, scale_of
+from .loners import loners, patched
+from .relief import relief_of
+from .texture import of_one_height
+
+CLIP = 4.0
+"""Spreads beyond which a jump says no more of an island's border."""
+CLIP_FAR = 3.5
+"""The same where the cloud is seen from further off."""
+
+_TILE, _TILE_FAR = 16, 10
+_SCALES = (2, 4)
+_FEWEST = 16
+_ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class AdaptiveResult:
+    """What the adaptive mode found.
+
+    Attributes:
+        outliers: (H, W) bool.
+        score: (H, W) float32, 0 to 1: above 0.5 for outliers, NaN where not measured.
+        spread: of neighbouring heights, in the cloud's unit: the mean over the four directions.
+        islands_kept: islands of one height that were taken for the surface's texture.
+        times: seconds that each step took.
+    """
+
+    outliers: Mask
+    score: npt.NDArray[np.float32]
+    spread: float
+    islands_kept: int
+    times: dict[str, float]
+
+
+def find_outliers(heights: npt.NDArray[Any]) -> AdaptiveResult:
+    """Tell outliers from the surface by the surface's own measure.
+
+    Nothing depends on the unit of the heights, nor on the pitch: heights are compared with heights.
+
+    Args:
+        heights: (H, W) float32 or float64, NaN where not measured; one at least is.
+    """
+    clock = _Clock()
+    work = _relative(heights)
+    measured: Mask = np.isfinite(work)
+    found: Mask = np.zeros(work.shape, np.bool_)
+    score = np.zeros(work.shape, np.float32)
+    clock.step('heights')
+
+    spread = 0.0
+    for _ in range(_ROUNDS):
+        scale = scale_of(work, _TILE, may_foretell=False)
+        spread = float(scale.spreads.mean())
+        lone = loners(jumps_of(work, scale))
+        found |= lone
+        work = patched(work, lone)
+    clock.step('loners')
+
+    scale = scale_of(work, _TILE, may_foretell=True)
+    jumps = jumps_of(work, scale)
+    if scale.foretold:
+        # The finer measure finds loners that the slope hid.
+        lone = loners(jumps)
+        found |= lone
+        work = patched(work, lone)
+        scale = scale_of(work, _TILE, may_foretell=True)
+        jumps = jumps_of(work, scale)
+    score[found] = 1.0
+    spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(work), CLIP, 1)
+    np.maximum(score, steepness, out=score)
+    found |= spot
+    work = patched(work, spot)
+    clock.step('islands')
+
+    # Flanks that are blurred are steps when seen from further off. A surface whose differences foretell each other
+    # has been smoothed: there its own hills would be steps as well.
+    if not scale.foretold:
+        far = work
+        for times in _SCALES:
+            far = _halved(far)
+            if min(far.shape) < _FEWEST:
+                break
+            jumps = jumps_of(far, scale_of(far, _TILE_FAR, may_foretell=False))
+            spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(far), CLIP_FAR, times)
+            _spread_out(spot, times, found)
+            _raise_score(steepness, times, score)
+            far = patched(far, spot)
+    found &= measured
+    clock.step('far')
+
+    texture, kept = of_one_height(_relative(heights), found)
+    found &= ~texture
+    clock.step('texture')
+    _settle(score, found, measured)
+    clock.step('score')
+    return AdaptiveResult(found, score, spread, kept, clock.times)
+
+
+def _relative(heights: npt.NDArray[Any]) -> Heights:
+    """Heights above a middle one: in float32 nothing is to be lost to an offset."""
+    if heights.dtype == np.float32:
+        return np.ascontiguousarray(heights)
+    sample = heights[np.isfinite(heights)]
+    relative: Heights = (heights - np.median(sample[:: max(1, sample.size // 10_000)])).astype(np.float32)
+    return relative
+
+
+class _Clock:
+    def __init__(self) -> None:
+        self.times: dict[str, float] = {}
+        self._since = time.perf_counter()
+
+    def step(self, name: str) -> None:
+        now = time.perf_counter()
+        self.times[name] = now - self._since
+        self._since = now
+
+
+@kernel
+def _halved(heights: Any) -> Any:
+    """Half the rows and columns: of four points the mean of the middle two, of fewer the mean; NaN of none."""
+    height, width = heights.shape
+    half = np.empty((height // 2, width // 2), np.float32)
+    for row in range(height // 2):
+        for column in range(width // 2):
+            low, high = np.float32(np.inf), np.float32(-np.inf)
+            total, count = np.float32(0), 0
+            for y in range(2 * row, 2 * row + 2):
+                for x in range(2 * column, 2 * column + 2):
+                    value = heights[y, x]
+                    if not np.isnan(value):
+                        low, high = min(low, value), max(high, value)
+                        total += value
+                        count += 1
+            if count > 2:
+                total -= low + high
+                count -= 2
+            half[row, column] = total / count if count else np.nan
+    return half
+
+
+@kernel
+def _spread_out(spots: Any, times: int, found: Any) -> None:
+    """Mark all points of the cloud that a point seen from further off stands for."""
+    for row in range(spots.shape[0]):
+        for column in range(spots.shape[1]):
+            if spots[row, column]:
+                found[row * times : (row + 1) * times, column * times : (column + 1) * times] = True
+
+
+@kernel
+def _raise_score(far: Any, times: int, score: Any) -> None:
+    for row in range(far.shape[0]):
+        for column in range(far.shape[1]):
+            value = far[row, column]
+            if value > 0:
+                for y in range(row * times, (row + 1) * times):
+                    for x in range(column * times, (column + 1) * times):
+                        score[y, x] = max(score[y, x], value)
+
+
+@kernel
+def _settle(score: Any, found: Any, measured: Any) -> None:
+    """Above a half for outliers and for nobody else."""
+    height, width = score.shape
+    for row in range(height):
+        for column in range(width):
+            if not measured[row, column]:
+                score[row, column] = np.nan
+            elif found[row, column]:
+                sure = max(score[row, column], np.float32(0.1))
+                score[row, column] = np.float32(0.5) + min(sure, np.float32(1)) / 2
+            else:
+                score[row, column] = min(score[row, column], np.float32(1)) / 2

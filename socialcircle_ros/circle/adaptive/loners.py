@@ -1,0 +1,111 @@
+"""Points that touch nobody, or one other: the outliers that need no community to be told."""
+
+from typing import Any
+
+import numpy as np
+
+from socialcircle_ros.cloud import Mask
+from socialcircle_ros.compiled import kernel
+from socialcircle_ros.threads import in_bands
+
+from .jumps import NONE, UNIT, Heights, Jumps
+
+TOUCH = 3.5
+"""Neighbours within so many spreads are in touch."""
+
+_RINGS = 6
+
+
+def loners(jumps: Jumps) -> Mask:
+    """Points that hardly any neighbour is in touch with, and that nearly all of them lie on one side of.
+
+    The second condition keeps the points of a steep wall, whose neighbours are above and below; the first lets two
+    neighbouring outliers by chance be at one height.
+
+    Args:
+        jumps: (4, H, W) int8, as `jumps_of` gives them.
+
+    Returns:
+        (H, W) bool.
+    """
+    lone: Mask = np.empty(jumps.shape[1:], np.bool_)
+
+    def find(rows: slice) -> None:
+        _find(jumps, round(TOUCH * UNIT), rows.start, rows.stop, lone)
+
+    in_bands(find, *lone.shape)
+    return lone
+
+
+def patched(heights: Heights, holes: Mask) -> Heights:
+    """The heights with `holes` filled by the mean of what surrounds them, ring by ring; NaN where too deep.
+
+    For looking at what is left, never for publishing.
+
+    Args:
+        heights: (H, W) float32.
+        holes: (H, W) bool.
+
+    Returns:
+        (H, W) float32, a copy.
+    """
+    filled = heights.copy()
+    filled[holes] = np.nan
+    _fill(filled, np.flatnonzero(holes))
+    return filled
+
+
+@kernel
+def _find(jumps: Any, touch: int, first: int, end: int, lone: Any) -> None:
+    width = jumps.shape[2]
+    there, touching, side = np.empty(width, np.int8), np.empty(width, np.int8), np.empty(width, np.int8)
+    for row in range(first, end):
+        there[:], touching[:], side[:] = 0, 0, 0
+        for direction in range(4):
+            down, right = (0 if direction == 0 else 1), (1, 0, 1, -1)[direction]
+            for column in range(width):
+                jump = np.int16(jumps[direction, row, column])
+                there[column] += jump != NONE
+                touching[column] += abs(jump) < touch
+                side[column] += (jump >= touch) - ((jump <= -touch) & (jump != NONE))
+            if row - down < 0:
+                continue
+            for column in range(max(0, right), width + min(0, right)):
+                jump = np.int16(jumps[direction, row - down, column - right])
+                there[column] += jump != NONE
+                touching[column] += abs(jump) < touch
+                side[column] += ((jump <= -touch) & (jump != NONE)) - (jump >= touch)
+        for column in range(width):
+            lone[row, column] = (
+                there[column] >= 3
+                and touching[column] <= (1 if there[column] >= 6 else 0)
+                and 2 * abs(side[column]) >= there[column]
+            )
+
+
+@kernel
+def _fill(heights: Any, holes: Any) -> None:
+    height, width = heights.shape
+    left = holes.copy()
+    values = np.empty(holes.size, np.float32)
+    for _ in range(_RINGS):
+        count = 0
+        for place in range(left.size):
+            row, column = left[place] // width, left[place] % width
+            total, known = 0.0, 0
+            for y in range(max(0, row - 1), min(height, row + 2)):
+                for x in range(max(0, column - 1), min(width, column + 2)):
+                    if not np.isnan(heights[y, x]):
+                        total += heights[y, x]
+                        known += 1
+            values[place] = total / known if known >= 3 else np.nan
+        for place in range(left.size):
+            # All of a ring at once: no point is to depend on the order of the others.
+            if np.isnan(values[place]):
+                left[count] = left[place]
+                count += 1
+            else:
+                heights[left[place] // width, left[place] % width] = values[place]
+        if count == left.size:
+            break
+        left = left[:count]
