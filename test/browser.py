@@ -1,6 +1,8 @@
 """A real browser for the tests of the tuning page: Debian's Chromium, headless, with WebGL in software."""
 
+import atexit
 import contextlib
+import functools
 import shutil
 
 import pytest
@@ -19,10 +21,17 @@ def browser():
     pytest.importorskip('viser', reason='the page needs viser: pip install ".[panel]"')
     if CHROMIUM is None:
         pytest.skip('browser tests need Chromium: apt-get install chromium')
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
-        yield chromium
-        chromium.close()
+    chromium = _driver(playwright).chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
+    yield chromium
+    chromium.close()
+
+
+@functools.cache
+def _driver(playwright):
+    """Playwright allows one at a time in a process, and fixtures of different files may overlap in one."""
+    driver = playwright.sync_playwright().start()
+    atexit.register(driver.stop)
+    return driver
 
 
 class Visitor:
