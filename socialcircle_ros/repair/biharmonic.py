@@ -6,10 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.compiled import kernel
+from socialcircle_ros.threads import in_bands
 
 from .holes import MEASURED, PADDING, UNUSABLE, Index, Reals
 from .profile import find_profile, height_on, measured_heights, sum_bends, usual_bend
 
+_LEAST = 1000
+"""Points to be filled that are worth a thread."""
 _MARGIN = 0.5
 """Filled heights stay within the span of those round the hole, widened by this part of it on both sides."""
 
@@ -58,7 +61,6 @@ def _stencil() -> Reals:
 _STENCIL = _stencil()
 
 
-@kernel
 def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, starts: Index) -> Reals:
     """Solve every hole by itself: the heights of least thin-plate energy, which is 0 for a plane.
 
@@ -79,6 +81,29 @@ def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, star
         Heights (N,) in the unit of z, NaN for a point that is no unknown.
     """
     heights = np.full(len(points), np.nan)
+    holes = len(starts) - 1
+    if holes == 0:
+        return heights
+    measured = measured_heights(z, unknowns)
+    bends = sum_bends(measured, usual_bend(measured))
+
+    def solve(some: slice) -> None:
+        _solve_holes(measured, bends, unknowns, points, starts[some.start : some.stop + 1], heights)
+
+    in_bands(solve, holes, len(points) // holes + 1, _LEAST)
+    return heights
+
+
+@kernel
+def _solve_holes(
+    measured: npt.NDArray[Any],
+    bends: tuple[Reals, Reals],
+    unknowns: Index,
+    points: Index,
+    starts: Index,
+    heights: Reals,
+) -> None:
+    """Fill in the heights of some holes; what they become depends on no other hole."""
     bands = np.empty(len(starts) - 1, np.int64)
     longest, most = 0, 0  # the largest hole and the largest matrix; memory is taken once
     for hole in range(len(bands)):
@@ -90,8 +115,6 @@ def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, star
     matrix_memory = np.empty(most)
     surface_memory = np.empty(longest)
     ring_memory = np.empty(longest * len(_AROUND))
-    measured = measured_heights(z, unknowns)
-    bends = sum_bends(measured, usual_bend(measured))
     for hole in range(len(bands)):
         first, last = starts[hole], starts[hole + 1]
         band, size = bands[hole], last - first
@@ -112,7 +135,6 @@ def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, star
                 continue
             height = surface[own] + height_on(profile, row, column)
             heights[first + own] = min(max(height, lowest - margin), highest + margin)
-    return heights
 
 
 @kernel
