@@ -184,6 +184,37 @@ def real_surface(points: npt.NDArray[Any], unit: str, answers: Answers) -> bytes
     return _png(figure)
 
 
+def spikes(z: Heights, unit: str, spikes: Mask, found: Mask) -> bytes:
+    """A measured surface; the part of it with most spikes, which of its points are, and what was removed there.
+
+    Args:
+        z: (H, W) heights, NaN where not measured.
+        unit: of the heights.
+        spikes: (H, W) bool, the points that stand out.
+        found: (H, W) bool, what was removed.
+    """
+    box = densest_box(spikes, 0.2)
+    low, high = _range(z)
+    least, most = _range(z[box])
+    figure = new_figure(15, 4.6)
+    axes = figure.subplots(1, 4)
+    shown: dict[str, Any] = {'cmap': 'gray', 'vmin': low, 'vmax': high, 'interpolation': 'nearest'}
+    image = axes[0].imshow(thinned(z), extent=_extent(z.shape, 1.0), **shown)
+    axes[0].set_title('as measured')
+    _frame(axes[0], box, 1.0)
+    part: dict[str, Any] = {'extent': _box_extent(box, 1.0), 'interpolation': 'nearest'}
+    near = shown | part | {'vmin': least, 'vmax': most}
+    marked = [('the framed part', np.zeros_like(found)), ('stand out', spikes), ('removed', found)]
+    for axis, (title, mask) in zip(axes[1:], marked, strict=True):
+        axis.imshow(z[box], **near)
+        red = np.zeros((*mask[box].shape, 4))
+        red[mask[box]] = (0.85, 0, 0, 1)
+        axis.imshow(red, **part)
+        axis.set_title(f'{title}: {np.count_nonzero(mask[box])}' if mask.any() else title)
+    figure.colorbar(image, ax=axes, label=f'z [{unit}] of the whole; the part has its own range', shrink=0.7)
+    return _png(figure)
+
+
 def _colour_map() -> Any:
     from matplotlib import colormaps  # noqa: PLC0415 - an extra
 

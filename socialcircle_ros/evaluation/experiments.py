@@ -1,8 +1,9 @@
-"""The paper's experiments (section 4) by name, and what they leave on disk."""
+"""The experiments by name, the paper's (section 4) and the adaptive mode's, and what they leave on disk."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from .adaptive import adaptive
 from .benchmarks import hardware
 from .contamination import contaminations
 from .figures import figure4, figure8, figure10, figure11
@@ -19,7 +20,7 @@ EXPERIMENTS: dict[str, Sequence[Callable[[Lineup], list[Section]]]] = {
     'figure10': (figure10,),
     'figure11': (figure11,),
 }
-"""What belongs to each experiment, in the order of the page."""
+"""What belongs to each experiment of the paper, in the order of the page."""
 
 _INTRODUCTION = (
     'The experiments of "Fast outlier removing method for point cloud of microscopic 3D measurement based on'
@@ -28,14 +29,24 @@ _INTRODUCTION = (
 )
 
 
+_ADAPTIVE_INTRODUCTION = (
+    'The adaptive mode has one setting for every instrument. Here stands what is asked of it, and what was'
+    ' measured: on simulated clouds and measured surfaces, with seeds that nothing was chosen on. Every sentence'
+    ' under "What was found" is computed from this run.'
+)
+_TITLES = {'adaptive': ('The adaptive mode and its goals', _ADAPTIVE_INTRODUCTION)}
+
+
 def run(name: str, lineup: Lineup, real: Sequence[RealCloud] = ()) -> list[Section]:
-    """One experiment, or all of them.
+    """One experiment, or all of the paper's.
 
     Args:
-        name: of `EXPERIMENTS`, or 'all'.
+        name: of `EXPERIMENTS`, 'all' for all of them, or 'adaptive'.
         lineup: what takes part.
-        real: measured clouds, which are shown with figure 8.
+        real: measured clouds, which are shown with figure 8 and carry outliers for the adaptive mode.
     """
+    if name == 'adaptive':
+        return adaptive(lineup, real)
     parts = [part for parts in EXPERIMENTS.values() for part in parts] if name == 'all' else EXPERIMENTS[name]
     sections = [section for part in parts for section in part(lineup)]
     return sections + real_surfaces(lineup, real) if real and name in ('figure8', 'all') else sections
@@ -57,8 +68,9 @@ def write(folder: Path, name: str, command: str, sections: Sequence[Section]) ->
         SocialCircleError: the folder or a file cannot be written.
     """
     page = folder / f'{name}.html'
+    title, first = _TITLES.get(name, ('The social circle against other filters', _INTRODUCTION))
     introduction = [
-        _INTRODUCTION,
+        first,
         f'Made by: {command}. On: {hardware()}. Times are medians, all from this one run; compare their ratios.',
     ]
     tables = [(f'{table.name}.csv', table.csv()) for section in sections for table in section.tables]
@@ -66,5 +78,5 @@ def write(folder: Path, name: str, command: str, sections: Sequence[Section]) ->
     contents: list[tuple[str, str | bytes]] = [*tables, *pictures]
     for file, content in contents:
         save(folder / file, content)
-    save(page, render('The social circle against other filters', introduction, sections))
+    save(page, render(title, introduction, sections))
     return [page, *(folder / file for file, _ in contents)]

@@ -70,7 +70,7 @@ def painted(
     """A scene with outliers painted on, and `NOT_MEASURED` points missing by chance.
 
     Args:
-        scene: one of `TITLES`.
+        scene: any that `make_scene` knows.
         size: rows and columns.
         seed: of everything random.
         kind: of outliers.
@@ -90,7 +90,7 @@ def painted(
     measured = np.isfinite(points[..., 2])
     sizes = cluster_sizes(made.cluster, made.outlier)
     return Subject(
-        title=TITLES[scene],
+        title=_title(scene),
         points=points,
         outlier=made.outlier & measured,
         counted=measured & ~made.ambiguous,
@@ -104,7 +104,7 @@ def scanned(specimen: str, size: tuple[int, int], seed: int) -> Subject:
     """A specimen scanned by the virtual instrument: its outliers come out of the physics.
 
     Args:
-        specimen: one of `TITLES`.
+        specimen: that the virtual instrument has a material for, such as those of `TITLES`, or 'flat'.
         size: rows and columns.
         seed: of everything random.
     """
@@ -122,7 +122,7 @@ def scanned(specimen: str, size: tuple[int, int], seed: int) -> Subject:
     causes = {cause.name.lower().replace('_', ' '): truth.main_cause == cause for cause in Cause if cause.name}
     causes['none of these'] = truth.main_cause == Cause.NONE
     return Subject(
-        title=f'{TITLES[specimen]}, from a rendered focus stack',
+        title=f'{_title(specimen)}, from a rendered focus stack',
         points=points,
         outlier=verdict.bad,
         counted=verdict.good | verdict.bad,
@@ -130,6 +130,10 @@ def scanned(specimen: str, size: tuple[int, int], seed: int) -> Subject:
         pitch=grid.dx,
         groups={name: where for name, where in causes.items() if (verdict.bad & where).any()},
     )
+
+
+def _title(scene: str) -> str:
+    return TITLES.get(scene, scene.replace('_', ' ').capitalize())
 
 
 def with_z_scaled(points: npt.NDArray[Any]) -> npt.NDArray[Any]:
