@@ -72,7 +72,7 @@ def scale_of(heights: Heights, tile: int, *, may_foretell: bool) -> Scale:
     height, width = heights.shape
     slopes = _block_slopes(heights)
     slopes = np.stack([_median_of_blocks(slopes[0], 0.0), _median_of_blocks(slopes[1], 0.0)])
-    stride = max(1, 4 * height * width // _SAMPLES // 4)
+    stride = max(1, height * width // _SAMPLES)
     plain = [_sampled(heights, slopes, direction, stride, False) for direction in range(4)]
     samples, foretold = plain, False
     if may_foretell:
