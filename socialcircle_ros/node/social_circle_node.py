@@ -198,7 +198,7 @@ class SocialCircleNode(LifecycleNode):
     def _release(self) -> None:
         self._stop_workers()
         self._last = None
-        for name in ('_filtered', '_mask', '_repaired', '_measurement', '_last_points'):
+        for name in ('_filtered', '_mask', '_score', '_repaired', '_measurement', '_last_points'):
             publisher = self.__dict__.pop(name, None)
             if publisher is not None:
                 self.destroy_lifecycle_publisher(publisher)

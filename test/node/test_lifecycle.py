@@ -29,6 +29,8 @@ def test_without_autostart_it_waits_for_a_manager_and_can_go_round(start_cell):
         assert cell.transition(Transition.TRANSITION_DEACTIVATE)
         cell.wait_for(lambda: cell.clouds.get_subscription_count() == 0)
         assert cell.transition(Transition.TRANSITION_CLEANUP)
+        for name in (*RESULTS, 'points_repaired', 'outlier_score'):
+            cell.wait_for(lambda name=name: cell.peer.count_publishers(name) == 0)
     assert cell.transition(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
     assert cell.state() == 'finalized'
 

@@ -10,7 +10,7 @@ from socialcircle_ros.circle import expansion
 from socialcircle_ros.focus import fit
 from socialcircle_ros.node import warm_up
 
-warm_up._compile_common()
+warm_up._compile_common('paper')
 for kernel in (expansion._link, fit._fit):
     print(sum(kernel.stats.cache_misses.values()), sum(kernel.stats.cache_hits.values()))
 """

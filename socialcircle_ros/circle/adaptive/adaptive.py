@@ -25,6 +25,8 @@ _TILE, _TILE_FAR = 16, 10
 _SCALES = (2, 4)
 _FEWEST = 16
 _ROUNDS = 2
+_FURTHEST = float(np.finfo(np.float32).max) / 16
+"""Heights further off are as good as this, of which sums and differences are finite."""
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,10 @@ def _relative(heights: npt.NDArray[Any]) -> Heights:
     if heights.dtype == np.float32:
         return np.ascontiguousarray(heights)
     sample = heights[np.isfinite(heights)]
-    relative: Heights = (heights - np.median(sample[:: max(1, sample.size // 10_000)])).astype(np.float32)
-    return relative
+    with np.errstate(over='ignore'):
+        relative = heights - np.median(sample[:: max(1, sample.size // 10_000)])
+    clipped: Heights = np.clip(relative, -_FURTHEST, _FURTHEST).astype(np.float32)
+    return clipped
 
 
 class _Clock:

@@ -45,8 +45,8 @@ def islands(relief: Relief, jumps: Jumps, measured: Mask, clip: float, scale: in
         scale: points of the cloud along a side of a point here.
 
     Returns:
-        (H, W) bool, the points of islands, and (H, W) float32: the steepness, -1 to 1, of the steepest community
-        that a point belongs to, not larger than an island may be; 0 where it belongs to none.
+        (H, W) bool, the points of islands, and (H, W) float32: the steepness, 0 to 1, of the steepest community
+        that a point belongs to, not larger than an island may be; 0 where it belongs to none that ends steeply.
     """
     around = _surroundings(relief)
     largest = max(LARGEST // scale**2, 4)
@@ -133,17 +133,16 @@ def _islands_above(
     _, height, width = jumps.shape
     count = points.size
     place = np.full(height * width, -1, np.int32)  # of a point in the order, once it is in the tree
-    parent, joined, newest = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.int32)
+    parent, joined = np.empty(count, np.int32), np.empty(count, np.int32)
     area, border, steep = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.int32)
     top, bottom = np.empty(count, np.int32), np.empty(count, np.int32)
     left, right = np.empty(count, np.int32), np.empty(count, np.int32)
     for here in range(count):
         point = points[here]
         row, column = point // width, point % width
-        parent[here], joined[here], newest[here] = here, here, here
+        parent[here], joined[here] = here, here
         area[here], border[here], steep[here] = 1, 0, 0
         top[here], bottom[here], left[here], right[here] = row, row, column, column
-        root = here
         for down in range(-1, 2):
             for across in range(-1, 2):
                 y, x = row + down, column + across
@@ -158,10 +157,9 @@ def _islands_above(
                 if there < 0:
                     continue
                 there = _root(joined, there)
-                if there != root:
-                    parent[newest[there]] = here
-                    joined[there] = root
-                    root = here
+                if there != here:
+                    parent[there] = here
+                    joined[there] = here
         place[point] = here
     # Points of one community and one height have one node: the last of them.
     for here in range(count - 1, -1, -1):

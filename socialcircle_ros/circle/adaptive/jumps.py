@@ -38,6 +38,8 @@ _ONE_LEVEL = 0.98
 """A cloud of which more lies at one height is that plane, and what is off it is off it by no step."""
 _SAMPLES = 60_000
 """Jumps that a direction's spread is taken from."""
+_SMALLEST = UNIT / float(np.finfo(np.float32).max)
+"""Jumps in a smaller spread would be infinite in float32, and those of 0 none at all."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def scale_of(heights: Heights, tile: int, *, may_foretell: bool) -> Scale:
     height, width = heights.shape
     slopes = _block_slopes(heights)
     slopes = np.stack([_median_of_blocks(slopes[0], 0.0), _median_of_blocks(slopes[1], 0.0)])
-    stride = max(1, 4 * height * width // _SAMPLES // 4)
+    stride = max(1, height * width // _SAMPLES)
     plain = [_sampled(heights, slopes, direction, stride, False) for direction in range(4)]
     samples, foretold = plain, False
     if may_foretell:
@@ -79,7 +81,7 @@ def scale_of(heights: Heights, tile: int, *, may_foretell: bool) -> Scale:
         if foretold:
             # A difference that is the median of those beside it foretells itself: that says nothing of the spread.
             samples = [jumps[jumps != 0] for jumps in beside]
-    least = max(_quantum(heights), _rounding(heights))
+    least = max(_quantum(heights), _rounding(heights), _SMALLEST)
     spreads = np.array([max(_core_spread(jumps), least) for jumps in samples])
     tiles = np.concatenate(
         in_bands(
@@ -147,7 +149,7 @@ def _quantum(heights: Heights) -> float:
 
 
 def _rounding(heights: Heights) -> float:
-    """What float32 cannot tell apart at the height of the cloud; the smallest number for one at height 0."""
+    """What float32 cannot tell apart at the height of the cloud; next to 0 for one at height 0."""
     flat = heights.ravel()
     sample = np.abs(flat[:: max(1, flat.size // _SAMPLES)])
     sample = sample[np.isfinite(sample)]

@@ -1,0 +1,237 @@
+"""The adaptive mode as a whole."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from clouds import Recipe, recipes
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from socialcircle_ros import threads
+from socialcircle_ros.circle.adaptive import find_outliers
+
+
+def heights_of(recipe):
+    """Heights in the recipe's own type, NaN where not measured."""
+    xyz = recipe.cloud()
+    return np.where(np.isfinite(xyz).all(axis=2), xyz[..., 2], xyz.dtype.type(np.nan))
+
+
+def noise(rows=120, columns=150, seed=1, kind=np.float32):
+    return np.random.default_rng(seed).normal(0, 1, (rows, columns)).astype(kind)
+
+
+def assert_same(one, other):
+    np.testing.assert_array_equal(one.outliers, other.outliers)
+    np.testing.assert_array_equal(one.score, other.score)
+    assert one.islands_kept == other.islands_kept
+
+
+# For any cloud
+
+
+@settings(max_examples=200)
+@given(recipes(40, 44))
+def test_outliers_are_measured_and_score_above_a_half_and_nobody_else_does(recipe):
+    with np.errstate(all='ignore'):
+        heights = heights_of(recipe)
+        assume(np.isfinite(heights).any())
+        before = heights.tobytes()
+        result = find_outliers(heights)
+
+    measured = np.isfinite(heights)
+    assert heights.tobytes() == before
+    assert not result.outliers[~measured].any()
+    assert np.isnan(result.score[~measured]).all()
+    np.testing.assert_array_equal(result.score > 0.5, result.outliers)
+    assert ((result.score[measured] >= 0) & (result.score[measured] <= 1)).all()
+    assert result.score.dtype == np.float32
+    assert result.outliers.shape == result.score.shape == heights.shape
+
+
+@settings(max_examples=100)
+@given(recipes(40, 44), st.integers(-10, 10))
+def test_the_unit_changes_nothing_where_factors_are_powers_of_2(recipe, power):
+    heights = heights_of(replace(recipe, unit='ordinary'))
+    assume(np.isfinite(heights).any())
+
+    one, other = find_outliers(heights), find_outliers(heights * heights.dtype.type(2.0**power))
+
+    assert_same(one, other)
+    assume(one.spread > 1e-30)  # a plane's is next to 0 in any unit
+    assert other.spread == one.spread * 2.0**power
+
+
+@pytest.mark.parametrize('factor', [1e-3, 0.3, 7.0, 1e3])
+def test_another_unit_changes_next_to_nothing(factor):
+    heights = noise(kind=np.float64)
+    heights[np.random.default_rng(4).random(heights.shape) < 0.05] += 25
+    heights[40:46, 70:77] += 20
+
+    one, other = find_outliers(heights), find_outliers(heights * factor)
+
+    # A jump that is rounded the other way may tip a point that was on the brink.
+    assert np.count_nonzero(one.outliers != other.outliers) < 1e-3 * heights.size
+    assert one.outliers.sum() > 800
+
+
+@settings(max_examples=60)
+@given(st.integers(1, 40), st.integers(1, 44), st.integers(0, 2**32), st.sampled_from([64.0, -4096.0, 2.0**30]))
+def test_an_offset_changes_nothing_where_no_digit_is_lost(rows, columns, random, offset):
+    generator = np.random.default_rng(random)
+    heights = generator.integers(-64, 64, (rows, columns)) / 32
+    heights[generator.random(heights.shape) < 0.1] += 50
+    heights[rows // 2 : rows // 2 + 4, columns // 2 : columns // 2 + 4] -= 30
+    heights[0, : columns // 2] = np.nan
+
+    assume(np.isfinite(heights).any())
+
+    assert_same(find_outliers(heights), find_outliers(heights + offset))
+
+
+def test_the_same_cloud_gives_the_same_with_one_thread_and_with_two(monkeypatch):
+    heights = noise(450, 500)
+    heights[np.random.default_rng(4).random(heights.shape) < 0.05] += 25
+    heights[200:208, 300:310] -= 20
+    results = []
+    for limit in (1, 2):
+        monkeypatch.setattr(threads, 'limit', limit)
+        results.append(find_outliers(heights))
+
+    assert_same(*results)
+    assert results[0].outliers.sum() > 5000
+
+
+@pytest.mark.parametrize('turn', [np.transpose, np.flipud, np.fliplr])
+def test_a_cloud_seen_from_another_side_has_nearly_the_same_outliers(turn):
+    # Not the very same: spreads of blocks and tiles are taken from rows, and of some rows only.
+    heights = noise()
+    heights[np.random.default_rng(4).random(heights.shape) < 0.05] += 25
+    heights[40:46, 70:77] += 20
+
+    one, other = find_outliers(heights), find_outliers(np.ascontiguousarray(turn(heights)))
+
+    assert np.count_nonzero(turn(one.outliers) != other.outliers) < 2e-3 * heights.size
+
+
+def test_heights_upside_down_have_nearly_the_same_outliers():
+    heights = noise()
+    heights[np.random.default_rng(4).random(heights.shape) < 0.05] += 25
+
+    one, other = find_outliers(heights), find_outliers(-heights)
+
+    assert np.count_nonzero(one.outliers != other.outliers) < 1e-3 * heights.size
+
+
+# What is found
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('share', [0.1, 0.3])
+def test_single_outliers_in_noise_are_found_and_little_else(share, seed):
+    generator = np.random.default_rng(seed)
+    heights = generator.normal(0, 1, (160, 200))
+    bad = generator.random(heights.shape) < share
+    heights[bad] += (generator.uniform(8, 40, heights.shape) * generator.choice([-1, 1], heights.shape))[bad]
+
+    found = find_outliers(heights).outliers
+
+    assert found[bad].mean() > 0.95
+    assert found[~bad].mean() < 0.01
+
+
+@pytest.mark.parametrize('rise', [12.0, -12.0])
+def test_a_dense_cluster_is_removed_wherever_it_lies_and_no_point_beside_it(rise):
+    heights = noise()
+    cluster = np.zeros(heights.shape, bool)
+    cluster[55:66, 70:82] = True
+    heights[cluster] += rise
+
+    found = find_outliers(heights).outliers
+
+    assert found[cluster].mean() > 0.95
+    assert found[~cluster].mean() < 0.005
+
+
+@pytest.mark.parametrize('level', [0.0, 7.0])
+def test_a_cluster_on_a_plane_is_removed_to_the_point(level):
+    heights = np.full((40, 50), level, np.float32)
+    heights[20:23, 20:23] += 5
+
+    np.testing.assert_array_equal(find_outliers(heights).outliers, heights != level)
+
+
+@pytest.mark.parametrize('kind', ['step', 'plateaus', 'groove'])
+def test_a_part_s_own_form_is_kept(kind):
+    row, column = np.mgrid[:160, :200]
+    form = {
+        'step': np.where(column > 90, 40.0, 0.0),
+        'plateaus': np.where((row > 30) & (row < 130) & (column % 100 > 20) & (column % 100 < 80), 40.0, 0.0),
+        'groove': -40.0 * (np.abs(np.hypot(row - 80, column - 100) - 50) < 6),  # closed, walls upright
+    }[kind]
+
+    found = find_outliers(noise(160, 200) + form).outliers
+
+    assert found.mean() < 0.005
+
+
+@pytest.mark.parametrize('quantum', [0.5, 1.0, 3.0])
+def test_of_a_surface_stored_in_steps_hardly_a_point_is_lost(quantum):
+    row, column = np.mgrid[:160, :200]
+    heights = np.round((noise(160, 200) + row / 10 + np.sin(column / 15)) / quantum) * quantum
+
+    assert find_outliers(heights).outliers.mean() < 0.005
+
+
+@pytest.mark.parametrize('kind', [np.float32, np.float64])
+@pytest.mark.parametrize('level', [0.0, -3.5])
+@pytest.mark.parametrize('shape', [(1, 1), (1, 30), (30, 1), (2, 3), (40, 50)])
+def test_a_plane_is_kept_whole(shape, level, kind):
+    result = find_outliers(np.full(shape, level, kind))
+
+    assert not result.outliers.any()
+    assert not result.score.any()
+
+
+def test_islands_of_one_height_are_kept_and_counted():
+    heights = noise(160, 200)
+    for top in range(10, 150, 20):
+        for left in range(10, 190, 20):
+            heights[top : top + 6, left : left + 6] += 20
+
+    result = find_outliers(heights)
+
+    assert result.islands_kept > 50
+    assert result.outliers.mean() < 0.005
+
+
+def test_a_cluster_with_blurred_flanks_is_seen_from_further_off():
+    row, column = np.mgrid[:160, :200]
+    heights = noise(160, 200) + 30 * np.exp(-(((row - 80) ** 2 + (column - 100) ** 2) / 30))
+
+    found = find_outliers(heights).outliers
+
+    assert found[78:83, 98:103].all()
+    assert found.mean() < 0.02
+
+
+def test_both_types_of_the_same_heights_have_the_same_outliers():
+    recipe = Recipe(40, 44, 'float32', 'noise', clusters=3, spikes=0.1, missing=0.1, quantum=0.5)
+
+    one = find_outliers(heights_of(recipe))
+    other = find_outliers(heights_of(recipe).astype(np.float64))
+
+    np.testing.assert_array_equal(one.outliers, other.outliers)
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('height', [1e300, -1e300, np.finfo(np.float64).max])
+def test_an_outlier_beyond_what_float32_holds_is_one(height):
+    heights = noise(40, 50, kind=np.float64)
+    heights[3, 4] = height
+
+    result = find_outliers(heights)
+
+    assert result.outliers[3, 4]
+    assert result.score[3, 4] > 0.5

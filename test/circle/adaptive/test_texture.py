@@ -1,0 +1,82 @@
+"""Islands of one height are the surface's own."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive import adaptive as naive
+
+from socialcircle_ros.circle.adaptive.texture import of_one_height
+
+
+def dotted(rows, columns, random, heights_of_dots, share):
+    """Heights in quarters, so that sums are exact, and a lattice of dots of these heights, some of them told."""
+    generator = np.random.default_rng(random)
+    heights = generator.integers(0, 2, (rows, columns)) / 4
+    told = np.zeros((rows, columns), bool)
+    for top in range(1, rows, 5):
+        for left in range(1, columns, 5):
+            side = generator.integers(1, 5)
+            dot = slice(top, top + side), slice(left, left + side)
+            heights[dot] += generator.choice(heights_of_dots)
+            told[dot] = generator.random() < share
+    heights[generator.random(heights.shape) < 0.05] = np.nan
+    return heights.astype(np.float32), told
+
+
+DOTS = st.builds(
+    dotted,
+    st.integers(1, 30),
+    st.integers(1, 36),
+    st.integers(0, 2**32),
+    st.sampled_from([[5], [5, -5], [5, 6, 7, 8], [3, 9, 20, -6], [0, 0.25]]),
+    st.sampled_from([0.3, 0.7, 1.0]),
+)
+
+
+@settings(max_examples=200)
+@given(DOTS)
+def test_texture_is_that_of_the_reference(dots):
+    texture, number = of_one_height(*dots)
+
+    expected, expected_number = naive.of_one_height(*dots)
+    np.testing.assert_array_equal(texture, expected)
+    assert number == expected_number
+
+
+@settings(max_examples=100)
+@given(DOTS)
+def test_only_islands_are_texture(dots):
+    texture, _ = of_one_height(*dots)
+
+    assert not texture[~dots[1]].any()
+
+
+def lattice(count, rises):
+    heights = np.zeros((40, 60), np.float32)
+    for number in range(count):
+        row, column = 2 + 6 * (number // 9), 2 + 6 * (number % 9)
+        heights[row : row + 3, column : column + 3] = rises[number % len(rises)]
+    return heights
+
+
+@pytest.mark.parametrize('rise', [5.0, -5.0])
+def test_many_islands_of_one_height_are_kept_and_counted(rise):
+    heights = lattice(12, [rise])
+
+    texture, number = of_one_height(heights, heights != 0)
+
+    np.testing.assert_array_equal(texture, heights != 0)
+    assert number == 12
+
+
+def test_few_are_not_nor_are_those_of_many_heights():
+    for heights in (lattice(7, [5.0]), lattice(12, [1.0, 2.0, 4.0, 8.0, 16.0])):
+        assert not of_one_height(heights, heights != 0)[0].any()
+
+
+def test_those_that_cover_next_to_nothing_of_the_cloud_are_not():
+    heights = np.zeros((200, 200), np.float32)
+    heights[:40, :60] = lattice(12, [5.0])
+
+    assert not of_one_height(heights, heights != 0)[0].any()

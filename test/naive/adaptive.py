@@ -1,0 +1,379 @@
+"""The adaptive mode point by point: the reference for `socialcircle_ros.circle.adaptive`.
+
+Plain loops after the docstrings, nothing shared with the compiled code but its constants. Heights and jumps are
+float32 as there, so that answers are the same bit for bit.
+"""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from socialcircle_ros.circle.adaptive.islands import LARGEST, STRONG, WEAK
+from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT
+from socialcircle_ros.circle.adaptive.loners import TOUCH
+from socialcircle_ros.circle.adaptive.relief import SURPRISE
+from socialcircle_ros.circle.adaptive.texture import LEAST_COVER
+
+DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
+"""Rows and columns to the neighbour on the right, below, below right and below left."""
+AROUND = [(down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down, right) != (0, 0)]
+
+
+class Scale(NamedTuple):
+    slopes: np.ndarray
+    spreads: np.ndarray
+    tiles: np.ndarray
+    foretold: bool
+
+
+def places(shape):
+    return itertools.product(range(shape[0]), range(shape[1]))
+
+
+def inside(row, column, shape):
+    return 0 <= row < shape[0] and 0 <= column < shape[1]
+
+
+def neighbours(row, column, shape):
+    return [(row + i, column + j) for i, j in AROUND if inside(row + i, column + j, shape)]
+
+
+# Jumps
+
+
+def median(values):
+    return np.float32(np.median(np.array(values, np.float32)))
+
+
+def core_spread(sizes):
+    """Spread of a normal distribution, of the core of absolute values."""
+    sizes = sorted(map(float, sizes))
+    if not sizes:
+        return 0.0
+    spread = sizes[int(0.2 * (len(sizes) - 1))] / 0.2533
+    for _ in range(8):
+        core = [size for size in sizes if size <= 2.5 * spread]
+        if spread == 0 or not core:
+            break
+        spread = core[(len(core) - 1) // 2] / 0.6647
+    return spread
+
+
+def median_of_blocks(blocks, otherwise):
+    smooth = np.empty_like(blocks)
+    for row, column in places(blocks.shape):
+        known = [blocks[place] for place in [(row, column), *neighbours(row, column, blocks.shape)]]
+        known = [value for value in known if not np.isnan(value)]
+        smooth[row, column] = median(known) if known else otherwise
+    return smooth
+
+
+def interpolated(blocks, side, row, column):
+    """Bilinear between the centres of blocks, level beyond the outermost."""
+    rows, columns = blocks.shape
+    down = min(max((row + 0.5) / side - 0.5, 0.0), rows - 1.0)
+    right = min(max((column + 0.5) / side - 0.5, 0.0), columns - 1.0)
+    above, before = int(down), int(right)
+    below, after = min(above + 1, rows - 1), min(before + 1, columns - 1)
+    down, right = down - above, right - before
+    upper = float(blocks[above, before]) * (1 - right) + float(blocks[above, after]) * right
+    lower = float(blocks[below, before]) * (1 - right) + float(blocks[below, after]) * right
+    return np.float32(upper * (1 - down) + lower * down)
+
+
+def slopes_of(heights):
+    height, width = heights.shape
+    slopes = np.full((2, -(-height // 8), -(-width // 8)), np.nan, np.float32)
+    for axis, (down, right) in enumerate([(0, 1), (1, 0)]):
+        for row, column in places(slopes.shape[1:]):
+            differences = [
+                heights[y + down, x + right] - heights[y, x]
+                for y in range(8 * row, 8 * row + 8, 2)
+                for x in range(8 * column, 8 * column + 8)
+                if inside(y + down, x + right, heights.shape)
+            ]
+            differences = [difference for difference in differences if not np.isnan(difference)]
+            if len(differences) >= 8:
+                slopes[axis, row, column] = median(differences)
+    return np.stack([median_of_blocks(slopes[0], 0.0), median_of_blocks(slopes[1], 0.0)])
+
+
+def raw_jump(heights, slopes, row, column, direction, foretold):
+    """Jump to a neighbour in the cloud's unit; NaN where there is none."""
+    down, right = DIRECTIONS[direction]
+    if not inside(row + down, column + right, heights.shape):
+        return np.float32(np.nan)
+    line = [(row + step * down, column + step * right) for step in range(-2, 4)]
+    if foretold and all(inside(*place, heights.shape) for place in line):
+        values = [heights[place] for place in line]
+        if not np.isnan(values).any():
+            differences = [after - before for before, after in itertools.pairwise(values)]
+            return differences[2] - sorted(differences)[2]
+    slope = np.float32(right) * interpolated(slopes[0], 8, row, column) + np.float32(down) * interpolated(
+        slopes[1], 8, row, column
+    )
+    return heights[row + down, column + right] - heights[row, column] - slope
+
+
+def raw_jumps(heights, slopes, direction, foretold):
+    """The jumps that there are."""
+    found = [raw_jump(heights, slopes, *place, direction, foretold) for place in places(heights.shape)]
+    return [jump for jump in found if not np.isnan(jump)]
+
+
+def least_spread(heights):
+    """What heights are stored in steps of, and what float32 tells apart at their height."""
+    known = heights[np.isfinite(heights)]
+    levels, counts = np.unique(known, return_counts=True)
+    stored = len(levels) > 1 and counts.max() <= 0.98 * known.size
+    quantum = np.median(np.diff(levels.astype(float))) if stored else 0.0
+    middle = np.median(np.abs(known)) if known.size else np.float32(0)
+    return max(float(quantum), float(np.spacing(np.float32(middle))), UNIT / float(np.finfo(np.float32).max))
+
+
+def scale_of(heights, tile, may_foretell):
+    """What the jumps of a cloud of less than 120 000 points are measured in."""
+    slopes = slopes_of(heights)
+    samples = [raw_jumps(heights, slopes, direction, False) for direction in range(4)]
+    foretold = False
+    if may_foretell:
+        beside = [raw_jumps(heights, slopes, direction, True) for direction in range(4)]
+        foretold = typical(beside) < 0.5 * typical(samples)
+        if foretold:
+            samples = [[jump for jump in jumps if jump != 0] for jumps in beside]
+    least = least_spread(heights)
+    spreads = np.array([max(core_spread(np.abs(jumps)), least) for jumps in samples])
+    tiles = np.full((-(-heights.shape[0] // tile), -(-heights.shape[1] // tile)), np.nan, np.float32)
+    for row, column in places(tiles.shape):
+        sizes = [
+            abs(float(raw_jump(heights, slopes, y, x, direction, foretold))) / spreads[direction]
+            for y in range(row * tile, min((row + 1) * tile, heights.shape[0]), 3)
+            for x in range(column * tile, min((column + 1) * tile, heights.shape[1]))
+            for direction in range(2)
+        ]
+        sizes = [np.float32(size) for size in sizes if not np.isnan(size) and not (foretold and size == 0)]
+        if len(sizes) >= 2 * tile * ((tile + 2) // 3) // 4:
+            tiles[row, column] = core_spread(sizes)
+    tiles = np.maximum(tiles, np.float32(max(0.5, least / spreads.min())))
+    return Scale(slopes, spreads, np.fmax(median_of_blocks(tiles, 1.0), tiles), foretold)
+
+
+def typical(samples):
+    return np.mean([float(np.median(np.abs(np.array(jumps)))) if jumps else 0.0 for jumps in samples])
+
+
+def jumps_of(heights, scale, tile):
+    jumps = np.empty((4, *heights.shape), np.int8)
+    for direction, (row, column) in itertools.product(range(4), places(heights.shape)):
+        raw = raw_jump(heights, scale.slopes, row, column, direction, scale.foretold)
+        sixteenths = (
+            raw * np.float32(UNIT / scale.spreads[direction]) / interpolated(scale.tiles, tile, row, column)
+        )
+        jumps[direction, row, column] = NONE if np.isnan(raw) else np.rint(np.clip(sixteenths, -127, 127))
+    return jumps
+
+
+def jump_between(jumps, here, there):
+    """Sixteenths from a point up to its neighbour; None where there is no jump."""
+    step = there[0] - here[0], there[1] - here[1]
+    if step in DIRECTIONS:
+        jump = int(jumps[DIRECTIONS.index(step)][here])
+    else:
+        jump = -int(jumps[DIRECTIONS.index((-step[0], -step[1]))][there])
+    return None if abs(jump) == -NONE else jump
+
+
+# Loners
+
+
+def loners(jumps):
+    shape, touch = jumps.shape[1:], TOUCH * UNIT
+    lone = np.zeros(shape, bool)
+    for place in places(shape):
+        around = [jump_between(jumps, place, other) for other in neighbours(*place, shape)]
+        around = [jump for jump in around if jump is not None]
+        above, below = sum(jump >= touch for jump in around), sum(jump <= -touch for jump in around)
+        touching = len(around) - above - below
+        friends = 1 if len(around) >= 6 else 0
+        lone[place] = len(around) >= 3 and touching <= friends and abs(above - below) >= len(around) / 2
+    return lone
+
+
+def patched(heights, holes):
+    filled = np.where(holes, np.float32(np.nan), heights)
+    for _ in range(6):
+        before = filled.copy()
+        for place in map(tuple, np.argwhere(holes & np.isnan(before))):
+            around = [float(before[other]) for other in neighbours(*place, heights.shape)]
+            around = [value for value in around if not np.isnan(value)]
+            if len(around) >= 3:
+                filled[place] = sum(around) / len(around)
+    return filled
+
+
+# Relief
+
+
+def wanted_differences(jumps):
+    """Sum of the differences to the four neighbours that a surface of the surprising jumps alone has."""
+    shape = jumps.shape[1:]
+    wanted = np.zeros(shape)
+    for place in places(shape):
+        for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            other = place[0] + down, place[1] + right
+            jump = jump_between(jumps, place, other) if inside(*other, shape) else None
+            if jump is not None and abs(jump) > SURPRISE * UNIT:
+                wanted[place] += jump / UNIT
+    return wanted
+
+
+def relief(jumps):
+    """The least-squares surface of mean 0, by a dense solve."""
+    shape = jumps.shape[1:]
+    number = {place: index for index, place in enumerate(places(shape))}
+    equations = np.zeros((len(number), len(number)))
+    for (row, column), index in number.items():
+        for other in [(row, column + 1), (row, column - 1), (row + 1, column), (row - 1, column)]:
+            if other in number:
+                equations[index, number[other]] += 1
+                equations[index, index] -= 1
+    solution = np.linalg.lstsq(equations, wanted_differences(jumps).ravel(), rcond=None)[0]
+    return solution.reshape(shape)
+
+
+# Islands
+
+
+class Community:
+    """A connected part of {relief ≥ level}."""
+
+    def __init__(self, points, jumps, sign, clip, scale):
+        self.points = points
+        shape = jumps.shape[1:]
+        border = [
+            jump_between(jumps, point, other)
+            for point in points
+            for other in neighbours(*point, shape)
+            if other not in points
+        ]
+        ends = [max(-clip, min(clip, -sign * jump)) for jump in border if jump is not None]
+        self.steepness = np.float32(sum(ends) / (max(len(ends), 1) * clip))
+        rows, columns = zip(*points, strict=True)
+        extent = max(max(rows) - min(rows), max(columns) - min(columns)) + 1
+        alone, fill = (4, 0.3) if scale == 1 else (2, 0.45)
+        if extent > alone and len(points) < fill * extent**2:
+            self.steepness = min(self.steepness, np.float32(0))
+        self.core = 0
+        self.is_island = self.is_tip = False
+
+
+def component(start, points):
+    found, waiting = {start}, [start]
+    while waiting:
+        row, column = waiting.pop()
+        for down, right in AROUND:
+            place = row + down, column + right
+            if place in points and place not in found:
+                found.add(place)
+                waiting.append(place)
+    return frozenset(found)
+
+
+def surroundings(relief):
+    """Mean of blocks of 16×16 points, bilinear between their centres."""
+    rows, columns = -(-relief.shape[0] // 16), -(-relief.shape[1] // 16)
+    mean = np.empty((rows, columns), np.float32)
+    for row, column in places((rows, columns)):
+        values = relief[16 * row : 16 * row + 16, 16 * column : 16 * column + 16].ravel().tolist()
+        mean[row, column] = sum(values) / len(values)
+    return np.array(
+        [
+            [interpolated(mean, 16, row, column) for column in range(relief.shape[1])]
+            for row in range(relief.shape[0])
+        ]
+    )
+
+
+def one_sided_islands(relief, around, jumps, measured, sign, clip, scale):
+    shape, largest = relief.shape, max(LARGEST // scale**2, 4)
+    level = {
+        place: int(np.clip(np.rint(sign * UNIT * relief[place]), -32767, 32767))
+        for place in places(shape)
+        if measured[place] and sign * relief[place] - sign * around[place] > 1
+    }
+    communities = {}
+    for height in sorted(set(level.values())):
+        points = {place for place in level if level[place] >= height}
+        for place in points:
+            found = component(place, points)
+            if found not in communities:
+                communities[found] = Community(found, jumps, sign, clip, scale)
+    ascending = sorted(communities.values(), key=lambda community: len(community.points))
+    larger = {one: next((o for o in ascending if one.points < o.points), None) for one in ascending}
+    for one in ascending:
+        size = len(one.points)
+        cores = [inner.core for inner in ascending if larger[inner] is one and inner.is_island]
+        core = max(cores, default=0)
+        if size > largest:
+            one.is_tip = one.steepness > WEAK and size <= 2 * largest
+        elif one.steepness > STRONG:
+            one.is_island, one.core = True, size
+        elif core and one.steepness > WEAK and size <= 2.5 * core:
+            one.is_island, one.core = True, core
+    found, best = np.zeros(shape, bool), np.zeros(shape, np.float32)
+    for one in reversed(ascending):
+        beyond = larger[one]
+        if beyond is not None and beyond.is_tip and one.steepness > WEAK and len(one.points) > 8:
+            one.is_tip = True
+        for point in one.points:
+            if one.is_island and not one.is_tip:
+                found[point] = True
+            if len(one.points) <= largest:
+                best[point] = max(best[point], one.steepness)
+    return found, best
+
+
+def islands(relief, jumps, measured, clip, scale):
+    around = surroundings(relief)
+    up, down = (
+        one_sided_islands(relief, around, jumps, measured, sign, round(clip * UNIT), scale) for sign in (1, -1)
+    )
+    return up[0] | down[0], np.maximum(up[1], down[1])
+
+
+# Texture
+
+
+def of_one_height(heights, islands):
+    points = {tuple(map(int, place)) for place in np.argwhere(islands)}
+    parts = {component(place, points) for place in points}
+    sized = []
+    for part in parts:
+        inner = [float(heights[point]) for point in part]
+        outer = [
+            float(heights[other])
+            for point in part
+            for other in neighbours(*point, heights.shape)
+            if other not in points
+        ]
+        inner, outer = ([value for value in values if not np.isnan(value)] for values in (inner, outer))
+        if len(part) >= 4 and inner and outer:
+            sized.append((sum(inner) / len(inner) - sum(outer) / len(outer), part))
+    kept, number = np.zeros(islands.shape, bool), 0
+    for sign in (1, -1):
+        candidates = sorted(((sign * rise, part) for rise, part in sized if sign * rise > 0), key=lambda c: c[0])
+        groups = [[part for rise, part in candidates if low <= rise <= 1.35 * low] for low, _ in candidates]
+        if len(candidates) < 8:
+            continue
+        group = max(groups, key=cover)
+        least = max(0.5 * cover([part for _, part in candidates]), LEAST_COVER * np.isfinite(heights).sum())
+        if len(group) >= 8 and cover(group) >= least:
+            number += len(group)
+            for point in itertools.chain.from_iterable(group):
+                kept[point] = True
+    return kept, number
+
+
+def cover(parts):
+    return sum(len(part) for part in parts)
