@@ -16,6 +16,9 @@ from .expansion import divide
 from .radius import circle_limit
 from .voting import elect_seed
 
+_TOO_MANY = 0.3
+"""Beyond this share of outliers the adaptive mode was seen to take good points for outliers, and warns."""
+
 
 @dataclass(frozen=True)
 class CircleResult:
@@ -99,10 +102,13 @@ def _adaptive(cloud: Cloud) -> CircleResult:
     rows, columns = np.nonzero(inliers if inliers.any() else measured)
     height, width = measured.shape
     middle = int(np.argmin((rows - height // 2) ** 2 + (columns - width // 2) ** 2))
-    warnings: tuple[str, ...] = ()
+    warnings = []
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
-        warnings = (f'{kept}; if they are outliers, this mode cannot tell.',)
+        warnings.append(f'{kept}; if they are outliers, this mode cannot tell.')
+    share = np.count_nonzero(found.outliers) / np.count_nonzero(measured)
+    if share > _TOO_MANY:
+        warnings.append(f'{100 * share:.0f} % were removed: with so many, good points may be among them.')
     return CircleResult(
         inliers=inliers,
         outliers=found.outliers,
@@ -110,5 +116,5 @@ def _adaptive(cloud: Cloud) -> CircleResult:
         radius=TOUCH * found.spread,
         times=found.times,
         score=found.score,
-        warnings=warnings,
+        warnings=tuple(warnings),
     )
