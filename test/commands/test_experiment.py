@@ -58,7 +58,8 @@ def test_the_adaptive_mode_is_held_against_its_goals(run, tmp_path):
     assert (folder / 'adaptive_spikes_plate.png').exists()
 
 
-def test_without_measured_surfaces_the_page_of_the_adaptive_mode_says_so(run, tmp_path):
+def test_without_measured_surfaces_the_page_of_the_adaptive_mode_says_so(run, tmp_path, monkeypatch):
+    monkeypatch.delenv('SOCIALCIRCLE_DATA', raising=False)
     done = run('experiment', 'adaptive', '--quick', timeout=300)
     assert done.code == 0, done.err
     page = (tmp_path / 'out' / 'experiments' / 'adaptive.html').read_text(encoding='utf-8')

@@ -30,7 +30,7 @@ def test_it_shows_counts_colours_pictures_and_times_of_the_last_answer(tuning):
 
 
 def test_controls_come_from_what_the_node_says_of_its_parameters(tuning):
-    told = [dataclasses.replace(row, choices=('paper', 'adaptive')) if row.name == 'circle.mode' else row
+    told = [dataclasses.replace(row, choices=('paper', 'bold')) if row.name == 'circle.mode' else row
             for row in descriptors()]  # fmt: skip
     flank = Descriptor('circle.flank', Kind.REAL, 'How steep.', '', '0 to 1', (), 0.0, 1.0)
     tuning.link.update(descriptors=(*told[:5], flank, *told[5:]),
@@ -39,8 +39,8 @@ def test_controls_come_from_what_the_node_says_of_its_parameters(tuning):
     assert visitor.wait_until('flank', '0.25')
     assert visitor.slider('flank').get_attribute('aria-valuemax') == '1'
     assert visitor.sees('vote region [points]')
-    visitor.choose('mode', 'adaptive')
-    assert visitor.sees("circle.mode cannot be 'adaptive'")  # the settings of this fake do not know it
+    visitor.choose('mode', 'bold')
+    assert visitor.sees("circle.mode cannot be 'bold'")  # the settings of this fake do not know it
     visitor.row('flank').hover()
     assert visitor.sees('How steep. Allowed: 0 to 1.')
 
