@@ -12,8 +12,8 @@ from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT, jumps_of, scale_o
 
 def heights_of(recipe):
     """Float32 heights, NaN where not measured."""
-    xyz = recipe.cloud()
-    return np.where(np.isfinite(xyz).all(axis=2), xyz[..., 2], np.nan).astype(np.float32)
+    xyz = recipe.cloud().astype(np.float32)
+    return np.where(np.isfinite(xyz).all(axis=2), xyz[..., 2], np.float32(np.nan))
 
 
 @settings(max_examples=150)
