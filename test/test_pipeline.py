@@ -6,7 +6,7 @@ import pytest
 from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.image import decode_mono8
+from socialcircle_ros.messages.image import Image, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
 from socialcircle_ros.pipeline import clean
 from socialcircle_ros.settings import OutputSettings
@@ -114,3 +114,54 @@ def test_nothing_is_repaired_unless_it_is_wanted():
     result = cleaned(surface())
     assert result.repaired is None
     assert result.status.values['repaired'] == '0'
+
+
+# The adaptive mode
+
+ADAPTIVE = CircleSettings(mode='adaptive')
+
+
+def rough(rows=160, columns=200):
+    xyz = surface(rows, columns)
+    xyz[..., 2] = np.random.default_rng(1).normal(0, 1, (rows, columns))
+    xyz[20:23, :9, 2] = np.nan
+    xyz[30, 40, 2] = 30
+    return xyz
+
+
+def test_points_kept_by_the_adaptive_mode_are_byte_for_byte_the_input():
+    xyz = rough()
+    outliers = remove_outliers(xyz, ADAPTIVE).outliers
+    published = PointCloud.decode(cleaned(xyz, ADAPTIVE).filtered).xyz()
+    assert published[~outliers].tobytes() == xyz[~outliers].tobytes()
+    assert np.isnan(published[outliers]).all()
+    assert outliers[30, 40]
+
+
+def test_the_score_is_the_adaptive_mode_s_as_an_image_with_the_cloud_s_header():
+    xyz = rough()
+    image = Image.decode(cleaned(xyz, ADAPTIVE, OutputSettings(score=True)).score)
+    score = np.frombuffer(image.message, '<f4', image.height * image.width, image.data_start)
+    np.testing.assert_array_equal(score.reshape(160, 200), remove_outliers(xyz, ADAPTIVE).score)
+    assert (image.encoding, image.header) == ('32FC1', HEADER)
+
+
+def test_a_score_that_is_not_wanted_is_not_made_nor_one_in_the_paper_s_mode():
+    assert cleaned(rough(), ADAPTIVE).score is None
+    assert cleaned(surface(), output=OutputSettings(score=True)).score is None
+
+
+def test_what_the_method_could_not_decide_is_a_warning_of_the_measurement():
+    xyz = rough()
+    assert cleaned(xyz, ADAPTIVE).status.level == diagnostics.OK
+    for top in range(10, 150, 20):
+        for left in range(10, 190, 20):
+            xyz[top : top + 6, left : left + 6, 2] += 20
+    status = cleaned(xyz, ADAPTIVE).status
+    assert status.level == diagnostics.WARN
+    assert 'islands of one height were kept as the texture of the surface' in status.message
+
+
+def test_a_cloud_without_any_measured_point_is_refused_by_the_adaptive_mode():
+    with pytest.raises(SocialCircleError, match='No point of the cloud is measured'):
+        cleaned(np.full((70, 80, 3), np.nan, np.float32), ADAPTIVE)

@@ -277,3 +277,115 @@ def test_a_vote_region_without_a_measured_point_has_no_seed():
 def test_a_seed_without_a_ring_has_no_radius():
     with pytest.raises(NoRadiusError, match='ring'):
         remove_outliers(flat(2, 2), CircleSettings())
+
+
+# The adaptive mode
+
+
+ADAPTIVE = CircleSettings(mode='adaptive')
+
+
+@settings(max_examples=200, deadline=None)
+@given(recipes(30, 34))
+def test_in_the_adaptive_mode_every_measured_point_is_inlier_or_outlier_and_no_other_point_is(recipe):
+    xyz = recipe.cloud()
+    before = xyz.tobytes()
+    measured = np.isfinite(xyz).all(axis=2)
+    if not measured.any():
+        with pytest.raises(NoSeedError, match='measured'):
+            remove_outliers(xyz, ADAPTIVE)
+        return
+
+    with np.errstate(all='ignore'):
+        result = remove_outliers(xyz, ADAPTIVE)
+
+    assert xyz.tobytes() == before
+    assert not (result.inliers & result.outliers).any()
+    np.testing.assert_array_equal(result.inliers | result.outliers, measured)
+    np.testing.assert_array_equal(np.isnan(result.score), ~measured)
+    np.testing.assert_array_equal(result.score > 0.5, result.outliers)
+    assert measured[result.seed]
+
+
+@settings(max_examples=50, deadline=None)
+@given(recipes(30, 34), st.sampled_from([1e-6, 0.3, 1e3]), st.sampled_from([0.0, 1e4]))
+def test_in_the_adaptive_mode_x_and_y_change_nothing(recipe, factor, offset):
+    xyz = recipe.cloud().astype(np.float64)
+    measured = np.isfinite(xyz).all(axis=2)
+    if not measured.any():
+        return
+    xyz[~measured] = np.nan
+    elsewhere = xyz * [factor, factor, 1] + [offset, offset, 0]
+
+    with np.errstate(all='ignore'):
+        one, other = remove_outliers(xyz, ADAPTIVE), remove_outliers(elsewhere, ADAPTIVE)
+
+    np.testing.assert_array_equal(one.outliers, other.outliers)
+    np.testing.assert_array_equal(one.score, other.score)
+    assert (one.seed, one.radius) == (other.seed, other.radius)
+
+
+@pytest.mark.parametrize('layout', LAYOUTS)
+@pytest.mark.parametrize('dtype', ['float32', 'float64'])
+def test_in_the_adaptive_mode_the_layout_in_memory_does_not_matter(layout, dtype):
+    contiguous = Recipe(33, 31, dtype, 'noise', clusters=2, missing=0.1, spikes=0.1, random=5).cloud()
+
+    expected = remove_outliers(contiguous, ADAPTIVE)
+    result = remove_outliers(laid_out(contiguous, layout), ADAPTIVE)
+
+    np.testing.assert_array_equal(result.outliers, expected.outliers)
+    assert expected.outliers.any()
+
+
+def rough(rows=90, columns=100):
+    return np.random.default_rng(0).normal(0, 1, (rows, columns))
+
+
+def test_the_adaptive_mode_removes_a_cluster_in_the_middle_of_the_vote_region_and_keeps_both_sides_of_a_step():
+    heights = rough()
+    heights[:, 70:] += 30
+    cluster = np.zeros(heights.shape, bool)
+    cluster[40:48, 30:38] = True
+    heights[cluster] += 15
+
+    result = remove_outliers(grid(heights), CircleSettings(mode='adaptive', vote_region=(14, 4, 60, 60)))
+
+    assert result.outliers[cluster].mean() > 0.95
+    assert result.outliers[~cluster].mean() < 0.005
+
+
+def test_the_seed_of_the_adaptive_mode_is_the_kept_point_nearest_to_the_middle():
+    heights = rough(40, 50)
+    heights[20, 25] = 60
+    result = remove_outliers(grid(heights), ADAPTIVE)
+
+    assert result.outliers[20, 25]
+    assert max(abs(result.seed[0] - 20), abs(result.seed[1] - 25)) == 1
+    assert result.inliers[result.seed]
+
+
+def test_the_radius_of_the_adaptive_mode_is_3_5_spreads_of_neighbours_heights():
+    result = remove_outliers(grid(0.01 * rough(200, 220)), ADAPTIVE)
+
+    assert result.radius == pytest.approx(3.5 * 0.01 * math.sqrt(2), rel=0.1)
+
+
+def test_islands_of_one_height_are_kept_with_a_warning():
+    heights = rough(160, 200)
+    for top in range(10, 150, 20):
+        for left in range(10, 190, 20):
+            heights[top : top + 6, left : left + 6] += 20
+
+    result = remove_outliers(grid(heights), ADAPTIVE)
+
+    (warning,) = result.warnings
+    assert 'islands of one height were kept' in warning
+    assert result.outliers.mean() < 0.005
+    assert remove_outliers(grid(rough()), ADAPTIVE).warnings == ()
+
+
+def test_the_paper_s_mode_has_neither_score_nor_warnings():
+    result = remove_outliers(flat(9, 8), CircleSettings())
+
+    assert result.score is None
+    assert result.warnings == ()

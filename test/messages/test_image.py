@@ -29,6 +29,19 @@ def test_an_encoded_image_is_what_a_stranger_decodes():
     assert bytes(image.data) == pixels.tobytes()
 
 
+def test_a_score_is_an_image_of_floats_with_nan_as_it_is():
+    score = np.array([[0.25, np.nan, 1.0], [0.0, 0.75, 0.5]], np.float32)
+    image = DECODE(encode_image(Header(1, 2, 'cell'), score))
+    assert (image.height, image.width, image.encoding, image.step) == (2, 3, '32FC1', 12)
+    assert not image.is_bigendian
+    assert bytes(image.data) == score.tobytes()
+
+
+def test_a_score_is_no_mask():
+    with pytest.raises(MessageError, match='The image is 32FC1; a mask is mono8'):
+        decode_mono8(encode_image(Header(), np.zeros((2, 2), np.float32)))
+
+
 def test_an_image_is_read_back_also_from_a_slice():
     pixels = np.arange(60, dtype=np.uint8).reshape(6, 10)[::2, 1:4]
     np.testing.assert_array_equal(decode_mono8(encode_image(Header(), pixels)), pixels)

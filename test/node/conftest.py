@@ -30,8 +30,8 @@ def shared_cell(tmp_path_factory):
 def cell(shared_cell):
     """An active node with default parameters and nothing behind it."""
     shared_cell.set(
-        circle__window=3, circle__radius=0.0, circle__radius_scale=1.0, circle__vote_region=[0] * 4,
-        reprocess_last=True, output__mask=True,
+        circle__mode='paper', circle__window=3, circle__radius=0.0, circle__radius_scale=1.0,
+        circle__vote_region=[0] * 4, reprocess_last=True, output__mask=True, output__score=False,
     )  # fmt: skip
     shared_cell.trigger('reset')
     shared_cell.forget()

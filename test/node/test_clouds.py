@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from examples import cloud, surface
 from live import RELIABLE, RESULTS
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import Image, PointCloud2, PointField
 
-from socialcircle_ros import remove_outliers
+from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud
 
@@ -194,6 +194,24 @@ def test_holes_are_filled_when_repair_is_on(cell):
     kept = np.isfinite(filtered.xyz())
     np.testing.assert_array_equal(repaired[kept], filtered.xyz()[kept])
     assert np.count_nonzero(np.isnan(repaired[..., 2])) == 6
+
+
+def test_the_adaptive_mode_tells_how_sure_it_is_of_each_point(cell):
+    received = []
+    subscription = cell.peer.create_subscription(Image, 'outlier_score', received.append, 1)
+    cell.wait_for(lambda: cell.peer.count_publishers('outlier_score') == 1)
+    cell.set(circle__mode='adaptive', output__score=True)
+    try:
+        _, mask, measurement = cell.clean(cloud())
+        message = cell.wait_for(lambda: received)[0]
+    finally:
+        cell.peer.destroy_subscription(subscription)
+    score = np.frombuffer(message.data, '<f4').reshape(message.height, message.width)
+    expected = remove_outliers(surface(), CircleSettings(mode='adaptive'))
+    assert (message.encoding, message.header.frame_id) == ('32FC1', 'microscope')
+    np.testing.assert_array_equal(score, expected.score)
+    np.testing.assert_array_equal(mask == 255, score > 0.5)
+    assert measurement.values['circle.mode'] == 'adaptive'
 
 
 def test_the_last_cloud_is_given_again_on_request_with_its_answer(cell):

@@ -76,6 +76,27 @@ def test_results_are_the_pipeline_s_under_the_node_s_names_at_the_cloud_s_times(
             assert by_topic[name][number][1:] == (data, *message[2:])
 
 
+def test_the_adaptive_mode_s_score_is_recorded_where_it_is_wanted(tmp_path):
+    source, target = night(tmp_path / 'night.mcap'), tmp_path / 'cleaned.mcap'
+    settings, output = CircleSettings(mode='adaptive'), OutputSettings(score=True)
+    run(source, target, settings, output)
+    topics, messages = contents(target)
+    assert topics['/cell/outlier_score'].type == image.TYPE
+    clouds = [m for m in messages if m.topic == '/cell/points']
+    scores = [m for m in messages if m.topic == '/cell/outlier_score']
+    for before, score in zip(clouds, scores, strict=True):
+        assert score[1:] == (clean(before.data, settings, output).score, *before[2:])
+
+
+def test_there_is_no_score_of_the_paper_s_mode_and_an_earlier_one_gives_way(tmp_path):
+    source = night(tmp_path / 'night.mcap')
+    output = OutputSettings(score=True)
+    run(source, tmp_path / 'once.mcap', CircleSettings(mode='adaptive'), output)
+    summary = run(tmp_path / 'once.mcap', tmp_path / 'twice.mcap', CircleSettings(), output)
+    assert '/cell/outlier_score' in summary.replaced
+    assert '/cell/outlier_score' not in contents(tmp_path / 'twice.mcap')[0]
+
+
 def test_the_same_recording_gives_the_same_bytes(tmp_path):
     source = night(tmp_path / 'night.mcap')
     for folder in ('first', 'second'):
