@@ -5,6 +5,7 @@ from typing import Any
 
 from rclpy.qos import QoSCompatibility, QoSProfile, QoSReliabilityPolicy, qos_check_compatible
 
+UNNAMED = 'NODE_NAME_UNKNOWN'  # what the middleware answers meanwhile, and for publishers without a ROS node
 SILENT = (
     'Publisher {who} on {topic} has sent no cloud for {seconds:.0f} s; see that it publishes, and that its'
     ' clouds are not lost on the way: start it with FASTRTPS_DEFAULT_PROFILES_FILE={profile} (clouds over'
@@ -36,7 +37,9 @@ def complaints(topic: str, type_name: str, wanted: QoSProfile, publishers: Itera
 
 
 def node_of(publisher: Any) -> str:
-    """The name of the publisher's node with its namespace."""
+    """The name of the publisher's node with its namespace, once discovery has told it."""
+    if UNNAMED in publisher.node_name:
+        return '(of a node not yet known by name)'
     return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
 
 
