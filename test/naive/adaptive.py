@@ -258,12 +258,12 @@ class Community:
             if other not in points
         ]
         ends = [max(-clip, min(clip, -sign * jump)) for jump in border if jump is not None]
-        self.steepness = np.float32(sum(ends) / (max(len(ends), 1) * clip))
+        self.steepness = float(np.float32(sum(ends) / (max(len(ends), 1) * clip)))  # kept in float32
         rows, columns = zip(*points, strict=True)
         extent = max(max(rows) - min(rows), max(columns) - min(columns)) + 1
         alone, fill = (4, 0.3) if scale == 1 else (2, 0.45)
         if extent > alone and len(points) < fill * extent**2:
-            self.steepness = min(self.steepness, np.float32(0))
+            self.steepness = min(self.steepness, 0.0)
         self.core = 0
         self.is_island = self.is_tip = False
 
