@@ -54,6 +54,7 @@ def clean(
     circle: CircleSettings | None = None,
     output: OutputSettings | None = None,
     repair: RepairSettings | None = None,
+    depth_of_field: float | None = None,
 ) -> Cleaned:
     """Filter one serialized PointCloud2.
 
@@ -62,6 +63,7 @@ def clean(
         circle: how to filter.
         output: what is wanted.
         repair: how holes are filled, where that is wanted.
+        depth_of_field: of a cloud that was a stack, in the unit of the cloud; what `circle` says goes first.
 
     Returns:
         The messages to publish; the same for the same cloud and settings, but for the times.
@@ -71,6 +73,7 @@ def clean(
         CloudError: the method can give no answer for this cloud.
     """
     circle, output = circle or CircleSettings(), output or OutputSettings()
+    circle = circle.of_a_stack(depth_of_field)
     clock = _Stages()
     cloud = PointCloud.decode(message)
     xyz = cloud.xyz()

@@ -271,7 +271,7 @@ class CircleSettings(Settings):
     mode: Mode = setting(
         'paper',
         "The method: 'paper' is the social circle of the paper, bit for bit; 'adaptive' takes its scales from the"
-        ' surface and keeps several communities: it needs none of the other circle parameters, and uses none.',
+        ' surface and keeps several communities: of the other circle parameters it uses depth_of_field alone.',
         choices=('paper', 'adaptive'),
     )
     window: int = setting(
@@ -303,6 +303,23 @@ class CircleSettings(Settings):
         minimum=0.01,
         maximum=100.0,
     )
+    depth_of_field: float | None = setting(
+        None,
+        'For the adaptive mode, depth of field of the microscope that made the cloud, in the unit of the cloud:'
+        ' what is off by less than a third of it stays, what is beside a wall goes; 0: as the frames of a stack'
+        ' show it, not known for other clouds.',
+        unit='cloud',
+        minimum=0.0,
+        empty=0.0,
+    )
+
+    def of_a_stack(self, depth_of_field: float | None) -> 'CircleSettings':
+        """The settings for a cloud that was a stack: its depth of field counts where none is given.
+
+        Args:
+            depth_of_field: in the unit of the cloud; None: the cloud was no stack, or it does not tell.
+        """
+        return dataclasses.replace(self, depth_of_field=self.depth_of_field or depth_of_field)
 
     def _check_together(self) -> None:
         region = self.vote_region
@@ -318,6 +335,8 @@ class CircleSettings(Settings):
             )
         if self.radius == 0.0:
             raise SettingError('circle.radius must be above 0; None has it found by eq. 7.')
+        if self.depth_of_field == 0.0:
+            raise SettingError('circle.depth_of_field must be above 0; None where it is not known.')
 
 
 Fit = Literal['gauss', 'gauss3']

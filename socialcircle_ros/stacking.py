@@ -44,6 +44,8 @@ class StackCloud:
     preview: bool
     reasons: Any
     """(H, W) uint8, what speaks against each point: bits of `Reason`."""
+    depth_of_field: float | None
+    """Of the optics, in metres; None where no focus curve is trusted."""
     warning: str = ''
     """Why the cloud may not be what was meant; empty: nothing speaks against it."""
 
@@ -349,6 +351,7 @@ def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
         frames=stack.frames,
         preview=preview,
         reasons=result.reasons,
+        depth_of_field=result.depth_of_field if np.isfinite(result.depth_of_field) else None,
         warning='' if preview else _cut_short(stack),
     )
 

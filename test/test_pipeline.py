@@ -1,5 +1,7 @@
 """One cloud through the whole pipeline."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -136,6 +138,18 @@ def test_points_kept_by_the_adaptive_mode_are_byte_for_byte_the_input():
     assert published[~outliers].tobytes() == xyz[~outliers].tobytes()
     assert np.isnan(published[outliers]).all()
     assert outliers[30, 40]
+
+
+def test_a_stack_s_depth_of_field_decides_unless_the_settings_give_one():
+    xyz = rough()
+    xyz[60:68, 90:98, 2] += 20
+    message = encode_point_cloud(HEADER, xyz)
+    alone, known = clean(message, ADAPTIVE), clean(message, ADAPTIVE, depth_of_field=100.0)
+    given = clean(message, replace(ADAPTIVE, depth_of_field=1.0), depth_of_field=100.0)
+    assert known.outliers == 0 < alone.outliers
+    assert given.outliers > 0
+    assert known.status.values['circle.depth_of_field'] == '100.0'
+    assert given.status.values['circle.depth_of_field'] == '1.0'
 
 
 def test_the_score_is_the_adaptive_mode_s_as_an_image_with_the_cloud_s_header():

@@ -71,7 +71,7 @@ def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleR
     settings = settings or CircleSettings()
     cloud = organized(xyz)
     if settings.mode == 'adaptive':
-        return _adaptive(cloud)
+        return _adaptive(cloud, settings.depth_of_field)
     started = time.perf_counter()
     seed = elect_seed(cloud, settings.vote_region)
     voted = time.perf_counter()
@@ -92,12 +92,12 @@ def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleR
     )
 
 
-def _adaptive(cloud: Cloud) -> CircleResult:
+def _adaptive(cloud: Cloud, depth_of_field: float | None) -> CircleResult:
     """The adaptive mode: touch in the surface's own spread, many communities."""
     measured = measured_points(cloud)
     if not measured.any():
         raise NoSeedError('No point of the cloud is measured.')
-    found = find_outliers(np.where(measured, cloud[..., 2], np.nan))
+    found = find_outliers(np.where(measured, cloud[..., 2], np.nan), depth_of_field)
     inliers = measured & ~found.outliers
     rows, columns = np.nonzero(inliers if inliers.any() else measured)
     height, width = measured.shape

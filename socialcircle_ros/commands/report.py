@@ -69,7 +69,7 @@ def command(
                 return event.reason
             name, cloud = event
             try:
-                result = clean(cloud.points, job.circle, wanted, job.repair)
+                result = clean(cloud.points, job.circle, wanted, job.repair, cloud.depth_of_field)
             except SocialCircleError as refusal:
                 return str(refusal)
             truth = truths(cloud.namespace, cloud.points)

@@ -1,5 +1,6 @@
 """`socialcircle sweep`."""
 
+import dataclasses
 import shlex
 import sys
 from collections import Counter
@@ -114,7 +115,8 @@ def command(
             name, cloud = named
             try:
                 truth = truths(cloud.namespace, cloud.points)
-                return case_of(name, cloud.points, None if truth is None else (truth.outlier, truth.counted))
+                found = case_of(name, cloud.points, None if truth is None else (truth.outlier, truth.counted))
+                return dataclasses.replace(found, depth_of_field=cloud.depth_of_field)
             except SocialCircleError as refusal:
                 return str(refusal)
 

@@ -71,6 +71,11 @@ def _find(points: Points) -> Mask:
     return remove_outliers(points, _ADAPTIVE).outliers
 
 
+def _find_of(subject: Subject) -> Mask:
+    settings = _ADAPTIVE.of_a_stack(subject.depth_of_field)
+    return remove_outliers(subject.points, settings).outliers
+
+
 def _stacks(lineup: Lineup) -> Part:
     """Clouds from rendered focus stacks, against the other filters with settings tuned on these very clouds."""
     rows: list[list[Cell]] = []
@@ -79,7 +84,7 @@ def _stacks(lineup: Lineup) -> Part:
     for specimen, title, asked in (('flat', 'flat rough surface', 0.98), ('steep_groove', 'steep groove', 0.95)):
         lineup.tell(f'{specimen}: scanning {len(lineup.plan.seeds)} focus stacks')
         subjects = [scanned(specimen, lineup.plan.smaller, seed) for seed in lineup.plan.seeds]
-        ours = [judged(_find(subject.points), subject) for subject in subjects]
+        ours = [judged(_find_of(subject), subject) for subject in subjects]
         rows.append([title, 'adaptive', 'none to set', *_summary(ours)])
         others = []
         for kind in _OTHERS:
@@ -98,7 +103,7 @@ def _stacks(lineup: Lineup) -> Part:
             lead = _median_f1(ours) - _median_f1(strongest)
             goals.append(Goal(f'{where}: median false-positive rate', false, 0.005, least=False, form='.2%'))
             goals.append(Goal(f'{where}: lead in F1 over the best tuned filter', lead, 0.05, form='+.3f'))
-        answers = [('adaptive', _find(subjects[0].points)), (best.name, best(subjects[0].points).outliers)]
+        answers = [('adaptive', _find_of(subjects[0])), (best.name, best(subjects[0].points).outliers)]
         pictures.append(
             Picture(
                 f'adaptive_stack_{specimen}',
@@ -113,8 +118,8 @@ def _stacks(lineup: Lineup) -> Part:
     ]  # fmt: skip
     text = (
         'Outliers come out of the physics: where the images tell too little, depth is wrong. The other filters'
-        ' have the settings that do best on these very clouds. The adaptive mode sees the heights alone: it does'
-        ' not use the quality of the stack.'
+        ' have the settings that do best on these very clouds. The adaptive mode has the heights'
+        ' and the depth of field that the focus curves of the stack tell, nothing else.'
     )
     table = Table('adaptive_stacks', 'Focus stacks; medians over the seeds', columns, rows)
     return [Section('Simulated focus stacks', [text], items=[table, *pictures])], goals

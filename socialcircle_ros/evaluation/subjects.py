@@ -43,6 +43,7 @@ class Subject:
         z_true: (H, W) float64.
         pitch: distance of neighbours in x and y.
         groups: of the points, (H, W) bool each: by size of cluster, or by cause.
+        depth_of_field: of a focus stack, as its curves tell it, in the unit of the heights.
     """
 
     title: str
@@ -52,6 +53,7 @@ class Subject:
     z_true: npt.NDArray[np.float64]
     pitch: float
     groups: dict[str, Mask]
+    depth_of_field: float | None = None
 
     @property
     def measured(self) -> int:
@@ -112,7 +114,8 @@ def scanned(specimen: str, size: tuple[int, int], seed: int) -> Subject:
     stack = FocusStack()
     for frame in simulation.frames():
         stack.add(frame.image, frame.z)
-    depth = stack.finish().depth
+    focus = stack.finish()
+    depth = focus.depth
     truth = simulation.truth
     verdict = truth.classify(depth)
     grid = simulation.specimen.grid
@@ -129,6 +132,7 @@ def scanned(specimen: str, size: tuple[int, int], seed: int) -> Subject:
         z_true=truth.depth,
         pitch=grid.dx,
         groups={name: where for name, where in causes.items() if (verdict.bad & where).any()},
+        depth_of_field=focus.depth_of_field,
     )
 
 

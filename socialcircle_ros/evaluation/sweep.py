@@ -40,6 +40,7 @@ class Case:
         outlier: (H, W) what is to be removed: the truth, or what stands out.
         counted: (H, W) the points whose truth is certain.
         known: whether it is the truth.
+        depth_of_field: of a cloud that was a stack, in the unit of the cloud.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Case:
     outlier: Mask
     counted: Mask
     known: bool
+    depth_of_field: float | None = None
 
     @property
     def xyz(self) -> Any:
@@ -143,7 +145,7 @@ def attempt(base: Values, values: Values, cases: Cases) -> Trial:
     for case in cases(FocusSettings.from_ros(both)):
         xyz = case.xyz
         try:
-            result = remove_outliers(xyz, circle)
+            result = remove_outliers(xyz, circle.of_a_stack(case.depth_of_field))
         except CloudError:
             refused += 1
             counts += tally(np.zeros_like(case.outlier), case.outlier, case.counted)

@@ -189,7 +189,7 @@ def _f1(case: Case, found: Mask) -> float:
 
 def _removed(case: Case, values: Values) -> Mask:
     try:
-        return remove_outliers(case.xyz, CircleSettings.from_ros(values)).outliers
+        return remove_outliers(case.xyz, CircleSettings.from_ros(values).of_a_stack(case.depth_of_field)).outliers
     except CloudError:
         return np.zeros_like(case.outlier)
 

@@ -72,6 +72,7 @@ _NOISE_CONTRAST = 0.3
 
 _LEAST_QUALITY = 0.1
 _LEAST_CONTRAST = 0.5
+_TRUSTED = 0.9
 _HALF = float(np.log(0.5))
 
 _TILE = 256
@@ -85,8 +86,8 @@ _SUMS = 10
 
 def fit_peaks(
     curves: Curves, z: NDArray[np.float64], first: int, *, three: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8]]:
-    """Depth, quality and reasons of all pixels.
+) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8], float]:
+    """Depth, quality and reasons of all pixels, and the width of their curves.
 
     Args:
         curves: what was kept of the focus curves.
@@ -96,12 +97,15 @@ def fit_peaks(
 
     Returns:
         depth (H, W) float64 in z's unit, NaN where there is no peak; quality (H, W) float32, 0 to 1;
-        reasons (H, W) uint8, bits of `Reason`, without SATURATED.
+        reasons (H, W) uint8, bits of `Reason`, without SATURATED; the median over the trusted curves of the
+        standard deviation of the Gaussian that each is taken for, in z's unit, NaN where none is trusted.
     """
     shape = curves.centre.shape
     depth = np.empty(shape, np.float64)
     quality = np.empty(shape, np.float32)
     reasons = np.empty(shape, np.uint8)
+    # Of each tile its most trusted curve: a sample that costs no pass over memory.
+    widths = np.empty((shape[0], -(-shape[1] // _TILE)), np.float32)
     scale = float(np.median(np.diff(z)))
     # In typical steps from the first place: float32 then resolves 1e-4 of a step over a thousand frames.
     steps = np.pad((z - z[0]) / scale, REACH).astype(np.float32)
@@ -123,10 +127,12 @@ def fit_peaks(
             depth[band],
             quality[band],
             reasons[band],
+            widths[band],
         )
 
     in_bands(fit, *shape)
-    return depth, quality, reasons
+    trusted = widths[np.isfinite(widths)]
+    return depth, quality, reasons, scale * float(np.median(trusted)) if trusted.size else float('nan')
 
 
 @kernel
@@ -146,6 +152,7 @@ def _fit(
     depth: NDArray[np.float64],
     quality: Row,
     reasons: NDArray[np.uint8],
+    widths: NDArray[np.float32],
 ) -> None:
     """`fit_peaks`, tile by tile: weights of each slot, their sums, and from these the peaks."""
     height, _, width = slots.shape
@@ -160,6 +167,7 @@ def _fit(
     weights = np.empty(_BATCH * _TILE, np.float32)
     logs = np.zeros(_BATCH * _TILE, np.float32)
     sums = np.empty(_SUMS * _TILE, np.float32)
+    bends = np.empty(_TILE, np.float32)
     for row in range(height):
         for start in range(0, width, _TILE):
             tile = slice(start, min(start + _TILE, width))
@@ -200,8 +208,21 @@ def _fit(
             if batched:
                 _accumulate(t, weights, logs, sums)
             _solve(sums)
+            bends[:] = sums[2 * _TILE : 3 * _TILE]
             _judge(sums, peaks, lowest[row, tile], outside[row, tile])
             _store(sums, index, z, scale, depth[row, tile], quality[row, tile], reasons[row, tile])
+            widths[row, start // _TILE] = _width(bends, quality[row, tile])
+
+
+@kernel
+def _width(bends: Row, quality: Row) -> float:
+    """Width of the curve of the highest quality, from ln F = -z² / (2 width²); NaN where none is trusted."""
+    best = 0
+    for x in range(quality.size):
+        best = x if quality[x] > quality[best] else best
+    if not quality[best] >= np.float32(_TRUSTED):
+        return float(np.nan)
+    return float(np.sqrt(np.float32(-0.5) / bends[best]))
 
 
 @kernel

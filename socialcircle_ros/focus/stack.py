@@ -21,6 +21,11 @@ from .measure import Frame, checked_frame
 _MOST_PLACES = 32_767 - REACH
 """Places are kept in 16 bits, with REACH to spare for those beside the last."""
 
+_WIDTH = 0.73
+"""Standard deviation of the focus curve in depths of field, where the texture is as fine as the pixels: 0.71 to
+0.75 on simulated stacks at 5x and 10x. At 20x it is 0.5, at 50x 0.35: there the depth of field comes out shorter
+than it is."""
+
 _SATURATED_SHARE = 8
 """One saturated pixel in so many of the window, and the curve can no longer be trusted."""
 
@@ -40,6 +45,9 @@ class FocusResult:
 
     reasons: NDArray[np.uint8]
     """(H, W): what speaks against a pixel, bits of `Reason`; 0 where nothing does."""
+
+    depth_of_field: float
+    """Of the optics, as the width of the focus curves tells it, in z's unit; NaN where no curve is trusted."""
 
 
 class FocusStack:
@@ -136,13 +144,13 @@ class FocusStack:
             raise StackError(f'A peak needs frames at three different z at least, not {len(self._z)}.')
         settings, z = self._settings, np.array(self._z)
         three = settings.fit == 'gauss3'
-        depth, quality, reasons = fit_peaks(self._curves, z, self._first, three=three)
+        depth, quality, reasons, width = fit_peaks(self._curves, z, self._first, three=three)
         image = self._curves.image.copy()
         if not three:
             depth = centred(depth, quality, image, z, settings.step, settings.half_window, settings.threshold)
         level = settings.saturation or np.iinfo(image.dtype).max
         _mark_saturated(image, level, settings.half_window, reasons, quality)
-        return FocusResult(depth, quality, image, reasons)
+        return FocusResult(depth, quality, image, reasons, width / _WIDTH)
 
 
 def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[Any]]:

@@ -7,7 +7,7 @@ a slow cloud delays neither a parameter change nor the heartbeat.
 import functools
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -52,6 +52,8 @@ class _Arrival:
 
     message: bytes
     at: float
+    depth_of_field: float | None = None
+    """In metres, of a cloud that was a stack."""
     again: bool = False
     """Whether it has been filtered before, and is filtered again for a change of parameters."""
 
@@ -242,10 +244,10 @@ class SocialCircleNode(LifecycleNode):
         self._health.received()
         self._filter(message)
 
-    def _filter(self, message: bytes) -> None:
+    def _filter(self, message: bytes, depth_of_field: float | None = None) -> None:
         """Hand a cloud to the worker: one that arrived, or one that a stack became."""
         if self._worker is not None:
-            self._worker.put(_Arrival(message, time.monotonic()))
+            self._worker.put(_Arrival(message, time.monotonic(), depth_of_field))
 
     def _overtaken(self, arrival: _Arrival) -> None:
         if not arrival.again:
@@ -254,10 +256,16 @@ class SocialCircleNode(LifecycleNode):
     def _process(self, arrival: _Arrival) -> None:
         """Filter one cloud and publish; on the worker's thread, so nothing may escape."""
         # Also a cloud that is refused is filtered again: the change may be the mend.
-        self._last = _Arrival(arrival.message, arrival.at, again=True)
+        self._last = replace(arrival, again=True)
         configuration = self._live_parameters.configuration
         try:
-            cleaned = clean(arrival.message, configuration.circle, configuration.output, configuration.repair)
+            cleaned = clean(
+                arrival.message,
+                configuration.circle,
+                configuration.output,
+                configuration.repair,
+                arrival.depth_of_field,
+            )
             self._filtered.publish(cleaned.filtered)
             if cleaned.mask is not None:
                 self._mask.publish(cleaned.mask)

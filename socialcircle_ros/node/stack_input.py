@@ -64,7 +64,7 @@ class StackInput:
         node: Any,
         configuration: Callable[[], Configuration],
         health: Health,
-        publish: Callable[[bytes], None],
+        publish: Callable[[bytes, float | None], None],
         overridable: tuple[Any, ...],
     ) -> None:
         self._node = node
@@ -224,6 +224,6 @@ class StackInput:
             self._node.get_logger().warning(cloud.warning, throttle_duration_sec=5.0)
         self._points.publish(cloud.points)
         self._health.stack_finished(time.monotonic() - self._closing_arrival)
-        self._filter(cloud.points)
+        self._filter(cloud.points, cloud.depth_of_field)
         self._image.publish(cloud.image)
         self._health.pixels_judged(count_reasons(cloud.reasons))

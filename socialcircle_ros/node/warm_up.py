@@ -89,7 +89,7 @@ def _compile_common(mode: Mode) -> None:
     """
     helper = _helper() if _is_cold() else None
     for kind in (np.float32, np.float64):
-        clean(_cloud(kind), CircleSettings(mode=mode))
+        clean(_cloud(kind), CircleSettings(mode=mode), depth_of_field=1.0)
     if helper is not None:
         with helper:
             helper.wait()
@@ -123,7 +123,7 @@ def _help() -> None:
 def _compile_rare() -> None:
     """What a setting or another camera asks for."""
     for other in get_args(Mode):
-        clean(_cloud(np.float32), CircleSettings(mode=other))
+        clean(_cloud(np.float32), CircleSettings(mode=other), depth_of_field=1.0)
     for kind in (np.float32, np.float64):
         clean(_cloud(kind), CircleSettings(window=5))
         for method in ('biharmonic', 'spline'):

@@ -89,6 +89,7 @@ class Arrival:
         message: with whose times its results are recorded: the cloud's own, or the one that ended the stack.
         image: of a stack, the serialized image in focus; None for a cloud.
         warning: why a stack's cloud may not be what was meant; empty: nothing speaks against it.
+        depth_of_field: of a stack, in metres, where its focus curves tell it.
     """
 
     namespace: str
@@ -97,6 +98,7 @@ class Arrival:
     message: Message
     image: bytes | None = None
     warning: str = ''
+    depth_of_field: float | None = None
 
 
 def filter_recording(
@@ -275,6 +277,7 @@ class _Cell:
                     message,
                     event.image,
                     event.warning,
+                    event.depth_of_field,
                 )
 
 
@@ -305,7 +308,7 @@ def _filter(arrival: Arrival, job: Job, summary: Summary, writer: WriterBehind) 
         results = {STACK_POINTS: arrival.points, STACK_IMAGE: arrival.image}
     cleaned: list[Cleaned] = []
     try:
-        cleaned = [clean(arrival.points, job.circle, job.output, job.repair)]
+        cleaned = [clean(arrival.points, job.circle, job.output, job.repair, arrival.depth_of_field)]
     except SocialCircleError as refusal:
         summary.refuse(str(refusal))
     for result in cleaned:

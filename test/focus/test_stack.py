@@ -6,6 +6,7 @@ from naive import focus as naive
 from socialcircle_ros.errors import StackError
 from socialcircle_ros.focus import FocusStack, Reason, count_reasons, depth_from_focus, focus_measure
 from socialcircle_ros.settings import FocusSettings
+from socialcircle_ros.simulation import simulate
 
 INNER = (slice(10, -10), slice(10, -10))  # where neither the blur's wrapping nor the border's windows matter
 
@@ -218,6 +219,27 @@ class TestReasons:
     def test_a_good_pixel_has_none(self, noisy):
         result = depth_from_focus(noisy.frames, noisy.z)
         assert np.mean(result.reasons[INNER] == 0) > 0.99
+
+
+@pytest.mark.parametrize('instrument', ['5x', '10x'])
+def test_the_depth_of_field_is_read_from_the_curves(instrument):
+    simulation = simulate('flat', 60, 80, seed=4, instrument=instrument)
+    stack = FocusStack()
+    for frame in simulation.frames():
+        stack.add(frame.image, frame.z)
+    assert stack.finish().depth_of_field == pytest.approx(simulation.optics.depth_of_field, rel=0.1)
+
+
+def test_the_depth_of_field_goes_with_the_width_of_the_curves_and_with_the_unit_of_z():
+    narrow = make_stack(electrons=6000, width=1.3, margin=16.0)
+    wide = make_stack(electrons=6000, width=2.6, margin=16.0)
+    of_narrow = depth_from_focus(narrow.frames, narrow.z).depth_of_field
+    assert depth_from_focus(wide.frames, wide.z).depth_of_field == pytest.approx(2 * of_narrow, rel=0.1)
+    assert depth_from_focus(narrow.frames, 1e-3 * narrow.z).depth_of_field == pytest.approx(1e-3 * of_narrow)
+
+
+def test_no_curve_that_is_trusted_tells_no_depth_of_field():
+    assert np.isnan(depth_from_focus(np.full((20, 40, 50), 90, np.uint8), np.arange(20)).depth_of_field)
 
 
 def test_quality_is_the_share_of_good_pixels():

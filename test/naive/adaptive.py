@@ -212,6 +212,37 @@ def patched(heights, holes):
     return filled
 
 
+# Optics
+
+
+def broken_promises(heights, found, limit):
+    """The outliers whose surroundings, every fourth point up to eight off, have another middle height."""
+    surface, broken = patched(heights, found), np.zeros(found.shape, bool)
+    height, width = found.shape
+    for row, column in map(tuple, np.argwhere(found)):
+        up = 4 * min(2, row // 4, (height - 1 - row) // 4)
+        left = 4 * min(2, column // 4, (width - 1 - column) // 4)
+        around = surface[row - up : row + up + 1 : 4, column - left : column + left + 1 : 4]
+        around = around[~np.isnan(around)]
+        broken[row, column] = around.size == 0 or abs(heights[row, column] - median(around)) > np.float32(limit)
+    return broken
+
+
+def beside_walls(heights, found, limit):
+    """Points whose row or column has a step next to them that the differences beside it do not share."""
+    surface = patched(heights, found | np.isnan(heights))
+    beside = np.zeros(found.shape, bool)
+    for turned, marked in ((surface, beside), (surface.T, beside.T)):
+        for row, line in enumerate(turned):
+            differences = np.pad(np.diff(line), 2, mode='edge') if line.size > 1 else []
+            for column in range(line.size - 1):
+                five = differences[column : column + 5]
+                step = five[2] - median(five)
+                if not np.isnan(five).any() and min(abs(five[2]), abs(step)) > np.float32(limit):
+                    marked[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 3] = True
+    return beside & ~np.isnan(heights)
+
+
 # Relief
 
 

@@ -13,6 +13,7 @@ from socialcircle_ros.compiled import kernel
 from .islands import islands
 from .jumps import Heights, jumps_of, scale_of
 from .loners import loners, patched
+from .optics import beside_walls, broken_promises
 from .relief import relief_of
 from .texture import of_one_height
 
@@ -48,15 +49,19 @@ class AdaptiveResult:
     times: dict[str, float]
 
 
-def find_outliers(heights: npt.NDArray[Any]) -> AdaptiveResult:
+def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None) -> AdaptiveResult:
     """Tell outliers from the surface by the surface's own measure.
 
     Nothing depends on the unit of the heights, nor on the pitch: heights are compared with heights.
 
     Args:
         heights: (H, W) float32 or float64, NaN where not measured; one at least is.
+        depth_of_field: of the optics that the heights come from, in their unit; None where they do not come from
+            focus, or it is not known.
     """
     clock = _Clock()
+    # The depth of field settles what is too low to be an outlier: no measure has to be as fine as can be.
+    may_foretell = depth_of_field is None
     work = _relative(heights)
     measured: Mask = np.isfinite(work)
     found: Mask = np.zeros(work.shape, np.bool_)
@@ -72,14 +77,14 @@ def find_outliers(heights: npt.NDArray[Any]) -> AdaptiveResult:
         work = patched(work, lone)
     clock.step('loners')
 
-    scale = scale_of(work, _TILE, may_foretell=True)
+    scale = scale_of(work, _TILE, may_foretell=may_foretell)
     jumps = jumps_of(work, scale)
     if scale.foretold:
         # The finer measure finds loners that the slope hid.
         lone = loners(jumps)
         found |= lone
         work = patched(work, lone)
-        scale = scale_of(work, _TILE, may_foretell=True)
+        scale = scale_of(work, _TILE, may_foretell=may_foretell)
         jumps = jumps_of(work, scale)
     score[found] = 1.0
     spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(work), CLIP, 1)
@@ -107,6 +112,10 @@ def find_outliers(heights: npt.NDArray[Any]) -> AdaptiveResult:
     texture, kept = of_one_height(_relative(heights), found)
     found &= ~texture
     clock.step('texture')
+    if depth_of_field is not None:
+        found = broken_promises(_relative(heights), found, depth_of_field)
+        found |= beside_walls(_relative(heights), found, depth_of_field)
+        clock.step('optics')
     _settle(score, found, measured)
     clock.step('score')
     return AdaptiveResult(found, score, spread, kept, clock.times)
