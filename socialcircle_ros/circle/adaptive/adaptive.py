@@ -93,9 +93,14 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
     work = patched(work, spot)
     clock.step('islands')
 
+    own = _relative(heights)
+    found &= measured
+    texture, kept = of_one_height(own, found)
+    clock.step('texture')
+
     # Flanks that are blurred are steps when seen from further off. A surface whose differences foretell each other
-    # has been smoothed: there its own hills would be steps as well.
-    if not scale.foretold:
+    # has been smoothed: there its own hills would be steps as well, and where it is islands, what is between them.
+    if not scale.foretold and not kept:
         far = work
         for times in _SCALES:
             far = _halved(far)
@@ -106,15 +111,14 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
             _spread_out(spot, times, found)
             _raise_score(steepness, times, score)
             far = patched(far, spot)
-    found &= measured
-    clock.step('far')
-
-    texture, kept = of_one_height(_relative(heights), found)
+        found &= measured
+        clock.step('far')
+        texture, kept = of_one_height(own, found)
+        clock.step('texture')
     found &= ~texture
-    clock.step('texture')
     if depth_of_field is not None:
-        found = broken_promises(_relative(heights), found, depth_of_field)
-        found |= beside_walls(_relative(heights), found, depth_of_field)
+        found = broken_promises(own, found, depth_of_field)
+        found |= beside_walls(own, found, depth_of_field)
         clock.step('optics')
     _settle(score, found, measured)
     clock.step('score')
@@ -139,7 +143,7 @@ class _Clock:
 
     def step(self, name: str) -> None:
         now = time.perf_counter()
-        self.times[name] = now - self._since
+        self.times[name] = self.times.get(name, 0.0) + now - self._since
         self._since = now
 
 
