@@ -15,7 +15,7 @@ import numpy.typing as npt
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.threads import in_bands
 
-from .ordering import median_of_sorted, sort_columns, sorted_sizes
+from .ordering import median_of_sorted, sort_columns, sorted_values
 
 Heights = npt.NDArray[np.float32]
 Jumps = npt.NDArray[np.int8]
@@ -136,7 +136,7 @@ def _sampled(
 
     def sizes(directions: slice) -> list[npt.NDArray[np.float32]]:
         return [
-            sorted_sizes(_row_jumps(heights, slopes_x, slopes_y, direction, stride, foretold))
+            sorted_values(np.abs(_row_jumps(heights, slopes_x, slopes_y, direction, stride, foretold)))
             for direction in range(4)[directions]
         ]
 
@@ -154,10 +154,10 @@ def _middle(samples: list[npt.NDArray[np.float32]]) -> float:
 
 def _quantum(sample: npt.NDArray[np.float32]) -> float:
     """The step between heights that are stored in steps: what rounding does to a difference; else next to 0."""
-    levels, counts = np.unique(sample, return_counts=True)
-    if levels.size < 2 or counts.max() > _ONE_LEVEL * sample.size:
+    steps, most = _steps(sorted_values(sample))
+    if steps.size == 0 or most > _ONE_LEVEL * sample.size:
         return 0.0
-    return float(np.median(np.diff(levels.astype(np.float64))))
+    return float(np.median(steps))
 
 
 def _rounding(sample: npt.NDArray[np.float32]) -> float:
@@ -167,6 +167,20 @@ def _rounding(sample: npt.NDArray[np.float32]) -> float:
         if sample.size
         else float(np.finfo(np.float32).tiny)
     )
+
+
+@kernel
+def _steps(heights: Any) -> Any:
+    """Steps from level to level of sorted heights, float64, and how many are at one level at most."""
+    steps = np.empty(max(heights.size - 1, 0))
+    number, start, most = 0, 0, 0
+    for place in range(heights.size):
+        if heights[place] != heights[start]:
+            steps[number] = np.float64(heights[place]) - np.float64(heights[start])
+            number += 1
+            start = place
+        most = max(most, place + 1 - start)
+    return steps[:number], most
 
 
 @kernel
@@ -353,7 +367,7 @@ def _tile_spreads(
                 _raw_jumps(heights, slope_x, slope_y, direction, row, foretold, jumps)
                 spread = spreads[direction]
                 for column in range(width):
-                    jumps[column] = abs(jumps[column]) / spread
+                    jumps[column] = np.divide(abs(jumps[column]), spread)
                 for place in range(columns):
                     for column in range(place * tile, min((place + 1) * tile, width)):
                         size = jumps[column]
@@ -391,9 +405,14 @@ def _fill_jumps(
         interpolated(tiles, tile, row, factor)
         for direction in range(4):
             _raw_jumps(heights, slope_x, slope_y, direction, row, foretold, raw)
-            unit = np.float32(UNIT / spreads[direction])
-            filled = jumps[direction, row]
-            for column in range(width):
-                jump = raw[column] * unit / factor[column]
-                clipped = np.rint(min(max(jump, np.float32(-127)), np.float32(127)))
-                filled[column] = np.int8(NONE if np.isnan(jump) else clipped)
+            _quantize(raw, np.float32(UNIT / spreads[direction]), factor, jumps[direction, row])
+
+
+@kernel
+def _quantize(raw: Any, unit: Any, factor: Any, jumps: Any) -> None:
+    """One row of jumps in 8 bits."""
+    for column in range(raw.size):
+        # Nothing is divided by 0; but a plain `/` would make sure of that, and not be compiled to vectors.
+        jump = np.divide(raw[column] * unit, factor[column])
+        rounded = np.rint(min(max(jump, np.float32(-127)), np.float32(127)))
+        jumps[column] = np.int8(np.float32(NONE) if np.isnan(jump) else rounded)

@@ -11,13 +11,23 @@ _DIGITS = 2**_DIGIT
 
 
 @kernel
+def _exchange(low: Any, high: Any) -> None:
+    """Of each pair the lesser to the first row: a function of its own, as only so it is compiled to vectors."""
+    for column in range(low.size):
+        one, other = low[column], high[column]
+        ordered = one < other
+        low[column] = one if ordered else other
+        high[column] = other if ordered else one
+
+
+@kernel
 def sort_columns(values: Any) -> None:
     """Sort each column of (rows, columns) float32 in place, all of them side by side.
 
     The comparisons are the same whatever the values (Batcher's merge exchange; Knuth, The Art of Computer
     Programming, volume 3, algorithm 5.2.2M), so that each is done for a whole row at once. There must be no NaN.
     """
-    count, columns = values.shape
+    count = len(values)
     largest = 1
     while 2 * largest < count:
         largest *= 2
@@ -27,11 +37,7 @@ def sort_columns(values: Any) -> None:
         while True:
             for row in range(count - distance):
                 if row & step == part:
-                    low, high = values[row], values[row + distance]
-                    for column in range(columns):
-                        one, other = low[column], high[column]
-                        low[column] = min(other, one)
-                        high[column] = max(one, other)
+                    _exchange(values[row], values[row + distance])
             if reach == step:
                 break
             distance = reach - step
@@ -50,18 +56,24 @@ def median_of_sorted(values: Any, count: int, column: int) -> Any:
 
 
 @kernel
-def sorted_sizes(values: Any) -> Any:
-    """Absolute values of (n,) float32, sorted: a radix sort, as their bits are ordered as they are. No NaN."""
-    sizes, other = np.abs(values).view(np.uint32), np.empty(values.size, np.uint32)
+def sorted_values(values: Any) -> Any:
+    """(n,) float32, sorted: a radix sort of their bits. There must be no NaN."""
+    sign = np.uint32(1 << 31)
+    bits, other = values.view(np.uint32).copy(), np.empty(values.size, np.uint32)
+    for place in range(bits.size):
+        # Bits of positive numbers are ordered as these are, those of negative ones the other way round.
+        bits[place] ^= ~np.uint32(0) if bits[place] & sign else sign
     for shift in range(0, 32, _DIGIT):
         starts = np.zeros(_DIGITS + 1, np.int64)
-        for place in range(sizes.size):
-            starts[((sizes[place] >> np.uint32(shift)) & np.uint32(_DIGITS - 1)) + 1] += 1
+        for place in range(bits.size):
+            starts[((bits[place] >> np.uint32(shift)) & np.uint32(_DIGITS - 1)) + 1] += 1
         for digit in range(_DIGITS):
             starts[digit + 1] += starts[digit]
-        for place in range(sizes.size):
-            digit = (sizes[place] >> np.uint32(shift)) & np.uint32(_DIGITS - 1)
-            other[starts[digit]] = sizes[place]
+        for place in range(bits.size):
+            digit = (bits[place] >> np.uint32(shift)) & np.uint32(_DIGITS - 1)
+            other[starts[digit]] = bits[place]
             starts[digit] += 1
-        sizes, other = other, sizes
-    return sizes.view(np.float32)
+        bits, other = other, bits
+    for place in range(bits.size):
+        bits[place] ^= sign if bits[place] & sign else ~np.uint32(0)
+    return bits.view(np.float32)

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from socialcircle_ros.circle.adaptive.ordering import median_of_sorted, sort_columns, sorted_sizes
+from socialcircle_ros.circle.adaptive.ordering import median_of_sorted, sort_columns, sorted_values
 
 VALUES = st.one_of(
     st.floats(allow_nan=False, width=32),
@@ -54,16 +54,16 @@ def test_the_median_is_that_of_as_many_values_as_asked_for(values, data):
 
 @settings(max_examples=200)
 @given(values_of(st.integers(0, 60)))
-def test_sizes_are_sorted_from_0_to_infinity(values):
+def test_values_are_sorted_from_minus_infinity_to_infinity(values):
     before = values.copy()
 
-    np.testing.assert_array_equal(sorted_sizes(values), np.sort(np.abs(values)))
+    np.testing.assert_array_equal(sorted_values(values), np.sort(values))
     np.testing.assert_array_equal(values, before)
 
 
 @settings(max_examples=30)
 @given(st.integers(1, 5000), st.integers(0, 2**32), st.sampled_from([1e-30, 1.0, 1e30]))
-def test_many_sizes_of_any_magnitude_are_sorted(count, random, unit):
+def test_many_values_of_any_magnitude_are_sorted(count, random, unit):
     values = (np.random.default_rng(random).standard_cauchy(count) * unit).astype(np.float32)
 
-    np.testing.assert_array_equal(sorted_sizes(values), np.sort(np.abs(values)))
+    np.testing.assert_array_equal(sorted_values(values), np.sort(values))
