@@ -50,8 +50,9 @@ def patched(heights: Heights, holes: Mask) -> Heights:
         (H, W) float32, a copy.
     """
     filled = heights.copy()
-    filled[holes] = np.nan
-    _fill(filled, np.flatnonzero(holes))
+    points = np.flatnonzero(holes)
+    filled.ravel()[points] = np.nan
+    _fill(filled, points)
     return filled
 
 
