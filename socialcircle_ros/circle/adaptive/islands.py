@@ -16,7 +16,7 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.threads import in_bands
 
-from .jumps import NONE, UNIT, Jumps
+from .jumps import NONE, UNIT, Jumps, interpolated, widened
 from .relief import Relief
 
 LARGEST = 320
@@ -54,13 +54,10 @@ def islands(relief: Relief, jumps: Jumps, measured: Mask, clip: float, scale: in
     alone = 4 if scale == 1 else 2
 
     def one_side(sign: int) -> Any:
-        risen = sign * relief
-        risen -= sign * around
-        points = np.flatnonzero((risen > _LEAST_HEIGHT) & measured)
-        level = np.clip(np.rint(sign * UNIT * relief.ravel()[points]), -32767, 32767).astype(np.int16)
+        points, level = _risen(relief, around, measured, sign)
         order = np.argsort(-level, kind='stable')
         return _islands_above(
-            points[order], level[order], jumps, -sign, round(clip * UNIT), largest, fill, alone, STRONG, WEAK
+            points, level, order, jumps, -sign, round(clip * UNIT), largest, fill, alone, STRONG, WEAK
         )
 
     both = in_bands(lambda places: [one_side((1, -1)[place]) for place in range(2)[places]], 2, relief.size)
@@ -68,33 +65,58 @@ def islands(relief: Relief, jumps: Jumps, measured: Mask, clip: float, scale: in
     return up | down, np.maximum(up_score, down_score)
 
 
-@kernel
-def _surroundings(relief: Any) -> Any:
+def _surroundings(relief: Relief) -> Relief:
     """Mean height of the area round each point: blocks, bilinear between their centres."""
     height, width = relief.shape
     side = _SURROUNDINGS
-    rows, columns = (height + side - 1) // side, (width + side - 1) // side
-    total, count = np.zeros((rows, columns)), np.zeros((rows, columns))
-    for row in range(height):
-        for column in range(width):
-            total[row // side, column // side] += relief[row, column]
-            count[row // side, column // side] += 1
-    mean = (total / count).astype(np.float32)
-    around = np.empty((height, width), np.float32)
-    for row in range(height):
-        down = min(max((row + 0.5) / side - 0.5, 0.0), rows - 1.0)
-        above = int(down)
-        down -= above
-        below = min(above + 1, rows - 1)
-        for column in range(width):
-            right = min(max((column + 0.5) / side - 0.5, 0.0), columns - 1.0)
-            before = int(right)
-            right -= before
-            after = min(before + 1, columns - 1)
-            around[row, column] = (mean[above, before] * (1 - right) + mean[above, after] * right) * (1 - down) + (
-                mean[below, before] * (1 - right) + mean[below, after] * right
-            ) * down
+    means = in_bands(lambda rows: _means(relief, rows.start, rows.stop), -(-height // side), side * width)
+    wide = widened(np.concatenate(means), side, width)
+    around = np.empty_like(relief)
+    in_bands(lambda rows: _fill(wide, rows.start, rows.stop, around), height, width)
     return around
+
+
+@kernel
+def _means(relief: Any, first: int, end: int) -> Any:
+    """Mean of each block of some rows of blocks."""
+    height, width = relief.shape
+    side = _SURROUNDINGS
+    columns = (width + side - 1) // side
+    means, total = np.empty((end - first, columns), np.float32), np.empty(columns)
+    for band in range(first, end):
+        total[:] = 0
+        top, bottom = band * side, min((band + 1) * side, height)
+        for row in range(top, bottom):
+            for place in range(columns):
+                for column in range(place * side, min((place + 1) * side, width)):
+                    total[place] += relief[row, column]
+        for place in range(columns):
+            count = (bottom - top) * (min((place + 1) * side, width) - place * side)
+            means[band - first, place] = total[place] / count
+    return means
+
+
+@kernel
+def _fill(wide: Any, first: int, end: int, around: Any) -> None:
+    for row in range(first, end):
+        interpolated(wide, _SURROUNDINGS, row, around[row])
+
+
+@kernel
+def _risen(relief: Any, around: Any, measured: Any, sign: int) -> Any:
+    """Points that rise from their surroundings (or sink, where the sign is -1), row by row, and their levels."""
+    height, width = relief.shape
+    points, level = np.empty(relief.size, np.int32), np.empty(relief.size, np.int16)
+    count = 0
+    for row in range(height):
+        for column in range(width):
+            rise = sign * (relief[row, column] - around[row, column])
+            if rise > _LEAST_HEIGHT and measured[row, column]:
+                points[count] = row * width + column
+                rounded = np.rint(np.float32(sign * UNIT) * relief[row, column])
+                level[count] = np.int16(min(max(rounded, np.float32(-32767)), np.float32(32767)))
+                count += 1
+    return points[:count], level[:count]
 
 
 @kernel
@@ -106,20 +128,46 @@ def _root(joined: Any, place: int) -> Any:
 
 
 @kernel
-def _jump(jumps: Any, row: int, column: int, down: int, right: int) -> Any:
-    """Jump from a point to a neighbour; `NONE` where there is none."""
-    if down > 0 or (down == 0 and right > 0):
-        direction = 0 if down == 0 else (1 if right == 0 else (2 if right > 0 else 3))
-        return np.int64(jumps[direction, row, column])
-    direction = 0 if down == 0 else (1 if right == 0 else (2 if right < 0 else 3))
-    jump = np.int64(jumps[direction, row + down, column + right])
-    return jump if jump == NONE else -jump
+def _neighbours(points: Any, rank: Any, jumps: Any, outward: int, clip: int) -> Any:
+    """By rank: the higher neighbours among the points, and what a point adds to the steepness and to the border.
+
+    The higher neighbours are ended by -1. Jumps are looked up row by row, where they lie close together.
+    """
+    _, height, width = jumps.shape
+    count = points.size
+    place = np.full((height, width), count, np.int32)  # the rank of a point, `count` of all others
+    for index in range(count):
+        place[points[index] // width, points[index] % width] = rank[index]
+    higher = np.empty((count, 9), np.int32)
+    steep, border = np.empty(count, np.int32), np.empty(count, np.int32)
+    for index in range(count):
+        row, column, here = points[index] // width, points[index] % width, rank[index]
+        total, ends, found = 0, 0, 0
+        for direction in range(4):
+            down, right = (0 if direction == 0 else 1), (1, 0, 1, -1)[direction]
+            for way in (1, -1):
+                y, x = row + way * down, column + way * right
+                if y < 0 or x < 0 or y >= height or x >= width:
+                    continue
+                jump = int(jumps[direction, row, column] if way > 0 else jumps[direction, y, x])
+                there = place[y, x]
+                if jump != NONE:
+                    # Of two points of one community the jump there and the jump back cancel.
+                    total += min(clip, max(-clip, outward * way * jump))
+                    ends += -1 if there < here else 1
+                if there < here:
+                    higher[here, found] = there
+                    found += 1
+        higher[here, found] = -1
+        steep[here], border[here] = total, ends
+    return higher, steep, border
 
 
 @kernel
 def _islands_above(
     points: Any,
     level: Any,
+    order: Any,
     jumps: Any,
     outward: int,
     clip: int,
@@ -132,35 +180,25 @@ def _islands_above(
     """The islands among the communities of the points, highest first: a max-tree and what follows from it."""
     _, height, width = jumps.shape
     count = points.size
-    place = np.full(height * width, -1, np.int32)  # of a point in the order, once it is in the tree
-    parent, joined = np.empty(count, np.int32), np.empty(count, np.int32)
-    area, border, steep = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.int32)
+    rank = np.empty(count, np.int32)
+    for here in range(count):
+        rank[order[here]] = here
+    higher, steep, border = _neighbours(points, rank, jumps, outward, clip)
+    points, level = points[order], level[order]
+    parent, joined, area = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.int32)
     top, bottom = np.empty(count, np.int32), np.empty(count, np.int32)
     left, right = np.empty(count, np.int32), np.empty(count, np.int32)
     for here in range(count):
-        point = points[here]
-        row, column = point // width, point % width
-        parent[here], joined[here] = here, here
-        area[here], border[here], steep[here] = 1, 0, 0
+        row, column = points[here] // width, points[here] % width
+        parent[here], joined[here], area[here] = here, here, 1
         top[here], bottom[here], left[here], right[here] = row, row, column, column
-        for down in range(-1, 2):
-            for across in range(-1, 2):
-                y, x = row + down, column + across
-                if (down == 0 and across == 0) or y < 0 or x < 0 or y >= height or x >= width:
-                    continue
-                there = place[y * width + x]
-                jump = _jump(jumps, row, column, down, across)
-                if jump != NONE:
-                    # Of two points of one community the jump there and the jump back cancel.
-                    steep[here] += min(clip, max(-clip, outward * jump))
-                    border[here] += -1 if there >= 0 else 1
-                if there < 0:
-                    continue
-                there = _root(joined, there)
-                if there != here:
-                    parent[there] = here
-                    joined[there] = here
-        place[point] = here
+        for neighbour in higher[here]:
+            if neighbour < 0:
+                break
+            there = _root(joined, neighbour)
+            if there != here:
+                parent[there] = here
+                joined[there] = here
     # Points of one community and one height have one node: the last of them.
     for here in range(count - 1, -1, -1):
         up = parent[here]
@@ -211,6 +249,7 @@ def _islands_above(
                 island[here] = island[here] or island[up]
                 score[here] = max(score[here], score[up])
         node = here if up == here or level[up] != level[here] else up
-        found.flat[points[here]] = island[node]
-        best.flat[points[here]] = max(score[node], np.float32(0))
+        row, column = points[here] // width, points[here] % width
+        found[row, column] = island[node]
+        best[row, column] = max(score[node], np.float32(0))
     return found, best

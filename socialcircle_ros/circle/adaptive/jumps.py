@@ -5,6 +5,7 @@ where that foretells the difference much better, the differences next to it on t
 spread, each tile a factor to it; both are of the core of the jumps, so that neither outliers nor edges widen them.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +15,12 @@ import numpy.typing as npt
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.threads import in_bands
 
+from .ordering import median_of_sorted, sort_columns, sorted_values
+
 Heights = npt.NDArray[np.float32]
 Jumps = npt.NDArray[np.int8]
+Wide = npt.NDArray[np.float64]
+"""A grid of blocks, each of its rows out to points."""
 
 UNIT = 16
 """Jumps are kept in sixteenths of the spread, in 8 bits: nothing asks how far beyond ±7.9 they go."""
@@ -70,22 +75,28 @@ def scale_of(heights: Heights, tile: int, *, may_foretell: bool) -> Scale:
         may_foretell: whether jumps may be taken against the differences beside them.
     """
     height, width = heights.shape
-    slopes = _block_slopes(heights)
-    slopes = np.stack([_median_of_blocks(slopes[0], 0.0), _median_of_blocks(slopes[1], 0.0)])
+    blocks = in_bands(
+        lambda rows: _block_slopes(heights, rows.start, rows.stop), -(-height // _BLOCK), _BLOCK * width
+    )
+    along_x, along_y = np.concatenate(blocks, axis=1)
+    slopes = np.stack([_median_of_blocks(along_x, 0.0), _median_of_blocks(along_y, 0.0)])
+    wide = widened(slopes[0], _BLOCK, width), widened(slopes[1], _BLOCK, width)
     stride = max(1, height * width // _SAMPLES)
-    plain = [_sampled(heights, slopes, direction, stride, False) for direction in range(4)]
-    samples, foretold = plain, False
+    sizes, foretold = _sampled(heights, *wide, stride, foretold=False), False
     if may_foretell:
-        beside = [_sampled(heights, slopes, direction, stride, True) for direction in range(4)]
-        foretold = _middle(beside) < _FORETOLD * _middle(plain)
+        beside = _sampled(heights, *wide, stride, foretold=True)
+        foretold = _middle(beside) < _FORETOLD * _middle(sizes)
         if foretold:
             # A difference that is the median of those beside it foretells itself: that says nothing of the spread.
-            samples = [jumps[jumps != 0] for jumps in beside]
-    least = max(_quantum(heights), _rounding(heights), _SMALLEST)
-    spreads = np.array([max(_core_spread(jumps), least) for jumps in samples])
+            sizes = [jumps[np.searchsorted(jumps, 0, 'right') :] for jumps in beside]
+    sample = heights.ravel()[::stride]
+    sample = sample[np.isfinite(sample)]
+    least = max(_quantum(sample), _rounding(sample), _SMALLEST)
+    # Of no jumps there is no spread, and it is the least.
+    spreads = np.array([max(_core(jumps) if jumps.size else 0.0, least) for jumps in sizes])
     tiles = np.concatenate(
         in_bands(
-            lambda rows: _tile_spreads(heights, slopes, spreads, tile, foretold, rows.start, rows.stop),
+            lambda rows: _tile_spreads(heights, *wide, spreads, tile, foretold, rows.start, rows.stop),
             -(-height // tile),
             width * tile,
         )
@@ -107,53 +118,69 @@ def jumps_of(heights: Heights, scale: Scale) -> Jumps:
         (4, H, W) int8 in sixteenths of the spread, `NONE` where there is no neighbour.
     """
     jumps: Jumps = np.empty((4, *heights.shape), np.int8)
+    width = heights.shape[1]
+    wide = widened(scale.slopes[0], _BLOCK, width), widened(scale.slopes[1], _BLOCK, width)
+    tiles = widened(scale.tiles, scale.tile, width)
 
     def fill(rows: slice) -> None:
-        _fill_jumps(
-            heights,
-            scale.slopes,
-            scale.spreads,
-            scale.tiles,
-            scale.tile,
-            scale.foretold,
-            rows.start,
-            rows.stop,
-            jumps,
-        )
+        _fill_jumps(heights, *wide, scale.spreads, tiles, scale.tile, scale.foretold, rows.start, rows.stop, jumps)
 
     in_bands(fill, *heights.shape)
     return jumps
 
 
+def _sampled(
+    heights: Heights, slopes_x: Wide, slopes_y: Wide, stride: int, *, foretold: bool
+) -> list[npt.NDArray[np.float32]]:
+    """Sorted absolute jumps in each direction on every `stride`-th row, those that there are."""
+
+    def sizes(directions: slice) -> list[npt.NDArray[np.float32]]:
+        return [
+            sorted_values(np.abs(_row_jumps(heights, slopes_x, slopes_y, direction, stride, foretold)))
+            for direction in range(4)[directions]
+        ]
+
+    return list(itertools.chain.from_iterable(in_bands(sizes, 4, heights.size // stride)))
+
+
 def _middle(samples: list[npt.NDArray[np.float32]]) -> float:
-    return float(np.mean([np.median(np.abs(jumps)) if jumps.size else 0.0 for jumps in samples]))
+    """Mean of the medians of sorted values; of none it is 0."""
+    return float(
+        np.mean(
+            [jumps[(jumps.size - 1) // 2 : jumps.size // 2 + 1].mean() if jumps.size else 0.0 for jumps in samples]
+        )
+    )
 
 
-def _core_spread(jumps: npt.NDArray[np.float32]) -> float:
-    """Standard deviation of the normal core of the jumps, however many lie far off; 0 where there is none."""
-    sizes = np.sort(np.abs(jumps))
-    if sizes.size == 0:
-        return 0.0
-    return float(_core(sizes))
-
-
-def _quantum(heights: Heights) -> float:
+def _quantum(sample: npt.NDArray[np.float32]) -> float:
     """The step between heights that are stored in steps: what rounding does to a difference; else next to 0."""
-    flat = heights.ravel()
-    sample = flat[:: max(1, flat.size // _SAMPLES)]
-    sample = sample[np.isfinite(sample)]
-    levels, counts = np.unique(sample, return_counts=True)
-    if levels.size < 2 or counts.max() > _ONE_LEVEL * sample.size:
+    steps, most = _steps(sorted_values(sample))
+    if steps.size == 0 or most > _ONE_LEVEL * sample.size:
         return 0.0
-    return float(np.median(np.diff(levels.astype(np.float64))))
+    return float(np.median(steps))
 
 
-def _rounding(heights: Heights) -> float:
+def _rounding(sample: npt.NDArray[np.float32]) -> float:
     """What float32 cannot tell apart at the height of the cloud; next to 0 for one at height 0."""
-    flat = heights.ravel()
-    sample = np.abs(flat[:: max(1, flat.size // _SAMPLES)])
-    sample = sample[np.isfinite(sample)]
-    return float(np.spacing(np.float32(np.median(sample)))) if sample.size else float(np.finfo(np.float32).tiny)
+    return (
+        float(np.spacing(np.float32(np.median(np.abs(sample)))))
+        if sample.size
+        else float(np.finfo(np.float32).tiny)
+    )
+
+
+@kernel
+def _steps(heights: Any) -> Any:
+    """Steps from level to level of sorted heights, float64, and how many are at one level at most."""
+    steps = np.empty(max(heights.size - 1, 0))
+    number, start, most = 0, 0, 0
+    for place in range(heights.size):
+        if heights[place] != heights[start]:
+            steps[number] = np.float64(heights[place]) - np.float64(heights[start])
+            number += 1
+            start = place
+        most = max(most, place + 1 - start)
+    return steps[:number], most
 
 
 @kernel
@@ -165,33 +192,40 @@ def _core(sizes: Any) -> Any:
         within = np.searchsorted(sizes, _TRUNCATION * spread, 'right')
         if not spread > 0 or within == 0:
             break
-        spread = sizes[(within - 1) // 2] / _CORE
+        before, spread = spread, sizes[(within - 1) // 2] / _CORE
+        if spread == before:
+            break
     return spread
 
 
 @kernel
-def _block_slopes(heights: Any) -> Any:
-    """(2, h, w): median difference along x, and along y, in blocks; NaN where too few are measured.
+def _block_slopes(heights: Any, first: int, end: int) -> Any:
+    """(2, end - first, w): median difference along x, and along y, in blocks; NaN where too few are measured.
 
     Every other row of a block is enough.
     """
     height, width = heights.shape
-    rows, columns = (height + _BLOCK - 1) // _BLOCK, (width + _BLOCK - 1) // _BLOCK
-    slopes = np.full((2, rows, columns), np.nan, np.float32)
-    found = np.empty(_BLOCK * _BLOCK, np.float32)
+    columns = (width + _BLOCK - 1) // _BLOCK
+    slopes = np.full((2, end - first, columns), np.nan, np.float32)
+    found, counts = np.empty((_BLOCK * _BLOCK // 2, columns), np.float32), np.empty(columns, np.int64)
     for axis in range(2):
         down, right = axis, 1 - axis
-        for row in range(rows):
+        for row in range(first, end):
+            found[:], counts[:] = np.inf, 0
+            for line in range(_BLOCK // 2):
+                y = row * _BLOCK + 2 * line
+                if y >= height - down:
+                    break
+                here, there = heights[y, : width - right], heights[y + down, right:]
+                for x in range(here.size):
+                    difference = there[x] - here[x]
+                    if not np.isnan(difference):
+                        found[line * _BLOCK + x % _BLOCK, x // _BLOCK] = difference
+                        counts[x // _BLOCK] += 1
+            sort_columns(found)
             for column in range(columns):
-                count = 0
-                for y in range(row * _BLOCK, min(height - down, (row + 1) * _BLOCK), 2):
-                    for x in range(column * _BLOCK, min(width - right, (column + 1) * _BLOCK)):
-                        difference = heights[y + down, x + right] - heights[y, x]
-                        if not np.isnan(difference):
-                            found[count] = difference
-                            count += 1
-                if count >= _BLOCK:
-                    slopes[axis, row, column] = np.median(found[:count])
+                if counts[column] >= _BLOCK:
+                    slopes[axis, row - first, column] = median_of_sorted(found, counts[column], column)
     return slopes
 
 
@@ -200,35 +234,50 @@ def _median_of_blocks(blocks: Any, otherwise: float) -> Any:
     """Median of each block and those round it, where any is known."""
     rows, columns = blocks.shape
     smooth = np.empty_like(blocks)
-    found = np.empty(9, np.float32)
+    found, counts = np.empty((9, columns), np.float32), np.empty(columns, np.int64)
     for row in range(rows):
+        found[:], counts[:] = np.inf, 0
+        for place in range(9):
+            y, right = row + place // 3 - 1, place % 3 - 1
+            if 0 <= y < rows:
+                for column in range(max(0, -right), columns - max(0, right)):
+                    if not np.isnan(blocks[y, column + right]):
+                        found[place, column] = blocks[y, column + right]
+                        counts[column] += 1
+        sort_columns(found)
         for column in range(columns):
-            count = 0
-            for y in range(max(0, row - 1), min(rows, row + 2)):
-                for x in range(max(0, column - 1), min(columns, column + 2)):
-                    if not np.isnan(blocks[y, x]):
-                        found[count] = blocks[y, x]
-                        count += 1
-            smooth[row, column] = np.median(found[:count]) if count else otherwise
+            smooth[row, column] = median_of_sorted(found, counts[column], column) if counts[column] else otherwise
     return smooth
 
 
 @kernel
-def _interpolated(blocks: Any, side: int, row: int, values: Any) -> None:
-    """One row of points out of a grid of blocks, bilinear between their centres."""
+def widened(blocks: Any, side: int, width: int) -> Any:
+    """(h, width) float64: each row of a grid of blocks out to points, linear between the blocks' centres."""
     rows, columns = blocks.shape
+    before, after, share = np.empty(width, np.int64), np.empty(width, np.int64), np.empty(width)
+    for column in range(width):
+        right = min(max((column + 0.5) / side - 0.5, 0.0), columns - 1.0)
+        before[column] = int(right)
+        after[column] = min(before[column] + 1, columns - 1)
+        share[column] = right - before[column]
+    wide = np.empty((rows, width))
+    for row in range(rows):
+        for column in range(width):
+            right = share[column]
+            wide[row, column] = blocks[row, before[column]] * (1 - right) + blocks[row, after[column]] * right
+    return wide
+
+
+@kernel
+def interpolated(wide: Any, side: int, row: int, values: Any) -> None:
+    """One row of points out of a widened grid of blocks: bilinear between their centres."""
+    rows = wide.shape[0]
     down = min(max((row + 0.5) / side - 0.5, 0.0), rows - 1.0)
     above = int(down)
     down -= above
-    below = min(above + 1, rows - 1)
+    upper, lower = wide[above], wide[min(above + 1, rows - 1)]
     for column in range(values.size):
-        right = min(max((column + 0.5) / side - 0.5, 0.0), columns - 1.0)
-        before = int(right)
-        right -= before
-        after = min(before + 1, columns - 1)
-        upper = blocks[above, before] * (1 - right) + blocks[above, after] * right
-        lower = blocks[below, before] * (1 - right) + blocks[below, after] * right
-        values[column] = upper * (1 - down) + lower * down
+        values[column] = upper[column] * (1 - down) + lower[column] * down
 
 
 @kernel
@@ -248,41 +297,44 @@ def _raw_jumps(
     jumps[:] = np.nan
     if row + down >= height:
         return
+    first, end = max(0, -right), width - max(0, right)
+    if first >= end:
+        return
     along_x, along_y = np.float32(right), np.float32(down)
-    for column in range(max(0, -right), width - max(0, right)):
-        jumps[column] = (
-            heights[row + down, column + right]
-            - heights[row, column]
-            - (along_x * slope_x[column] + along_y * slope_y[column])
-        )
+    here, there = heights[row, first:end], heights[row + down, first + right : end + right]
+    beside_x, beside_y, found = slope_x[first:end], slope_y[first:end], jumps[first:end]
+    for place in range(found.size):
+        slope = along_x * beside_x[place] + along_y * beside_y[place]
+        found[place] = there[place] - here[place] - slope
     if not foretold or row - 2 * down < 0 or row + 3 * down >= height:
         return
-    first, last = (2 if right > 0 else 3) * abs(right), (3 if right > 0 else 2) * abs(right)
-    for column in range(first, width - last):
-        second = heights[row - 2 * down, column - 2 * right]
-        before = heights[row - down, column - right]
-        here = heights[row, column]
-        there = heights[row + down, column + right]
-        after = heights[row + 2 * down, column + 2 * right]
-        furthest = heights[row + 3 * down, column + 3 * right]
+    first, end = (2 if right > 0 else 3) * abs(right), width - (3 if right > 0 else 2) * abs(right)
+    if first >= end:
+        return
+    second = heights[row - 2 * down, first - 2 * right : end - 2 * right]
+    before = heights[row - down, first - right : end - right]
+    here, there = heights[row, first:end], heights[row + down, first + right : end + right]
+    after = heights[row + 2 * down, first + 2 * right : end + 2 * right]
+    furthest = heights[row + 3 * down, first + 3 * right : end + 3 * right]
+    found = jumps[first:end]
+    for place in range(found.size):
+        a, b, c = second[place], before[place], here[place]
+        d, e, f = there[place], after[place], furthest[place]
+        jump = (d - c) - _middle_of_five(b - a, c - b, d - c, e - d, f - e)
         # Where one of the six is not measured, the slope has to do.
-        if not np.isnan((second + before + here) + (there + after + furthest)):
-            difference = there - here
-            jumps[column] = difference - _middle_of_five(
-                before - second, here - before, difference, after - there, furthest - after
-            )
+        found[place] = found[place] if np.isnan((a + b + c) + (d + e + f)) else jump
 
 
 @kernel
-def _sampled(heights: Any, slopes: Any, direction: int, stride: int, foretold: bool) -> Any:
+def _row_jumps(heights: Any, slopes_x: Any, slopes_y: Any, direction: int, stride: int, foretold: bool) -> Any:
     """Jumps in one direction on every `stride`-th row, those that there are."""
     height, width = heights.shape
     slope_x, slope_y, jumps = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
     found = np.empty(((height + stride - 1) // stride) * width, np.float32)
     count = 0
     for row in range(0, height, stride):
-        _interpolated(slopes[0], _BLOCK, row, slope_x)
-        _interpolated(slopes[1], _BLOCK, row, slope_y)
+        interpolated(slopes_x, _BLOCK, row, slope_x)
+        interpolated(slopes_y, _BLOCK, row, slope_y)
         _raw_jumps(heights, slope_x, slope_y, direction, row, foretold, jumps)
         for column in range(width):
             if not np.isnan(jumps[column]):
@@ -292,7 +344,9 @@ def _sampled(heights: Any, slopes: Any, direction: int, stride: int, foretold: b
 
 
 @kernel
-def _tile_spreads(heights: Any, slopes: Any, spreads: Any, tile: int, foretold: bool, first: int, end: int) -> Any:
+def _tile_spreads(
+    heights: Any, slopes_x: Any, slopes_y: Any, spreads: Any, tile: int, foretold: bool, first: int, end: int
+) -> Any:
     """(tiles down, tiles across): spread of the jumps along x and y in each tile, against the cloud's, or NaN.
 
     Every third row of a tile is enough.
@@ -302,31 +356,37 @@ def _tile_spreads(heights: Any, slopes: Any, spreads: Any, tile: int, foretold: 
     factors = np.full((end - first, columns), np.nan, np.float32)
     slope_x, slope_y, jumps = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
     room = 2 * tile * ((tile + 2) // 3)
-    found = np.empty((columns, room), np.float32)
-    counts = np.empty(columns, np.int64)
+    found, counts = np.empty((room, columns), np.float32), np.empty(columns, np.int64)
     for band in range(first, end):
-        counts[:] = 0
+        found[:], counts[:] = np.inf, 0
+        line = 0
         for row in range(band * tile, min(height, (band + 1) * tile), 3):
-            _interpolated(slopes[0], _BLOCK, row, slope_x)
-            _interpolated(slopes[1], _BLOCK, row, slope_y)
+            interpolated(slopes_x, _BLOCK, row, slope_x)
+            interpolated(slopes_y, _BLOCK, row, slope_y)
             for direction in range(2):
                 _raw_jumps(heights, slope_x, slope_y, direction, row, foretold, jumps)
+                spread = spreads[direction]
                 for column in range(width):
-                    size = abs(jumps[column]) / spreads[direction]
-                    if not np.isnan(size) and not (foretold and size == 0):
-                        place = column // tile
-                        found[place, counts[place]] = size
-                        counts[place] += 1
+                    jumps[column] = np.divide(abs(jumps[column]), spread)
+                for place in range(columns):
+                    for column in range(place * tile, min((place + 1) * tile, width)):
+                        size = jumps[column]
+                        if not np.isnan(size) and not (foretold and size == 0):
+                            found[line + column - place * tile, place] = size
+                            counts[place] += 1
+                line += tile
+        sort_columns(found)
         for place in range(columns):
             if counts[place] >= room // 4:
-                factors[band - first, place] = _core(np.sort(found[place, : counts[place]]))
+                factors[band - first, place] = _core(found[: counts[place], place].copy())
     return factors
 
 
 @kernel
 def _fill_jumps(
     heights: Any,
-    slopes: Any,
+    slopes_x: Any,
+    slopes_y: Any,
     spreads: Any,
     tiles: Any,
     tile: int,
@@ -340,16 +400,19 @@ def _fill_jumps(
     slope_x, slope_y = np.empty(width, np.float32), np.empty(width, np.float32)
     factor, raw = np.empty(width, np.float32), np.empty(width, np.float32)
     for row in range(first, end):
-        _interpolated(slopes[0], _BLOCK, row, slope_x)
-        _interpolated(slopes[1], _BLOCK, row, slope_y)
-        _interpolated(tiles, tile, row, factor)
+        interpolated(slopes_x, _BLOCK, row, slope_x)
+        interpolated(slopes_y, _BLOCK, row, slope_y)
+        interpolated(tiles, tile, row, factor)
         for direction in range(4):
             _raw_jumps(heights, slope_x, slope_y, direction, row, foretold, raw)
-            unit = np.float32(UNIT / spreads[direction])
-            for column in range(width):
-                jump = raw[column] * unit / factor[column]
-                if not np.isnan(jump):
-                    clipped = min(max(jump, np.float32(-127)), np.float32(127))
-                    jumps[direction, row, column] = np.int8(np.rint(clipped))
-                else:
-                    jumps[direction, row, column] = NONE
+            _quantize(raw, np.float32(UNIT / spreads[direction]), factor, jumps[direction, row])
+
+
+@kernel
+def _quantize(raw: Any, unit: Any, factor: Any, jumps: Any) -> None:
+    """One row of jumps in 8 bits."""
+    for column in range(raw.size):
+        # Nothing is divided by 0; but a plain `/` would make sure of that, and not be compiled to vectors.
+        jump = np.divide(raw[column] * unit, factor[column])
+        rounded = np.rint(min(max(jump, np.float32(-127)), np.float32(127)))
+        jumps[column] = np.int8(np.float32(NONE) if np.isnan(jump) else rounded)

@@ -50,8 +50,9 @@ def patched(heights: Heights, holes: Mask) -> Heights:
         (H, W) float32, a copy.
     """
     filled = heights.copy()
-    filled[holes] = np.nan
-    _fill(filled, np.flatnonzero(holes))
+    points = np.flatnonzero(holes)
+    filled.ravel()[points] = np.nan
+    _fill(filled, points)
     return filled
 
 
@@ -63,24 +64,36 @@ def _find(jumps: Any, touch: int, first: int, end: int, lone: Any) -> None:
         there[:], touching[:], side[:] = 0, 0, 0
         for direction in range(4):
             down, right = (0 if direction == 0 else 1), (1, 0, 1, -1)[direction]
-            for column in range(width):
-                jump = np.int16(jumps[direction, row, column])
-                there[column] += jump != NONE
-                touching[column] += abs(jump) < touch
-                side[column] += (jump >= touch) - ((jump <= -touch) & (jump != NONE))
-            if row - down < 0:
-                continue
-            for column in range(max(0, right), width + min(0, right)):
-                jump = np.int16(jumps[direction, row - down, column - right])
-                there[column] += jump != NONE
-                touching[column] += abs(jump) < touch
-                side[column] += ((jump <= -touch) & (jump != NONE)) - (jump >= touch)
+            _count(jumps[direction, row], touch, np.int8(1), there, touching, side)
+            if row - down >= 0:
+                reached, left = (
+                    slice(max(0, right), width + min(0, right)),
+                    slice(max(0, -right), width - max(0, right)),
+                )
+                back = jumps[direction, row - down, left]
+                _count(back, touch, np.int8(-1), there[reached], touching[reached], side[reached])
         for column in range(width):
             lone[row, column] = (
                 there[column] >= 3
                 and touching[column] <= (1 if there[column] >= 6 else 0)
                 and 2 * abs(side[column]) >= there[column]
             )
+
+
+@kernel
+def _count(jumps: Any, touch: int, sign: Any, there: Any, touching: Any, side: Any) -> None:
+    """Add a row of neighbours to the numbers that there are, that are in touch, and (less those below) above.
+
+    All in 8 bits, of which the processor does many at a time.
+    """
+    upper, lower = np.int8(touch), np.int8(-touch)
+    for column in range(jumps.size):
+        jump = jumps[column]
+        known, above, below = np.int8(jump != NONE), np.int8(jump >= upper), np.int8(jump <= lower)
+        below &= known
+        there[column] += known
+        touching[column] += known - above - below
+        side[column] += sign * (above - below)
 
 
 @kernel

@@ -58,12 +58,18 @@ def _solved(wanted: Relief) -> Relief:
     surface = np.zeros_like(grids[-1])
     for grid in reversed(grids):
         if surface.shape != grid.shape:
-            surface = _refined(surface, *grid.shape)
+            surface = _finer(surface, grid.shape)
         other = np.empty_like(surface)
         for _ in range(_SWEEPS):
             _sweep(surface, grid, other)
             surface, other = other, surface
     return surface
+
+
+def _finer(coarse: Relief, shape: tuple[int, int]) -> Relief:
+    fine = np.empty(shape, np.float32)
+    in_bands(lambda rows: _refined(coarse, rows.start, rows.stop, fine), *shape)
+    return fine
 
 
 def _sweep(surface: Relief, wanted: Relief, result: Relief) -> None:
@@ -107,15 +113,10 @@ def _smooth(surface: Any, wanted: Any, first: int, end: int, result: Any) -> Non
     """One damped Jacobi sweep."""
     height, width = surface.shape
     for row in range(first, end):
-        above, below = max(row - 1, 0), min(row + 1, height - 1)
+        above, below, middle = surface[max(row - 1, 0)], surface[min(row + 1, height - 1)], surface[row]
         for column in range(1, width - 1):
-            here = surface[row, column]
-            around = (
-                surface[above, column]
-                + surface[below, column]
-                + surface[row, column - 1]
-                + surface[row, column + 1]
-            )
+            here = middle[column]
+            around = above[column] + below[column] + middle[column - 1] + middle[column + 1]
             result[row, column] = here + _DAMPING * (around - np.float32(4) * here - wanted[row, column])
         for column in (0, width - 1):
             result[row, column] = surface[row, column] + _DAMPING * (
@@ -125,9 +126,18 @@ def _smooth(surface: Any, wanted: Any, first: int, end: int, result: Any) -> Non
 
 @kernel
 def _residual(surface: Any, wanted: Any, first: int, end: int, left: Any) -> None:
-    width = surface.shape[1]
+    height, width = surface.shape
     for row in range(first, end):
-        for column in range(width):
+        above, below, middle = surface[max(row - 1, 0)], surface[min(row + 1, height - 1)], surface[row]
+        for column in range(1, width - 1):
+            here = middle[column]
+            left[row, column] = wanted[row, column] - (
+                (above[column] - here)
+                + (below[column] - here)
+                + (middle[column - 1] - here)
+                + (middle[column + 1] - here)
+            )
+        for column in (0, width - 1):
             left[row, column] = wanted[row, column] - _difference(surface, row, column)
 
 
@@ -143,16 +153,20 @@ def _summed(grid: Any) -> Any:
 
 
 @kernel
-def _refined(coarse: Any, height: int, width: int) -> Any:
+def _refined(coarse: Any, first: int, end: int, fine: Any) -> None:
     """Twice the rows and columns, bilinear between the centres."""
     rows, columns = coarse.shape
-    fine = np.empty((height, width), np.float32)
+    width = fine.shape[1]
     near, far = np.float32(0.75), np.float32(0.25)
-    for row in range(height):
-        own, other = row // 2, min(max(row // 2 + (1 if row % 2 else -1), 0), rows - 1)
+    start, stop = max(first // 2 - 1, 0), min((end - 1) // 2 + 2, rows)
+    wide = np.empty((stop - start, width), np.float32)
+    for row in range(start, stop):
+        line = coarse[row]
         for column in range(width):
             beside = min(max(column // 2 + (1 if column % 2 else -1), 0), columns - 1)
-            fine[row, column] = near * (near * coarse[own, column // 2] + far * coarse[own, beside]) + far * (
-                near * coarse[other, column // 2] + far * coarse[other, beside]
-            )
-    return fine
+            wide[row - start, column] = near * line[column // 2] + far * line[beside]
+    for row in range(first, end):
+        own = wide[row // 2 - start]
+        other = wide[min(max(row // 2 + (1 if row % 2 else -1), 0), rows - 1) - start]
+        for column in range(width):
+            fine[row, column] = near * own[column] + far * other[column]
