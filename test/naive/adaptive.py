@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from socialcircle_ros.circle.adaptive.islands import LARGEST, STRONG, WEAK
+from socialcircle_ros.circle.adaptive.islands import LARGEST, WEAK
 from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT
 from socialcircle_ros.circle.adaptive.loners import TOUCH
 from socialcircle_ros.circle.adaptive.relief import SURPRISE
@@ -326,7 +326,7 @@ def surroundings(relief):
     )
 
 
-def one_sided_islands(relief, around, jumps, measured, sign, clip, scale):
+def one_sided_islands(relief, around, jumps, measured, sign, clip, strong, scale):
     shape, largest = relief.shape, max(LARGEST // scale**2, 4)
     level = {
         place: int(np.clip(np.rint(sign * UNIT * relief[place]), -32767, 32767))
@@ -348,7 +348,7 @@ def one_sided_islands(relief, around, jumps, measured, sign, clip, scale):
         core = max(cores, default=0)
         if size > largest:
             one.is_tip = one.steepness > WEAK and size <= 2 * largest
-        elif one.steepness > STRONG:
+        elif one.steepness > strong:
             one.is_island, one.core = True, size
         elif core and one.steepness > WEAK and size <= 2.5 * core:
             one.is_island, one.core = True, core
@@ -365,10 +365,11 @@ def one_sided_islands(relief, around, jumps, measured, sign, clip, scale):
     return found, best
 
 
-def islands(relief, jumps, measured, clip, scale):
+def islands(relief, jumps, measured, clip, strong, scale):
     around = surroundings(relief)
     up, down = (
-        one_sided_islands(relief, around, jumps, measured, sign, round(clip * UNIT), scale) for sign in (1, -1)
+        one_sided_islands(relief, around, jumps, measured, sign, round(clip * UNIT), strong, scale)
+        for sign in (1, -1)
     )
     return up[0] | down[0], np.maximum(up[1], down[1])
 

@@ -19,11 +19,14 @@ from .texture import of_one_height
 
 CLIP = 4.0
 """Spreads beyond which a jump says no more of an island's border."""
-CLIP_FAR = 3.5
-"""The same where the cloud is seen from further off."""
+STRONG = 0.93
+"""An island's border is steeper than this, where 1 is every jump clipped."""
+CLIP_FORETOLD, STRONG_FORETOLD = 3.0, 0.91
+"""The same where differences foretell each other: such surfaces have hardly an island of their own."""
+STRONG_FAR = {2: 0.94, 4: 0.96}
+"""The same as `STRONG` at half and a quarter of the size: the fewer points a border has, the more chance does."""
 
 _TILE, _TILE_FAR = 16, 10
-_SCALES = (2, 4)
 _FEWEST = 16
 _ROUNDS = 2
 _FURTHEST = float(np.finfo(np.float32).max) / 16
@@ -87,7 +90,8 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
         scale = scale_of(work, _TILE, may_foretell=may_foretell)
         jumps = jumps_of(work, scale)
     score[found] = 1.0
-    spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(work), CLIP, 1)
+    steep = (CLIP_FORETOLD, STRONG_FORETOLD) if scale.foretold else (CLIP, STRONG)
+    spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(work), *steep, 1)
     np.maximum(score, steepness, out=score)
     found |= spot
     work = patched(work, spot)
@@ -102,12 +106,12 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
     # has been smoothed: there its own hills would be steps as well, and where it is islands, what is between them.
     if not scale.foretold and not kept:
         far = work
-        for times in _SCALES:
+        for times, strong in STRONG_FAR.items():
             far = _halved(far)
             if min(far.shape) < _FEWEST:
                 break
             jumps = jumps_of(far, scale_of(far, _TILE_FAR, may_foretell=False))
-            spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(far), CLIP_FAR, times)
+            spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(far), CLIP, strong, times)
             _spread_out(spot, times, found)
             _raise_score(steepness, times, score)
             far = patched(far, spot)

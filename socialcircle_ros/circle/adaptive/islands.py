@@ -21,9 +21,7 @@ from .relief import Relief
 
 LARGEST = 320
 """A community of more points is a surface of its own, whatever surrounds it: a disc of 20 points across."""
-STRONG = 0.93
-"""An island's border is at least so steep, in the mean, of 1: every jump clipped."""
-WEAK = 0.8
+WEAK = 0.85
 """A larger community round an island belongs to it down to this steepness: its flank."""
 
 _GROWTH = 2.5
@@ -34,7 +32,9 @@ _SMALL = 8
 Score = npt.NDArray[np.float32]
 
 
-def islands(relief: Relief, jumps: Jumps, measured: Mask, clip: float, scale: int) -> tuple[Mask, Score]:
+def islands(
+    relief: Relief, jumps: Jumps, measured: Mask, clip: float, strong: float, scale: int
+) -> tuple[Mask, Score]:
     """Communities that are islands.
 
     Args:
@@ -42,6 +42,7 @@ def islands(relief: Relief, jumps: Jumps, measured: Mask, clip: float, scale: in
         jumps: (4, H, W) int8, as `jumps_of` gives them.
         measured: (H, W) bool, the points that there are.
         clip: spreads beyond which a jump counts no more.
+        strong: an island's border is steeper than this in the mean, where 1 is every jump clipped.
         scale: points of the cloud along a side of a point here.
 
     Returns:
@@ -57,7 +58,7 @@ def islands(relief: Relief, jumps: Jumps, measured: Mask, clip: float, scale: in
         points, level = _risen(relief, around, measured, sign)
         order = np.argsort(-level, kind='stable')
         return _islands_above(
-            points, level, order, jumps, -sign, round(clip * UNIT), largest, fill, alone, STRONG, WEAK
+            points, level, order, jumps, -sign, round(clip * UNIT), largest, fill, alone, strong, WEAK
         )
 
     both = in_bands(lambda places: [one_side((1, -1)[place]) for place in range(2)[places]], 2, relief.size)

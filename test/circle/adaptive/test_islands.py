@@ -51,9 +51,13 @@ HILLS = st.builds(
 
 @settings(max_examples=300)
 @given(
-    HILLS, st.sampled_from([1, 2, 4]), st.sampled_from([4.0, 3.5]), st.sampled_from([0.0, 0.5, 3.0]), st.booleans()
+    HILLS,
+    st.sampled_from([1, 2, 4]),
+    st.sampled_from([(4.0, 0.93), (3.0, 0.91), (4.0, 0.96)]),
+    st.sampled_from([0.0, 0.5, 3.0]),
+    st.booleans(),
 )
-def test_islands_and_scores_are_those_of_every_community_looked_at_bit_for_bit(hills, scale, clip, noise, known):
+def test_islands_and_scores_are_those_of_every_community_looked_at_bit_for_bit(hills, scale, steep, noise, known):
     measured = ~np.isnan(hills)
     jumps = jumps_between(hills)
     relief = np.where(measured, hills, 0)
@@ -61,16 +65,16 @@ def test_islands_and_scores_are_those_of_every_community_looked_at_bit_for_bit(h
     relief += np.random.default_rng(4).normal(0, noise, hills.shape).astype(np.float32)
     measured |= known
 
-    found, score = islands(relief, jumps, measured, clip, scale)
+    found, score = islands(relief, jumps, measured, *steep, scale)
 
-    expected, expected_score = naive.islands(relief, jumps, measured, clip, scale)
+    expected, expected_score = naive.islands(relief, jumps, measured, *steep, scale)
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(score, expected_score)
 
 
 def island_points(heights, scale=1, **options):
     heights = np.asarray(heights, np.float32)
-    return islands(heights, jumps_between(heights, **options), np.isfinite(heights), 4.0, scale)[0]
+    return islands(heights, jumps_between(heights, **options), np.isfinite(heights), 4.0, 0.93, scale)[0]
 
 
 def block(height, width, rise=9.0):
@@ -132,9 +136,9 @@ def test_seen_from_further_off_the_largest_island_has_as_many_points_of_the_clou
 @given(HILLS)
 def test_what_rises_and_what_sinks_are_judged_alike(hills):
     relief = np.where(np.isnan(hills), 0, hills)
-    up = islands(relief, jumps_between(hills), ~np.isnan(hills), 4.0, 1)
+    up = islands(relief, jumps_between(hills), ~np.isnan(hills), 4.0, 0.93, 1)
 
-    down = islands(-relief, jumps_between(-hills), ~np.isnan(hills), 4.0, 1)
+    down = islands(-relief, jumps_between(-hills), ~np.isnan(hills), 4.0, 0.93, 1)
 
     np.testing.assert_array_equal(up[0], down[0])
     np.testing.assert_array_equal(up[1], down[1])
@@ -147,7 +151,7 @@ def test_an_island_is_one_in_the_mirror_too(random, transposed):
     hills = hilly(32, 32, random, 6, 0.5, 0.0)
     mirrored = np.ascontiguousarray(hills.T if transposed else hills[:, ::-1])
 
-    found, mirror_image = (islands(h, jumps_between(h), np.isfinite(h), 4.0, 1) for h in (hills, mirrored))
+    found, mirror_image = (islands(h, jumps_between(h), np.isfinite(h), 4.0, 0.93, 1) for h in (hills, mirrored))
 
     for one, other in zip(found, mirror_image, strict=True):
         np.testing.assert_array_equal(one, other.T if transposed else other[:, ::-1])
@@ -160,7 +164,7 @@ def test_both_sides_at_once_give_what_one_after_the_other_gives(monkeypatch):
     results = []
     for limit in (1, 2):
         monkeypatch.setattr(threads, 'limit', limit)
-        results.append(islands(np.nan_to_num(heights), jumps, np.isfinite(heights), 4.0, 1))
+        results.append(islands(np.nan_to_num(heights), jumps, np.isfinite(heights), 4.0, 0.93, 1))
 
     np.testing.assert_array_equal(results[0][0], results[1][0])
     np.testing.assert_array_equal(results[0][1], results[1][1])
