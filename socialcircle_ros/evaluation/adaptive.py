@@ -29,7 +29,7 @@ from .scores import Mask, Scores, score
 from .search import best_settings
 from .subjects import Subject, painted, scanned
 
-SEEDS = tuple(range(201, 221))
+SEEDS = tuple(range(301, 321))
 """Of the simulated stacks: nothing was chosen on them."""
 CONTROLS = ('alicona_fv_al3d1', 'alicona_fv_rubber')
 """Surfaces of the data folder on which nothing is wrong."""

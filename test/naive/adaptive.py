@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from socialcircle_ros.circle.adaptive.islands import LARGEST, WEAK
+from socialcircle_ros.circle.adaptive.islands import LARGEST, WEAKER
 from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT
 from socialcircle_ros.circle.adaptive.loners import TOUCH
 from socialcircle_ros.circle.adaptive.relief import SURPRISE
@@ -216,10 +216,15 @@ def patched(heights, holes):
 
 
 def broken_promises(heights, found, limit):
-    """The outliers whose surroundings, every fourth point up to eight off, have another middle height."""
+    """Points within two of an outlier whose surroundings, every fourth point up to eight off, are elsewhere."""
     surface, broken = patched(heights, found), np.zeros(found.shape, bool)
     height, width = found.shape
-    for row, column in map(tuple, np.argwhere(found)):
+    for row, column in places(found.shape):
+        if (
+            np.isnan(heights[row, column])
+            or not found[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3].any()
+        ):
+            continue
         up = 4 * min(2, row // 4, (height - 1 - row) // 4)
         left = 4 * min(2, column // 4, (width - 1 - column) // 4)
         around = surface[row - up : row + up + 1 : 4, column - left : column + left + 1 : 4]
@@ -347,15 +352,15 @@ def one_sided_islands(relief, around, jumps, measured, sign, clip, strong, scale
         cores = [inner.core for inner in ascending if larger[inner] is one and inner.is_island]
         core = max(cores, default=0)
         if size > largest:
-            one.is_tip = one.steepness > WEAK and size <= 2 * largest
+            one.is_tip = one.steepness > strong - WEAKER and size <= 2 * largest
         elif one.steepness > strong:
             one.is_island, one.core = True, size
-        elif core and one.steepness > WEAK and size <= 2.5 * core:
+        elif core and one.steepness > strong - WEAKER and size <= 2.5 * core:
             one.is_island, one.core = True, core
     found, best = np.zeros(shape, bool), np.zeros(shape, np.float32)
     for one in reversed(ascending):
         beyond = larger[one]
-        if beyond is not None and beyond.is_tip and one.steepness > WEAK and len(one.points) > 8:
+        if beyond is not None and beyond.is_tip and one.steepness > strong - WEAKER and len(one.points) > 8:
             one.is_tip = True
         for point in one.points:
             if one.is_island and not one.is_tip:

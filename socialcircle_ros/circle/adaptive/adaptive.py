@@ -1,5 +1,6 @@
 """The adaptive mode, composed: loners, then islands, then islands seen from further off."""
 
+import math
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -19,14 +20,19 @@ from .texture import of_one_height
 
 CLIP = 4.0
 """Spreads beyond which a jump says no more of an island's border."""
-STRONG = 0.93
-"""An island's border is steeper than this, where 1 is every jump clipped."""
-CLIP_FORETOLD, STRONG_FORETOLD = 3.0, 0.91
-"""The same where differences foretell each other: such surfaces have hardly an island of their own."""
-STRONG_FAR = {2: 0.94, 4: 0.96}
-"""The same as `STRONG` at half and a quarter of the size: the fewer points a border has, the more chance does."""
+STRONG = {1: 0.94, 2: 0.95, 4: 0.97}
+"""An island's border is steeper than this, where 1 is every jump clipped, while few points are outliers; by how
+far off the cloud is seen, since chance does more to a border of fewer points."""
+FEW, EASIER, EASIEST = 0.0125, 0.04, 0.80
+"""With each doubling of the loners beyond this share of the points so much less steepness is asked for, down to
+the last: the more outliers are about, the likelier is an island to be one."""
+CLIP_FORETOLD, EASIER_FORETOLD = 3.0, 0.02
+"""Where differences foretell each other: such surfaces have hardly an island of their own."""
+STRONG_BY_OPTICS = 0.85
+"""The same as `STRONG` where the depth of field has the last word."""
 
 _TILE, _TILE_FAR = 16, 10
+_SCALES = (2, 4)
 _FEWEST = 16
 _ROUNDS = 2
 _FURTHEST = float(np.finfo(np.float32).max) / 16
@@ -78,6 +84,7 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
         lone = loners(jumps_of(work, scale))
         found |= lone
         work = patched(work, lone)
+    strong = _asked_for(float(found.sum() / measured.sum()), depth_of_field)
     clock.step('loners')
 
     scale = scale_of(work, _TILE, may_foretell=may_foretell)
@@ -90,7 +97,7 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
         scale = scale_of(work, _TILE, may_foretell=may_foretell)
         jumps = jumps_of(work, scale)
     score[found] = 1.0
-    steep = (CLIP_FORETOLD, STRONG_FORETOLD) if scale.foretold else (CLIP, STRONG)
+    steep = (CLIP_FORETOLD, strong[1] - EASIER_FORETOLD) if scale.foretold else (CLIP, strong[1])
     spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(work), *steep, 1)
     np.maximum(score, steepness, out=score)
     found |= spot
@@ -106,12 +113,12 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
     # has been smoothed: there its own hills would be steps as well, and where it is islands, what is between them.
     if not scale.foretold and not kept:
         far = work
-        for times, strong in STRONG_FAR.items():
+        for times in _SCALES:
             far = _halved(far)
             if min(far.shape) < _FEWEST:
                 break
             jumps = jumps_of(far, scale_of(far, _TILE_FAR, may_foretell=False))
-            spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(far), CLIP, strong, times)
+            spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(far), CLIP, strong[times], times)
             _spread_out(spot, times, found)
             _raise_score(steepness, times, score)
             far = patched(far, spot)
@@ -127,6 +134,14 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
     _settle(score, found, measured)
     clock.step('score')
     return AdaptiveResult(found, score, spread, kept, clock.times)
+
+
+def _asked_for(lone: float, depth_of_field: float | None) -> dict[int, float]:
+    """Steepness of an island's border, by how far off the cloud is seen; `lone` is the share of the loners."""
+    if depth_of_field is not None:
+        return dict.fromkeys(STRONG, STRONG_BY_OPTICS)
+    doublings = math.log2(max(lone / FEW, 1.0))
+    return {times: max(steep - EASIER * doublings, EASIEST) for times, steep in STRONG.items()}
 
 
 def _relative(heights: npt.NDArray[Any]) -> Heights:

@@ -21,8 +21,8 @@ from .relief import Relief
 
 LARGEST = 320
 """A community of more points is a surface of its own, whatever surrounds it: a disc of 20 points across."""
-WEAK = 0.85
-"""A larger community round an island belongs to it down to this steepness: its flank."""
+WEAKER = 0.1
+"""A larger community round an island belongs to it if it is less steep by this at most: its flank."""
 
 _GROWTH = 2.5
 _SURROUNDINGS = 16
@@ -58,7 +58,7 @@ def islands(
         points, level = _risen(relief, around, measured, sign)
         order = np.argsort(-level, kind='stable')
         return _islands_above(
-            points, level, order, jumps, -sign, round(clip * UNIT), largest, fill, alone, strong, WEAK
+            points, level, order, jumps, -sign, round(clip * UNIT), largest, fill, alone, strong, strong - WEAKER
         )
 
     both = in_bands(lambda places: [one_side((1, -1)[place]) for place in range(2)[places]], 2, relief.size)

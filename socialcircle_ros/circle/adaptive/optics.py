@@ -23,12 +23,14 @@ WALL = 1.5
 
 _STRIDE, _STRIDES = 4, 2
 """The surroundings of a point: every fourth point, two in each direction."""
+_NEAR = 2
+"""Points round an outlier that are looked at as well: flanks that the heights alone do not tell."""
 _BESIDE = 1
 """Points beyond the two ends of a step that see both its surfaces."""
 
 
 def broken_promises(heights: Heights, found: Mask, depth_of_field: float) -> Mask:
-    """Those of the outliers that are further off their surroundings than the optics promise.
+    """Outliers, and points next to them, that are further off their surroundings than the optics promise.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
@@ -39,10 +41,12 @@ def broken_promises(heights: Heights, found: Mask, depth_of_field: float) -> Mas
         (H, W) bool.
     """
     surface = patched(heights, found)
+    doubtful: Mask = np.zeros(found.shape, np.bool_)
+    _mark_near(np.flatnonzero(found), np.isfinite(heights), doubtful)
     broken: Mask = np.zeros(found.shape, np.bool_)
 
     def compare(rows: slice) -> None:
-        _compare(heights, found, surface, np.float32(PROMISED * depth_of_field), rows.start, rows.stop, broken)
+        _compare(heights, doubtful, surface, np.float32(PROMISED * depth_of_field), rows.start, rows.stop, broken)
 
     in_bands(compare, *found.shape)
     return broken
@@ -69,12 +73,22 @@ def beside_walls(heights: Heights, found: Mask, depth_of_field: float) -> Mask:
 
 
 @kernel
-def _compare(heights: Any, found: Any, surface: Any, limit: Any, first: int, end: int, broken: Any) -> None:
+def _mark_near(places: Any, measured: Any, near: Any) -> None:
+    height, width = measured.shape
+    for place in places:
+        row, column = place // width, place % width
+        for y in range(max(row - _NEAR, 0), min(row + _NEAR + 1, height)):
+            for x in range(max(column - _NEAR, 0), min(column + _NEAR + 1, width)):
+                near[y, x] = measured[y, x]
+
+
+@kernel
+def _compare(heights: Any, doubtful: Any, surface: Any, limit: Any, first: int, end: int, broken: Any) -> None:
     height, width = heights.shape
     values = np.empty((2 * _STRIDES + 1) ** 2, np.float32)
     for row in range(first, end):
         for column in range(width):
-            if not found[row, column]:
+            if not doubtful[row, column]:
                 continue
             # As far on one side as on the other, so that a slope does not matter.
             up = _STRIDE * min(_STRIDES, min(row, height - 1 - row) // _STRIDE)
