@@ -398,15 +398,13 @@ def of_one_height(heights, islands):
         if len(part) >= 4 and inner and outer:
             sized.append((sum(inner) / len(inner) - sum(outer) / len(outer), part))
     kept, number = np.zeros(islands.shape, bool), 0
-    for sign in (1, -1):
-        candidates = sorted(((sign * rise, part) for rise, part in sized if sign * rise > 0), key=lambda c: c[0])
+    candidates = sorted(((abs(rise), part) for rise, part in sized if rise != 0), key=lambda c: c[0])
+    if len(candidates) >= 8:
         groups = [[part for rise, part in candidates if low <= rise <= 1.35 * low] for low, _ in candidates]
-        if len(candidates) < 8:
-            continue
         group = max(groups, key=cover)
         least = max(0.5 * cover([part for _, part in candidates]), LEAST_COVER * np.isfinite(heights).sum())
         if len(group) >= 8 and cover(group) >= least:
-            number += len(group)
+            number = len(group)
             for point in itertools.chain.from_iterable(group):
                 kept[point] = True
     return kept, number

@@ -22,7 +22,7 @@ _MOST = 0.5
 
 
 def of_one_height(heights: Heights, islands: Mask) -> tuple[Mask, int]:
-    """The islands that share a height over (or under) what surrounds them.
+    """The islands that share a height over or under what surrounds them.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
@@ -35,21 +35,20 @@ def of_one_height(heights: Heights, islands: Mask) -> tuple[Mask, int]:
     points = np.flatnonzero(islands)
     label, sizes, rises = _measured_islands(heights, islands, points)
     least = LEAST_COVER * np.count_nonzero(np.isfinite(heights))
-    number = 0
-    for sign in (1, -1):
-        candidates = np.flatnonzero((sizes >= _LEAST_SIZE) & (sign * rises > 0))
-        if candidates.size < _MANY:
-            continue
-        candidates = candidates[np.argsort(sign * rises[candidates], kind='stable')]
-        height = sign * rises[candidates]
-        covered = np.concatenate([[0], np.cumsum(sizes[candidates])])
-        ends = np.searchsorted(height, _ALIKE * height, 'right')
-        alike = covered[ends] - covered[:-1]
-        first = int(np.argmax(alike))
-        end = int(ends[first])
-        if end - first >= _MANY and alike[first] >= max(_MOST * covered[-1], least):
-            texture.flat[points[np.isin(label, candidates[first:end])]] = True
-            number += end - first
+    candidates = np.flatnonzero((sizes >= _LEAST_SIZE) & (rises != 0))
+    if candidates.size < _MANY:
+        return texture, 0
+    # Up or down: of a layer that covers half of the surface both sides have islands.
+    candidates = candidates[np.argsort(np.abs(rises[candidates]), kind='stable')]
+    height = np.abs(rises[candidates])
+    covered = np.concatenate([[0], np.cumsum(sizes[candidates])])
+    ends = np.searchsorted(height, _ALIKE * height, 'right')
+    alike = covered[ends] - covered[:-1]
+    first = int(np.argmax(alike))
+    number = int(ends[first]) - first
+    if number < _MANY or alike[first] < max(_MOST * covered[-1], least):
+        return texture, 0
+    texture.flat[points[np.isin(label, candidates[first : first + number])]] = True
     return texture, number
 
 
