@@ -39,7 +39,7 @@ SHARES = (0.01, 0.05, 0.15, 0.3)
 _ADAPTIVE = CircleSettings(mode='adaptive')
 _OTHERS: tuple[type[FilterSettings], ...] = (RadiusSettings, StatisticalSettings, MedianSettings)
 _BREAKING = ('quantised', 'islands', 'discs', 'closed_groove', 'steep_groove', 'steps')
-_LOADS = 3
+_LOADS = 5
 _SIZES = ((240, 320), (480, 640), (960, 1280), (1920, 2560))
 _FULL = (960, 1280)
 

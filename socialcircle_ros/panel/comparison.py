@@ -52,7 +52,10 @@ class Comparison:
 
 
 def compare(
-    cloud: bytes, a: tuple[str, Mapping[str, RosValue]], b: tuple[str, Mapping[str, RosValue]]
+    cloud: bytes,
+    a: tuple[str, Mapping[str, RosValue]],
+    b: tuple[str, Mapping[str, RosValue]],
+    depth_of_field: float | None = None,
 ) -> Comparison:
     """Filter one cloud with two settings.
 
@@ -60,13 +63,15 @@ def compare(
         cloud: a serialized PointCloud2.
         a: name and values of the one setting, of every parameter.
         b: the same of the other.
+        depth_of_field: with which the node filtered the cloud.
 
     Raises:
         SocialCircleError: a setting cannot be, or the cloud cannot be filtered.
     """
     sides = []
     for name, values in (a, b):
-        cleaned = clean(cloud, CircleSettings.from_ros(values), OutputSettings(mask=True))
+        circle = CircleSettings.from_ros(values).of_a_stack(depth_of_field)
+        cleaned = clean(cloud, circle, OutputSettings(mask=True))
         sides.append(Side(name, cleaned, decode_mono8(cleaned.mask or b'')))
     differing = tuple((key, value, b[1][key]) for key, value in a[1].items() if value != b[1].get(key, value))
     return Comparison(cloud, sides[0], sides[1], differing)

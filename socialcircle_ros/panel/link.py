@@ -63,6 +63,12 @@ class Answer:
     measurement: Status | None
     """None where it has not come yet."""
 
+    @property
+    def depth_of_field(self) -> float | None:
+        """With which the node filtered: that of the stack, where no parameter gave one."""
+        told = self.measurement.values.get('circle.depth_of_field', '') if self.measurement else ''
+        return float(told or 0) or None
+
 
 @dataclass(frozen=True)
 class Event:

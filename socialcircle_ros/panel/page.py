@@ -386,7 +386,12 @@ class Page:
         self._compared.content = markup.note('Filtering; the first time, the filter is compiled here as well …')
         self._compared.visible = True
         try:
-            comparison = compare(answer.cloud, self._settings(self._a.value), self._settings(self._b.value))
+            comparison = compare(
+                answer.cloud,
+                self._settings(self._a.value),
+                self._settings(self._b.value),
+                answer.depth_of_field,
+            )
         except SocialCircleError as error:
             self._compared.content = markup.note(str(error), bad=True)
             return

@@ -22,6 +22,14 @@ def test_the_two_answers_and_their_difference():
     assert np.count_nonzero((picture == colours.ONLY_A).all(axis=2)) == 26
 
 
+def test_a_stack_s_depth_of_field_counts_for_both():
+    known = {'circle.mode': 'adaptive'}
+    given = known | {'circle.depth_of_field': 0.001}
+    found = compare(cloud(), ('a', DEFAULTS | known), ('b', DEFAULTS | given), 1e9)
+    assert found.a.cleaned.outliers == 0
+    assert found.b.cleaned.outliers > 0
+
+
 def test_the_same_setting_twice_differs_nowhere():
     found = compare(cloud(), ('a', DEFAULTS), ('b', DEFAULTS | {'output.mask': False}))
     assert found.counts == (26, 0, 0)
