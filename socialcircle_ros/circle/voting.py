@@ -24,7 +24,7 @@ CANDIDATES = 64
 _PEAK = 1 / math.sqrt(2 * math.pi)
 _ERROR = 1.5e-6  # of a float32 distance between points of a cloud that reaches from -1 to 1
 _LEAF = 32  # most points of a leaf of the k-d tree
-_FEW = 12  # so many ranks to each side a value is sought one by one
+_FEW = 8  # so many ranks to each side a value is sought one by one
 _LANES = 32
 _ZERO, _ONE = np.uint64(0), np.uint64(1)
 _FAR = 0.25  # of the radius: a step beyond leads to a point off the surface
@@ -123,20 +123,21 @@ def _medians(x: Any, y: Any, z: Any) -> Any:
     leaves = _plant(x, y, z, order, starts, np.empty((n + 1, 2), np.int64))
     starts, sizes = starts[:leaves], np.diff(starts[: leaves + 1])
     unit = ((xyz[:, order] - ends.sum(axis=0)[:, None]) / extent).astype(np.float32)
+    places = np.arange(n) + (np.arange(leaves) * _LEAF - starts).repeat(sizes)
     points = np.full((3, leaves * _LEAF), np.nan, np.float32)  # what is no point is nowhere
-    points[:, np.arange(n) + (np.arange(leaves) * _LEAF - starts).repeat(sizes)] = unit
+    points[:, places] = unit
+    exact = np.zeros((leaves * _LEAF, 3))  # one after the other, because they are looked up here and there
+    exact[places] = xyz[:, order].T
     boxes = np.concatenate((np.minimum.reduceat(unit, starts, axis=1), np.maximum.reduceat(unit, starts, axis=1)))
 
     def find(band: slice) -> None:
         work = (
-            np.empty((8, leaves), np.float32),
-            np.empty((3, leaves), np.int64),
+            np.empty((8, leaves + 64), np.float32),
+            np.empty((3, leaves + 64), np.int64),
             np.empty(leaves * _LEAF + 64, np.float32),
             np.empty(n),
         )
-        _find_medians(
-            x, y, z, order, starts, sizes, points, boxes, extent, error, band.start, band.stop, *work, mu
-        )
+        _find_medians(exact, order, starts, sizes, points, boxes, extent, error, band.start, band.stop, *work, mu)
 
     in_bands(find, leaves, 1, _LEAST_LEAVES)
     return mu
@@ -144,9 +145,7 @@ def _medians(x: Any, y: Any, z: Any) -> Any:
 
 @kernel
 def _find_medians(
-    x: Any,
-    y: Any,
-    z: Any,
+    exact: Any,
     order: Any,
     starts: Any,
     sizes: Any,
@@ -164,10 +163,11 @@ def _find_medians(
 ) -> None:
     """The loop of `_medians` over the points of the leaves from `first` to before `last`.
 
-    Of n points `order`ed into L leaves with `starts` and `sizes`, (L,). Float32: `points` (3, 32 L) and `boxes`
-    (6, L). For work: `bounds` (8, L), `names` (3, L), `squared` (32 L + 64,) and `distances` (n,).
+    Of n points `order`ed into L leaves with `starts` and `sizes`, (L,). Float64: `exact` (32 L, 3). Float32:
+    `points` (3, 32 L) and `boxes` (6, L). For work: `bounds` (8, L + 64), `names` (3, L + 64), `squared`
+    (32 L + 64,) and `distances` (n,).
     """
-    n, leaves = len(x), len(starts)
+    n, leaves = len(order), len(starts)
     upper_rank = (n - 1) // 2 + 1  # behind p itself, whose distance 0 comes first
     lower_rank = upper_rank - (n % 2)
     # For the leaf at hand, the leaves that are neither within nor beyond the spheres of all of its points.
@@ -184,6 +184,7 @@ def _find_medians(
         for i in range(sizes[leaf]):
             p, place = order[starts[leaf] + i], leaf * _LEAF + i
             px, py, pz = points[0, place], points[1, place], points[2, place]
+            ax, ay, az = exact[place, 0], exact[place, 1], exact[place, 2]
             dx, dy, dz = float(px - ox), float(py - oy), float(pz - oz)
             step = math.sqrt(dx * dx + dy * dy + dz * dz)
             far = not step < _FAR * radius
@@ -227,8 +228,8 @@ def _find_medians(
                     while between:
                         at = start + trailing_zeros(between)
                         between &= between - _ONE
-                        q = order[starts[looked_at[at // _LEAF]] + at % _LEAF]
-                        ex, ey, ez = x[q] - x[p], y[q] - y[p], z[q] - z[p]
+                        q = looked_at[at // _LEAF] * _LEAF + at % _LEAF
+                        ex, ey, ez = exact[q, 0] - ax, exact[q, 1] - ay, exact[q, 2] - az
                         distances[candidates] = (ex * ex + ey * ey) + ez * ez
                         candidates += 1
                 found = distances[:candidates]
@@ -315,13 +316,23 @@ def _bound(boxes: Any, count: int, box: Any, least: Any, most: Any) -> None:
 def _choose(least: Any, most: Any, sizes: Any, count: int, low: Any, high: Any, chosen: Any) -> tuple[int, int]:
     """Write which leaves may have distances from low to high.
 
+    `least`, `most` and `chosen` have room for 64 more leaves, because so many are asked at once: as the bits of a
+    word this is vectorised.
+
     Returns how many points the leaves below have, and how many leaves it wrote.
     """
     below, m = 0, 0
     for i in range(count):
         below += sizes[i] * (most[i] < low)
-        chosen[m] = i
-        m += (most[i] >= low) & (least[i] <= high)
+    for start in range(0, count, 64):
+        bits = _ZERO
+        for lane in range(64):
+            at = np.uint64(start) + np.uint64(lane)
+            bits |= np.uint64((most[at] >= low) & (least[at] <= high)) << np.uint64(lane)
+        while bits:
+            chosen[m] = start + trailing_zeros(bits)
+            bits &= bits - _ONE
+            m += chosen[m] < count
     return below, m
 
 

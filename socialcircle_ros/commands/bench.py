@@ -120,7 +120,9 @@ def _growth(repeats: int, path: Path | None, plot: Path | None) -> None:
     from rich.table import Table
 
     from socialcircle_ros.evaluation.growth import POINTS, draw_growth, time_growth
+    from socialcircle_ros.node.transport import keep_freed_memory
 
+    keep_freed_memory()  # as the node and the other commands do
     console = Console()
     table = Table(title='Mirrored metal groove, float32; medians in ms', box=None, padding=(0, 2, 0, 0))
     for name in ('million points', 'vote', 'radius and expansion', 'ns/point'):

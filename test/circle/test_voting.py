@@ -232,6 +232,29 @@ def test_medians_and_the_winner_are_those_of_brute_force(points):
         assert elect_seed(points.T[None], (0, 0, 1, points.shape[1])) == (0, np.argmax(scores))
 
 
+def test_medians_among_more_leaves_than_a_word_has_bits_are_those_of_brute_force():
+    x, y, z, generator = sheet(50, 61)
+    z[generator.random(z.size) < 0.1] += 30
+
+    np.testing.assert_array_equal(voting._medians(x, y, z), sorted_medians(np.array((x, y, z))))
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 200), st.integers(0, 2**16), st.integers(0, 4), st.integers(0, 4))
+def test_chosen_leaves_are_all_that_may_reach_between_the_bounds(count, random, low, span):
+    generator = np.random.default_rng(random)
+    least = generator.integers(0, 6, 264).astype(np.float32)  # what is behind the last leaf is chosen by nobody
+    most = least + generator.integers(0, 3, 264).astype(np.float32)
+    sizes, chosen = generator.integers(1, 33, 264), np.empty(264, np.int64)
+    high = low + span
+
+    below, m = voting._choose(least, most, sizes, count, np.float32(low), np.float32(high), chosen)
+
+    least, most, sizes = least[:count], most[:count], sizes[:count]
+    assert below == sizes[most < low].sum()
+    assert chosen[:m].tolist() == np.flatnonzero((most >= low) & (least <= high)).tolist()
+
+
 def test_medians_do_not_depend_on_the_number_of_threads(monkeypatch):
     x, y, z, generator = sheet(50, 60)
     z[generator.random(z.size) < 0.1] += 30
