@@ -20,10 +20,10 @@ from .texture import of_one_height
 
 CLIP = 4.0
 """Spreads beyond which a jump says no more of an island's border."""
-STRONG = {1: 0.94, 2: 0.95, 4: 0.97}
+STRONG = {1: 0.955, 2: 0.965, 4: 0.985}
 """An island's border is steeper than this, where 1 is every jump clipped, while few points are outliers; by how
 far off the cloud is seen, since chance does more to a border of fewer points."""
-FEW, EASIER, EASIEST = 0.02, 0.05, 0.80
+FEW, EASIER, EASIEST = 0.0125, 0.05, 0.80
 """With each doubling of the loners beyond this share of the points so much less steepness is asked for, down to
 the last: the more outliers are about, the likelier is an island to be one."""
 CLIP_FORETOLD, EASIER_FORETOLD = 3.0, 0.02
