@@ -19,7 +19,7 @@ NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptiv
 )  # fmt: skip
 @click.option('--quick', is_flag=True, help='Small clouds, to see it work; the numbers say little.')
 @click.option(
-    '--seeds', help='Of the clouds that the scores come from, such as 4,5; default: 1,2,3, adaptive: 201 to 220.'
+    '--seeds', help='Of the clouds that the scores come from, such as 4,5; default: 1,2,3, adaptive: 301 to 320.'
 )
 @click.option(
     '--data', type=click.Path(path_type=Path, exists=True, file_okay=False), envvar='SOCIALCIRCLE_DATA',

@@ -21,6 +21,7 @@ from socialcircle_ros.simulation import make_scene
 from . import drawings
 from .carriers import Carrier, carrier, loaded
 from .goals import Goal, goals_table
+from .left_out import left_out
 from .lineup import Lineup, judged
 from .methods import FilterSettings, in_words, method
 from .real import RealCloud
@@ -58,6 +59,9 @@ def adaptive(lineup: Lineup, real: Sequence[RealCloud]) -> list[Section]:
     parts = [_stacks(lineup)]
     if carriers:
         parts += [_contaminated(lineup, carriers), _untouched(lineup, carriers)]
+    if len(carriers) > 1:
+        section, goal = left_out(carriers, lineup.plan.seeds[:_LOADS], lineup.tell)
+        parts.append(([section], [goal]))
     parts += [_breaking(lineup), _decisions(lineup), _scales(lineup), _times(lineup)]
     goals = [goal for _, some in parts for goal in some]
     first = Section(

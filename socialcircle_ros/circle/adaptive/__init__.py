@@ -7,7 +7,7 @@ surroundings on all sides), `texture` (islands that are the surface's own) and, 
 `docs/adaptive.md` has the equations.
 """
 
-from .adaptive import AdaptiveResult, find_outliers
+from .adaptive import AdaptiveResult, Rules, find_outliers
 from .loners import TOUCH
 
-__all__ = ['TOUCH', 'AdaptiveResult', 'find_outliers']
+__all__ = ['TOUCH', 'AdaptiveResult', 'Rules', 'find_outliers']

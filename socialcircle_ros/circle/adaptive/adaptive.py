@@ -18,18 +18,15 @@ from .optics import beside_walls, broken_promises
 from .relief import relief_of
 from .texture import of_one_height
 
-CLIP = 4.0
-"""Spreads beyond which a jump says no more of an island's border."""
-STRONG = {1: 0.955, 2: 0.965, 4: 0.985}
-"""An island's border is steeper than this, where 1 is every jump clipped, while few points are outliers; by how
-far off the cloud is seen, since chance does more to a border of fewer points."""
-FEW, EASIER, EASIEST = 0.0125, 0.05, 0.80
-"""With each doubling of the loners beyond this share of the points so much less steepness is asked for, down to
-the last: the more outliers are about, the likelier is an island to be one."""
+MORE = {1: 0.0, 2: 0.01, 4: 0.03}
+"""By how far off the cloud is seen, so much steeper a border must be: chance does more to one of few points."""
+EASIER, EASIEST = 0.05, 0.80
+"""With each doubling of the loners beyond `Rules.few` so much less steepness is asked for, down to the last: the
+more outliers are about, the likelier is an island to be one."""
 CLIP_FORETOLD, EASIER_FORETOLD = 3.0, 0.02
 """Where differences foretell each other: such surfaces have hardly an island of their own."""
 STRONG_BY_OPTICS = 0.85
-"""The same as `STRONG` where the depth of field has the last word."""
+"""The steepness where the depth of field has the last word."""
 
 _TILE, _TILE_FAR = 16, 10
 _SCALES = (2, 4)
@@ -37,6 +34,21 @@ _FEWEST = 16
 _ROUNDS = 2
 _FURTHEST = float(np.finfo(np.float32).max) / 16
 """Heights further off are as good as this, of which sums and differences are finite."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What is asked of a community before it counts as an island; chosen with each measured surface left out once.
+
+    Attributes:
+        steep: the border of an island is steeper than this, where 1 is every jump clipped.
+        clip: spreads beyond which a jump says no more of a border.
+        few: share of the points that may be loners before less is asked.
+    """
+
+    steep: float = 0.955
+    clip: float = 4.0
+    few: float = 0.0125
 
 
 @dataclass(frozen=True)
@@ -58,7 +70,9 @@ class AdaptiveResult:
     times: dict[str, float]
 
 
-def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None) -> AdaptiveResult:
+def find_outliers(
+    heights: npt.NDArray[Any], depth_of_field: float | None = None, rules: Rules | None = None
+) -> AdaptiveResult:
     """Tell outliers from the surface by the surface's own measure.
 
     Nothing depends on the unit of the heights, nor on the pitch: heights are compared with heights.
@@ -67,7 +81,9 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
         heights: (H, W) float32 or float64, NaN where not measured; one at least is.
         depth_of_field: of the optics that the heights come from, in their unit; None where they do not come from
             focus, or it is not known.
+        rules: other than the ones that every cloud is met with.
     """
+    rules = rules or Rules()
     clock = _Clock()
     # The depth of field settles what is too low to be an outlier: no measure has to be as fine as can be.
     may_foretell = depth_of_field is None
@@ -84,7 +100,7 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
         lone = loners(jumps_of(work, scale))
         found |= lone
         work = patched(work, lone)
-    strong = _asked_for(float(found.sum() / measured.sum()), depth_of_field)
+    strong = _asked_for(float(found.sum() / measured.sum()), depth_of_field, rules)
     clock.step('loners')
 
     scale = scale_of(work, _TILE, may_foretell=may_foretell)
@@ -97,7 +113,7 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
         scale = scale_of(work, _TILE, may_foretell=may_foretell)
         jumps = jumps_of(work, scale)
     score[found] = 1.0
-    steep = (CLIP_FORETOLD, strong[1] - EASIER_FORETOLD) if scale.foretold else (CLIP, strong[1])
+    steep = (CLIP_FORETOLD, strong[1] - EASIER_FORETOLD) if scale.foretold else (rules.clip, strong[1])
     spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(work), *steep, 1)
     np.maximum(score, steepness, out=score)
     found |= spot
@@ -118,7 +134,7 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
             if min(far.shape) < _FEWEST:
                 break
             jumps = jumps_of(far, scale_of(far, _TILE_FAR, may_foretell=False))
-            spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(far), CLIP, strong[times], times)
+            spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(far), rules.clip, strong[times], times)
             _spread_out(spot, times, found)
             _raise_score(steepness, times, score)
             far = patched(far, spot)
@@ -136,12 +152,12 @@ def find_outliers(heights: npt.NDArray[Any], depth_of_field: float | None = None
     return AdaptiveResult(found, score, spread, kept, clock.times)
 
 
-def _asked_for(lone: float, depth_of_field: float | None) -> dict[int, float]:
+def _asked_for(lone: float, depth_of_field: float | None, rules: Rules) -> dict[int, float]:
     """Steepness of an island's border, by how far off the cloud is seen; `lone` is the share of the loners."""
     if depth_of_field is not None:
-        return dict.fromkeys(STRONG, STRONG_BY_OPTICS)
-    doublings = math.log2(max(lone / FEW, 1.0))
-    return {times: max(steep - EASIER * doublings, EASIEST) for times, steep in STRONG.items()}
+        return dict.fromkeys(MORE, STRONG_BY_OPTICS)
+    steep = rules.steep - EASIER * math.log2(max(lone / rules.few, 1.0))
+    return {times: max(steep + more, EASIEST) for times, more in MORE.items()}
 
 
 def _relative(heights: npt.NDArray[Any]) -> Heights:
