@@ -3,6 +3,7 @@
 Both publish exactly these bytes, so that what a replay shows is what the line did.
 """
 
+import threading
 import time
 from dataclasses import dataclass
 
@@ -19,11 +20,9 @@ STATUS_NAME = 'social_circle: measurement'
 
 
 @dataclass(frozen=True)
-class Cleaned:
-    """What is published of one cloud: serialized messages, and what they say in numbers."""
+class Answers:
+    """What is published beside the filtered cloud: serialized messages, and what they say in numbers."""
 
-    filtered: bytes
-    """PointCloud2 as it came, with x, y and z of the outliers NaN."""
     mask: bytes | None
     """Image mono8; None where it is not wanted."""
     score: bytes | None
@@ -49,6 +48,14 @@ class Cleaned:
         return diagnostics.Status(status.level, status.name, status.message, status.hardware_id, values)
 
 
+@dataclass(frozen=True)
+class Cleaned(Answers):
+    """All that is published of one cloud."""
+
+    filtered: bytes
+    """PointCloud2 as it came, with x, y and z of the outliers NaN."""
+
+
 def clean(
     message: bytes,
     circle: CircleSettings | None = None,
@@ -72,45 +79,101 @@ def clean(
         MessageError: the message is not an organized cloud, or contradicts itself.
         CloudError: the method can give no answer for this cloud.
     """
-    circle, output = circle or CircleSettings(), output or OutputSettings()
-    circle = circle.of_a_stack(depth_of_field)
-    clock = _Stages()
-    cloud = PointCloud.decode(message)
-    xyz = cloud.xyz()
-    clock.stage('decode')
-    result = remove_outliers(xyz, circle)
-    for step, seconds in result.times.items():
-        clock.times[step] = 1e3 * seconds
-    clock.restart()
-    points = cloud.height * cloud.width
-    outliers = int(np.count_nonzero(result.outliers))
-    measured = outliers + int(np.count_nonzero(result.inliers))
-    filtered = cloud.without(result.outliers, dense=measured == points and outliers == 0)
-    clock.stage('cloud')
-    mask = encode_image(cloud.header, mask_pixels(result.inliers, result.outliers)) if output.mask else None
-    score = encode_image(cloud.header, result.score) if output.score and result.score is not None else None
-    clock.stage('mask')
-    repaired, filled = None, 0
-    if output.repaired:
-        repair_result = repair_holes(xyz, result.outliers, repair)
-        filled = int(np.count_nonzero(repair_result.filled))
-        dense = measured - outliers + filled == points
-        repaired = cloud.replaced(result.outliers, repair_result.xyz, dense=dense)
-        clock.stage('repair')
-    clock.times['total'] = sum(clock.times.values())
-    return Cleaned(
-        filtered=filtered,
-        mask=mask,
-        score=score,
-        repaired=repaired,
-        points=points,
-        measured=measured,
-        outliers=outliers,
-        seed=result.seed,
-        radius=result.radius,
-        times=clock.times,
-        status=_status(cloud, measured, outliers, filled, result, circle),
-    )
+    filtering = Filtering(message, circle, depth_of_field)
+    filtered = filtering.filtered()
+    return Cleaned(filtered=filtered, **vars(filtering.answers(output, repair)))
+
+
+class Filtering:
+    """`clean` step by step, for who cannot wait: the outliers are found, the filtered cloud is next.
+
+    Args:
+        message: the cloud as it came, in CDR.
+        circle: how to filter.
+        depth_of_field: of a cloud that was a stack, in the unit of the cloud; what `circle` says goes first.
+
+    Raises:
+        MessageError: the message is not an organized cloud, or contradicts itself.
+        CloudError: the method can give no answer for this cloud.
+    """
+
+    def __init__(
+        self,
+        message: bytes | memoryview,
+        circle: CircleSettings | None = None,
+        depth_of_field: float | None = None,
+    ) -> None:
+        self._circle = (circle or CircleSettings()).of_a_stack(depth_of_field)
+        self._clock = _Stages()
+        self._cloud = PointCloud.decode(message)
+        self._xyz = self._cloud.xyz()
+        self._clock.stage('decode')
+        self._result = remove_outliers(self._xyz, self._circle)
+        for step, seconds in self._result.times.items():
+            self._clock.times[step] = 1e3 * seconds
+        self._clock.restart()
+        self._points = self._cloud.height * self._cloud.width
+        self._outliers = int(np.count_nonzero(self._result.outliers))
+        self._measured = self._outliers + int(np.count_nonzero(self._result.inliers))
+        self._dense = self._measured == self._points and self._outliers == 0
+        self._undo = _change_nothing
+        self._undoing = threading.Lock()
+
+    def filtered(self) -> bytes:
+        """PointCloud2 as it came, with x, y and z of the outliers NaN."""
+        filtered = self._cloud.without(self._result.outliers, dense=self._dense)
+        self._clock.stage('cloud')
+        return filtered
+
+    def filter_in_place(self) -> None:
+        """Make of the message itself, which may be written to, what `filtered` gives: no copy of it is made."""
+        self._undo = self._cloud.take_out(self._result.outliers, dense=self._dense)
+        self._clock.stage('cloud')
+
+    def put_back(self) -> None:
+        """Make the message again what it was when it came; any thread may ask for it, also twice."""
+        with self._undoing:
+            self._undo()
+            self._undo = _change_nothing
+
+    def answers(self, output: OutputSettings | None = None, repair: RepairSettings | None = None) -> Answers:
+        """The rest; the message is again what it was where that matters.
+
+        Args:
+            output: what is wanted.
+            repair: how holes are filled, where that is wanted.
+        """
+        output = output or OutputSettings()
+        header, result, clock = self._cloud.header, self._result, self._clock
+        clock.restart()
+        mask = encode_image(header, mask_pixels(result.inliers, result.outliers)) if output.mask else None
+        score = encode_image(header, result.score) if output.score and result.score is not None else None
+        clock.stage('mask')
+        repaired, filled = None, 0
+        if output.repaired:
+            self.put_back()
+            repair_result = repair_holes(self._xyz, result.outliers, repair)
+            filled = int(np.count_nonzero(repair_result.filled))
+            dense = self._measured - self._outliers + filled == self._points
+            repaired = self._cloud.replaced(result.outliers, repair_result.xyz, dense=dense)
+            clock.stage('repair')
+        clock.times['total'] = sum(clock.times.values())
+        return Answers(
+            mask=mask,
+            score=score,
+            repaired=repaired,
+            points=self._points,
+            measured=self._measured,
+            outliers=self._outliers,
+            seed=result.seed,
+            radius=result.radius,
+            times=clock.times,
+            status=_status(self._cloud, self._measured, self._outliers, filled, result, self._circle),
+        )
+
+
+def _change_nothing() -> None:
+    """What undoes nothing."""
 
 
 class _Stages:

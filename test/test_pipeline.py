@@ -10,7 +10,7 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
-from socialcircle_ros.pipeline import clean
+from socialcircle_ros.pipeline import Filtering, clean
 from socialcircle_ros.settings import OutputSettings
 
 HEADER = Header(5, 6, 'microscope')
@@ -36,6 +36,26 @@ def test_the_published_cloud_is_the_input_with_nan_for_its_outliers():
     published = PointCloud.decode(cleaned(xyz).filtered)
     np.testing.assert_array_equal(published.xyz(), expected)
     assert published.header == HEADER
+
+
+@pytest.mark.parametrize('repaired', [False, True])
+def test_a_cloud_filtered_in_place_has_the_same_answers_and_can_be_put_back(repaired):
+    message = encode_point_cloud(HEADER, surface())
+    output = OutputSettings(repaired=repaired)
+    expected = clean(message, None, output)
+    memory = bytearray(message)
+    filtering = Filtering(memoryview(memory))
+
+    filtering.filter_in_place()
+    assert memory == expected.filtered
+    answers = filtering.answers(output)
+    filtering.put_back()
+    filtering.put_back()
+
+    assert memory == message
+    assert (answers.mask, answers.repaired) == (expected.mask, expected.repaired)
+    assert answers.status == expected.status
+    assert answers.times.keys() == expected.times.keys()
 
 
 def test_the_mask_says_kept_outlier_and_not_measured():

@@ -549,10 +549,17 @@ def choose_region(xyz: Cloud) -> Region:
     rows = _starts(xyz.shape[0], height)
     columns = _starts(xyz.shape[1], width)
     values, row_step, point_step = flattened(xyz)
-    of_columns = np.zeros((len(rows), xyz.shape[1]), np.uint8)  # a side has fewer than 256 points
-    line = np.empty((4, xyz.shape[1] + 2), xyz.dtype)
-    _measured_in(values, row_step, point_step, rows, height, line, of_columns)
-    sums = np.pad(of_columns.cumsum(axis=1, dtype=np.int64), ((0, 0), (1, 0)))
+    # Candidates overlap: measured points are counted between all of their edges, and then added up.
+    edges = np.union1d(rows, rows + height)
+    between = np.zeros((len(edges) - 1, xyz.shape[1]), np.uint8)  # a side has fewer than 256 points
+
+    def count(band: slice) -> None:
+        line = np.empty((4, band.stop - band.start + 2), xyz.dtype)
+        _count_measured(values, row_step, point_step, edges, band.start, line, between[:, band])
+
+    in_bands(count, xyz.shape[1], xyz.shape[0])
+    sums = np.pad(between.cumsum(axis=0, dtype=np.int64).cumsum(axis=1), ((1, 0), (1, 0)))
+    sums = sums[np.searchsorted(edges, rows + height)] - sums[np.searchsorted(edges, rows)]
     counts = (sums[:, columns + width] - sums[:, columns]).ravel()
     if counts.max() == 0:
         raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
@@ -577,24 +584,19 @@ def _starts(extent: int, side: int) -> npt.NDArray[np.int64]:
 
 
 @kernel
-def _measured_in(
-    values: Any, row_step: int, point_step: int, rows: Any, height: int, line: Any, of_columns: Any
+def _count_measured(
+    values: Any, row_step: int, point_step: int, edges: Any, left: int, line: Any, between: Any
 ) -> None:
-    """Add up each column's measured points between the top and the bottom of candidates that start at `rows`.
+    """Count each column's measured points between two `edges`, (E,), which are rows, and the next two.
 
-    One pass over the cloud; `of_columns` is (rows, W), `line` a row for work.
+    One pass over the columns from `left` on; `between`, (E - 1, columns), comes as 0, `line` is a row for work.
     """
-    width = of_columns.shape[1]
-    first = 0  # of the candidates that the row at hand may be in
-    for row in range(rows[-1] + height):
-        load_row(values, row * row_step, point_step, width, line)
-        x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
-        while row >= rows[first] + height:
-            first += 1
-        for i in range(first, len(rows)):
-            if row < rows[i]:
-                break
-            counts = of_columns[i]
+    width = between.shape[1]
+    for i in range(len(edges) - 1):
+        counts = between[i]
+        for row in range(edges[i], edges[i + 1]):
+            load_row(values, row * row_step + left * point_step, point_step, width, line)
+            x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
             for column in range(width):
                 counts[column] += is_measured(x[column], y[column], z[column])
 

@@ -24,7 +24,7 @@ class CdrReader:
         MessageError: not plain CDR.
     """
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes | memoryview) -> None:
         if len(data) < ENCAPSULATION or data[0] != 0 or data[1] not in (0, 1):
             raise MessageError('The message is not plain CDR, as ROS 2 messages are; it may be damaged.')
         self._data = data
@@ -71,7 +71,7 @@ class CdrReader:
     def string(self) -> str:
         """Read a string; bytes that are not UTF-8 survive as surrogates."""
         start, length = self.octets()
-        return self._data[start : start + length].removesuffix(b'\0').decode('utf-8', 'surrogateescape')
+        return bytes(self._data[start : start + length]).removesuffix(b'\0').decode('utf-8', 'surrogateescape')
 
     def octets(self) -> tuple[int, int]:
         """Pass over a sequence of bytes; its first position and its length."""

@@ -40,7 +40,7 @@ class PointCloud:
     `message` is the whole serialized message; the points begin at `data_start` in it.
     """
 
-    message: bytes
+    message: bytes | memoryview
     header: Header
     height: int
     width: int
@@ -53,7 +53,7 @@ class PointCloud:
     is_dense: bool
 
     @classmethod
-    def decode(cls, message: bytes) -> 'PointCloud':
+    def decode(cls, message: bytes | memoryview) -> 'PointCloud':
         """Walk through a serialized PointCloud2; no point is looked at or copied.
 
         Raises:
@@ -100,13 +100,15 @@ class PointCloud:
         if not (together and x.dtype.isnative):
             stacked = np.stack([x, y, z], axis=2)
             return stacked.astype(stacked.dtype.newbyteorder('='), copy=False)
-        return np.ndarray(
+        view: npt.NDArray[Any] = np.ndarray(
             (self.height, self.width, 3),
             x.dtype,
             self.message,
             offset=self.data_start + dx,
             strides=(self.row_step, self.point_step, dy - dx),
         )
+        view.flags.writeable = False
+        return view
 
     def check(self) -> None:
         """See that this is an organized cloud with coordinates, and that it does not contradict itself.
@@ -168,19 +170,46 @@ class PointCloud:
             The serialized message.
         """
 
-        def fill(message: memoryview) -> None:
-            # As whole numbers, so that byte order plays no part for the compiled loop.
-            (x, nan_x), (y, nan_y), (z, nan_z) = (
-                (
-                    values.view(f'=u{values.itemsize}'),
-                    np.full(1, np.nan, values.dtype).view(f'=u{values.itemsize}')[0],
-                )
-                for values in (self._values(message, self.field(name)) for name in 'xyz')
-            )
-            _fill(x, y, z, outliers, nan_x, nan_y, nan_z)
+        def write(message: memoryview) -> None:
+            self._exchange(message, outliers, self._nan(outliers))
             message[self.data_start + self.data_length] = dense
 
-        return _written(self.message, fill)
+        return _written(bytes(self.message), write)
+
+    def take_out(self, outliers: npt.NDArray[np.bool_], *, dense: bool) -> Callable[[], None]:
+        """Make `message`, which may be written to, what `without` gives.
+
+        Args:
+            outliers: (height, width) mask.
+            dense: whether every point of the result is measured.
+
+        Returns:
+            Makes `message` again what it was, if called once.
+        """
+        message, flag = memoryview(self.message), self.data_start + self.data_length
+        others, was_dense = self._nan(outliers), message[flag]
+        self._exchange(message, outliers, others)
+        message[flag] = dense
+
+        def put_back() -> None:
+            self._exchange(message, outliers, others)
+            message[flag] = was_dense
+
+        return put_back
+
+    def _nan(self, where: npt.NDArray[np.bool_]) -> list[npt.NDArray[Any]]:
+        """NaN for x, y and z of the points of a mask, each as wide as its field."""
+        count = np.count_nonzero(where)
+        return [np.full(count, np.nan, self._kind(self.field(name))) for name in 'xyz']
+
+    def _exchange(
+        self, message: bytes | memoryview, where: npt.NDArray[np.bool_], others: Sequence[npt.NDArray[Any]]
+    ) -> None:
+        """Exchange x, y and z of the points of a mask in `message` for others, (number of points,) each."""
+        fields = [self._values(message, self.field(name)) for name in 'xyz']
+        # As whole numbers, so that byte order plays no part for the compiled loop, and a NaN keeps its bits.
+        numbers = [values.view(f'=u{values.itemsize}') for values in (*fields, *others)]
+        _exchange(where, np.empty(self.width, np.int64), *numbers)
 
     def replaced(self, where: npt.NDArray[np.bool_], xyz: npt.NDArray[Any], *, dense: bool) -> bytes:
         """This message with other x, y and z for some points; every other byte stays as it came.
@@ -200,7 +229,7 @@ class PointCloud:
                 self._values(message, self.field(name))[rows, columns] = xyz[rows, columns, axis]
             message[self.data_start + self.data_length] = dense
 
-        return _written(self.message, fill)
+        return _written(bytes(self.message), fill)
 
     def _kind(self, field: PointField) -> np.dtype[Any]:
         return np.dtype(('>' if self.is_bigendian else '<') + DATATYPES[field.datatype])
@@ -217,12 +246,26 @@ class PointCloud:
 
 
 @kernel
-def _fill(x: Any, y: Any, z: Any, where: Any, new_x: Any, new_y: Any, new_z: Any) -> None:
-    """Write new values where the mask says so, in one pass over the cloud."""
+def _exchange(where: Any, columns: Any, x: Any, y: Any, z: Any, other_x: Any, other_y: Any, other_z: Any) -> None:
+    """Exchange the values where the mask says so for others, in one pass over the cloud.
+
+    A row's points are found without a branch, which the processor would guess wrong at each; then all are
+    read before one is written, so that no read waits to see where a write goes. `columns`, (W,), is for work.
+    """
+    i = np.uint64(0)
     for row in range(where.shape[0]):
+        chosen, of_x, of_y, of_z = where[row], x[row], y[row], z[row]
+        count = 0
         for column in range(where.shape[1]):
-            if where[row, column]:
-                x[row, column], y[row, column], z[row, column] = new_x, new_y, new_z
+            columns[count] = column
+            count += chosen[column]
+        for k in range(count):
+            at = np.uint64(columns[k])
+            old_x, old_y, old_z = of_x[at], of_y[at], of_z[at]
+            new_x, new_y, new_z = other_x[i], other_y[i], other_z[i]
+            of_x[at], of_y[at], of_z[at] = new_x, new_y, new_z
+            other_x[i], other_y[i], other_z[i] = old_x, old_y, old_z
+            i += np.uint64(1)
 
 
 def encode_point_cloud(

@@ -5,6 +5,7 @@ a slow cloud delays neither a parameter change nor the heartbeat.
 """
 
 import functools
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,12 +23,13 @@ from std_srvs.srv import Trigger
 from socialcircle_ros.errors import SocialCircleError, StackError, printable
 from socialcircle_ros.messages import diagnostics, image, joint_state
 from socialcircle_ros.messages.point_cloud import TYPE
-from socialcircle_ros.pipeline import clean
+from socialcircle_ros.pipeline import Filtering
 from socialcircle_ros.stacking import Refusal, StackCloud
 
 from .connections import SILENT, complaints, node_of
 from .health import Health
 from .parameters import Configuration, LiveParameters
+from .serialized import SerializedInput, publish
 from .stack_input import StackInput
 from .transport import PROFILE
 from .warm_up import WarmUp
@@ -46,16 +48,18 @@ _DRAINING = 5.0  # s that deactivation waits for the cloud at hand
 _LOG_PERIOD = 5.0  # seconds between two log lines of one kind
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Arrival:
     """A cloud to be filtered: its bytes, and when it came."""
 
-    message: bytes
+    message: bytes | memoryview
     at: float
     depth_of_field: float | None = None
     """In metres, of a cloud that was a stack."""
     again: bool = False
     """Whether it has been filtered before, and is filtered again for a change of parameters."""
+    put_back: Callable[[], None] = lambda: None
+    """Makes the bytes again what they were; who filtered them may have done so in place."""
 
 
 def _reported(transition: Callable[..., Any]) -> Callable[..., Any]:
@@ -84,7 +88,8 @@ class SocialCircleNode(LifecycleNode):
         self._guard_transitions()
         self._health = Health()
         self._worker: LatestWorker[_Arrival] | None = None
-        self._clouds: Any = None
+        self._clouds: SerializedInput | None = None
+        self._writing = threading.Lock()  # held by who writes to a cloud, or reads what others write to
         self._stack: StackInput | None = None
         self._last: _Arrival | None = None
         self._failure = ''
@@ -143,18 +148,18 @@ class SocialCircleNode(LifecycleNode):
         """Listen for clouds."""
         result = super().on_activate(state)
         self._failure = ''
-        self._clouds = self.create_subscription(
+        self._clouds = SerializedInput(
+            self,
             PointCloud2,
             'points',
             self._cloud_arrived,
-            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
+            qos_profile=QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
             qos_overriding_options=QoSOverridingOptions(_OVERRIDABLE),
-            raw=True,
         )
         if self._stack is not None:
             self._stack.listen()
         self._active_since = time.monotonic()
-        self.get_logger().info(f'Active: waiting for clouds on {self._clouds.topic_name}.')
+        self.get_logger().info(f'Active: waiting for clouds on {self._clouds.subscription.topic_name}.')
         return result
 
     @_reported
@@ -192,7 +197,7 @@ class SocialCircleNode(LifecycleNode):
     def _ignore(self) -> None:
         """Listen to clouds and frames no more."""
         if self._clouds is not None:
-            self.destroy_subscription(self._clouds)
+            self._clouds.destroy()
             self._clouds = None
         if self._stack is not None:
             self._stack.ignore()
@@ -240,11 +245,11 @@ class SocialCircleNode(LifecycleNode):
 
     # Clouds
 
-    def _cloud_arrived(self, message: bytes) -> None:
+    def _cloud_arrived(self, message: memoryview) -> None:
         self._health.received()
         self._filter(message)
 
-    def _filter(self, message: bytes, depth_of_field: float | None = None) -> None:
+    def _filter(self, message: bytes | memoryview, depth_of_field: float | None = None) -> None:
         """Hand a cloud to the worker: one that arrived, or one that a stack became."""
         if self._worker is not None:
             self._worker.put(_Arrival(message, time.monotonic(), depth_of_field))
@@ -255,18 +260,16 @@ class SocialCircleNode(LifecycleNode):
 
     def _process(self, arrival: _Arrival) -> None:
         """Filter one cloud and publish; on the worker's thread, so nothing may escape."""
+        with self._writing:
+            arrival.put_back()
         # Also a cloud that is refused is filtered again: the change may be the mend.
-        self._last = replace(arrival, again=True)
+        self._last = last = replace(arrival, again=True)
         configuration = self._live_parameters.configuration
         try:
-            cleaned = clean(
-                arrival.message,
-                configuration.circle,
-                configuration.output,
-                configuration.repair,
-                arrival.depth_of_field,
-            )
-            self._filtered.publish(cleaned.filtered)
+            filtering = Filtering(arrival.message, configuration.circle, arrival.depth_of_field)
+            last.put_back = filtering.put_back
+            self._publish_filtered(arrival.message, filtering)
+            cleaned = filtering.answers(configuration.output, configuration.repair)
             if cleaned.mask is not None:
                 self._mask.publish(cleaned.mask)
             if cleaned.score is not None:
@@ -288,6 +291,15 @@ class SocialCircleNode(LifecycleNode):
             self._health.published(time.monotonic() - arrival.at)
         if cleaned.status.level != diagnostics.OK:
             self.get_logger().warning(cleaned.status.message, throttle_duration_sec=_LOG_PERIOD)
+
+    def _publish_filtered(self, message: bytes | memoryview, filtering: Filtering) -> None:
+        """Publish the filtered cloud, before all else that becomes of it is made."""
+        if isinstance(message, bytes):  # made of a stack, and not to be altered
+            publish(self._filtered, filtering.filtered())
+            return
+        with self._writing:
+            filtering.filter_in_place()
+            publish(self._filtered, message)
 
     def _parameters_changed(self, before: Configuration) -> None:
         """Have the last cloud filtered again, where the change makes a difference to it."""
@@ -342,7 +354,9 @@ class SocialCircleNode(LifecycleNode):
         if self._last is None or self._worker is None or self._clouds is None:
             response.success, response.message = False, 'No cloud has come yet.'
             return response
-        self._last_points.publish(self._last.message)
+        with self._writing:
+            self._last.put_back()
+            publish(self._last_points, self._last.message)
         self._worker.put_again()
         response.success, response.message = True, 'The last cloud is on ~/last_points, and is filtered again.'
         return response
@@ -384,10 +398,11 @@ class SocialCircleNode(LifecycleNode):
             return diagnostics.ERROR, self._failure, values
         if self._clouds is None:
             return diagnostics.OK, f'The node is {state}; it filters once it is active.', values
-        topic = self._clouds.topic_name
+        subscription = self._clouds.subscription
+        topic = subscription.topic_name
         publishers = self.get_publishers_info_by_topic(topic)
         values['publishers'] = str(len(publishers))
-        unheard = complaints(topic, TYPE, self._clouds.qos_profile, publishers)
+        unheard = complaints(topic, TYPE, subscription.qos_profile, publishers)
         for heard, kind in zip(self._stack.subscriptions if self._stack else (), STACK_TYPES, strict=False):
             name = heard.topic_name
             unheard += complaints(name, kind, heard.qos_profile, self.get_publishers_info_by_topic(name))

@@ -20,6 +20,7 @@ from socialcircle_ros.stacking import Event, Refusal, StackAssembler, StackCloud
 
 from .health import Health
 from .parameters import Configuration
+from .serialized import publish
 from .transport import reserve_memory
 from .worker import QueueWorker
 
@@ -222,7 +223,7 @@ class StackInput:
     def _publish(self, cloud: StackCloud) -> None:
         if cloud.warning:
             self._node.get_logger().warning(cloud.warning, throttle_duration_sec=5.0)
-        self._points.publish(cloud.points)
+        publish(self._points, cloud.points)
         self._health.stack_finished(time.monotonic() - self._closing_arrival)
         self._filter(cloud.points, cloud.depth_of_field)
         self._image.publish(cloud.image)

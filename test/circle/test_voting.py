@@ -324,6 +324,19 @@ def test_chosen_region_is_that_of_the_reference(recipe):
     assert chosen_by(choose_region, xyz) == chosen_by(naive.choose_region, xyz)
 
 
+@settings(max_examples=60, deadline=None)
+@given(recipes(150, 150), st.integers(2, 5))
+def test_chosen_region_does_not_depend_on_the_number_of_threads(recipe, threads):
+    xyz = recipe.cloud()
+    expected = chosen_by(choose_region, xyz)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('socialcircle_ros.threads._LEAST', 1)
+        patch.setattr('socialcircle_ros.threads.limit', threads)
+
+        assert chosen_by(choose_region, xyz) == expected
+
+
 @st.composite
 def bands(draw):
     """Narrow clouds with more than 64 candidates, nearly all measured, along columns or along rows."""

@@ -127,6 +127,25 @@ def test_the_input_is_never_altered(case):
     assert message == copy
 
 
+@settings(max_examples=300)
+@given(layouts(), st.booleans())
+def test_outliers_taken_out_in_place_leave_what_a_copy_without_them_is_and_come_back(case, dense):
+    parts, outliers = case
+    message = parts.message()
+    memory = bytearray(message)
+
+    put_back = PointCloud.decode(memoryview(memory)).take_out(outliers, dense=dense)
+
+    assert memory == PointCloud.decode(message).without(outliers, dense=dense)
+    put_back()
+    assert memory == message
+
+
+def test_coordinates_in_memory_that_may_be_written_to_are_read_only_all_the_same():
+    memory = memoryview(bytearray(plain().message()))
+    assert not PointCloud.decode(memory).xyz().flags.writeable
+
+
 def test_evenly_spaced_coordinates_are_not_copied():
     message = plain().message()
     xyz = PointCloud.decode(message).xyz()

@@ -1,0 +1,129 @@
+"""Serialized messages past rclpy: the same bytes, at the same moments."""
+
+import contextlib
+import gc
+from types import SimpleNamespace
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import String
+
+from socialcircle_ros.node.serialized import RCLError, SerializedInput, publish, take
+
+pytestmark = pytest.mark.live
+
+TEXTS = ('', 'short', 'x' * 3_000_000, 'short again')
+
+
+class Pair:
+    """An active lifecycle publisher, and an input that hears it."""
+
+    def __init__(self):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = LifecycleNode('pair', context=self.context)
+        self.publisher = self.node.create_lifecycle_publisher(String, 'words', 10)
+        self.node.trigger_configure()
+        self.node.trigger_activate()
+        self.heard = []
+        self.input = self.listen()
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def listen(self):
+        return SerializedInput(self.node, String, 'words', self.heard.append, qos_profile=QoSProfile(depth=10))
+
+    def spin_until(self, condition):
+        for _ in range(2000):
+            if condition():
+                return
+            self.executor.spin_once(timeout_sec=0.01)
+        pytest.fail('nothing came')
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def pair():
+    pair = Pair()
+    pair.spin_until(lambda: pair.publisher.get_subscription_count() == 1)
+    yield pair
+    pair.close()
+
+
+def said(taken):
+    return deserialize_message(bytes(taken), String).data
+
+
+def test_messages_of_any_length_arrive_as_they_were_published(pair):
+    for text in TEXTS:
+        publish(pair.publisher, serialize_message(String(data=text)))
+    pair.spin_until(lambda: len(pair.heard) == len(TEXTS))
+
+    assert tuple(said(taken) for taken in pair.heard) == TEXTS
+
+
+def test_what_was_taken_is_memory_of_its_own_that_may_be_written_to_and_published(pair):
+    for text in ('one', 'two'):
+        publish(pair.publisher, serialize_message(String(data=text)))
+    pair.spin_until(lambda: len(pair.heard) == 2)
+    first, second = pair.heard
+    place = bytes(first).index(b'one')
+
+    first[place : place + 3] = b'ONE'
+    del first, pair.heard[0]
+    gc.collect()
+    assert said(second) == 'two'
+    second[place : place + 3] = b'TWO'
+    publish(pair.publisher, second)
+    pair.spin_until(lambda: len(pair.heard) == 2)
+
+    assert said(pair.heard[1]) == 'TWO'
+
+
+def test_a_publisher_that_is_not_active_is_silent(pair):
+    pair.node.trigger_deactivate()
+    publish(pair.publisher, serialize_message(String(data='unheard')))
+    pair.node.trigger_activate()
+    publish(pair.publisher, serialize_message(String(data='heard')))
+    pair.spin_until(lambda: pair.heard)
+
+    assert [said(taken) for taken in pair.heard] == ['heard']
+
+
+def test_there_is_nothing_to_take_where_nothing_came(pair):
+    assert take(pair.input.subscription) is None
+
+
+def test_an_input_that_was_destroyed_hears_no_more_and_can_be_made_anew(pair):
+    pair.input.destroy()
+    pair.spin_until(lambda: pair.publisher.get_subscription_count() == 0)
+    again = pair.listen()
+    pair.spin_until(lambda: pair.publisher.get_subscription_count() == 1)
+    publish(pair.publisher, serialize_message(String(data='once')))
+    pair.spin_until(lambda: pair.heard)
+
+    assert [said(taken) for taken in pair.heard] == ['once']
+    again.destroy()
+
+
+def test_a_publisher_whose_context_has_ended_is_silent():
+    pair = Pair()
+    rclpy.shutdown(context=pair.context)
+    publish(pair.publisher, serialize_message(String(data='too late')))
+    pair.node.destroy_node()
+
+
+def test_what_the_middleware_refuses_is_an_error_with_its_number():
+    class NoHandle(contextlib.nullcontext):
+        pointer = 0
+
+    with pytest.raises(RCLError, match=r'rcl error \d+'):
+        take(SimpleNamespace(handle=NoHandle()))
