@@ -106,6 +106,7 @@ class Goal:
 
 _EXPANSION = 'expansion'  # and the radius, which takes no time
 _SEED, _LARGE_SEED, _WHOLE = 'vote 60×60', 'vote 200×200', 'exact mode'
+_ADAPTIVE = 'adaptive mode'
 _NUMPY, _OPENCV, _SCIPY = 'NumPy vote 60×60', 'OpenCV components', 'SciPy label'
 _COPY, _FILTER = 'recording copied', 'recording filtered'
 
@@ -121,6 +122,7 @@ GOALS = (
     ),
     Goal(f'{_WHOLE}, window 5', _WHOLE, 'at most', 3),
     Goal(f'{_WHOLE}, window 7', _WHOLE, 'at most', 3),
+    Goal('PCL statistical', _ADAPTIVE, 'at least', 10),
     Goal('PCL radius', 'radius baseline', 'at least', 20),
     Goal('PCL statistical', 'statistical baseline', 'at least', 20),
     Goal(_FILTER, _COPY, 'at most', 1.5),
@@ -214,6 +216,7 @@ def all_contestants() -> Iterator[list[Contestant]]:
             f'{_WHOLE}, window {window}': _timed(partial(remove_outliers, xyz, CircleSettings(window=window)))
             for window in (5, 7)
         },
+        _ADAPTIVE: _timed(lambda: remove_outliers(xyz, CircleSettings(mode='adaptive'))),
         'radius baseline': _timed(lambda: radius_filter(xyz)),
         'statistical baseline': _timed(lambda: statistical_filter(xyz)),
     }
