@@ -215,7 +215,9 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
     with tempfile.TemporaryDirectory() as name, console.status('') as status:
         folder = Path(name)
         status.update(f'{repeats} stacks of {live_times.FRAMES} frames ...')
-        stacks = live_times.time_stacks(folder, repeats)
+        stacks, _, _ = live_times.time_stacks(folder, repeats)
+        status.update(f'The same, and {live_times.BESIDE_RATE:.0f} clouds a second beside them ...')
+        beside, sent, answered = live_times.time_stacks(folder, repeats, beside=live_times.BESIDE_RATE)
         status.update(f'{repeats} clouds through the node and through a relay ...')
         filtered, relayed = live_times.time_clouds(folder, repeats)
         status.update(f'{live_times.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s ...')
@@ -226,12 +228,14 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
         table.add_column(heading, justify='right')
     for trip, times in (
         (f'last of {live_times.FRAMES} frames to stack/points', stacks),
+        (f'the same, {live_times.BESIDE_RATE:.0f} clouds a second beside them', beside),
         ('cloud to points_filtered', filtered),
         ('the same cloud through a bare relay', relayed),
     ):
         table.add_row(trip, *(f'{value:.1f}' for value in (times.median, times.least, times.most)))
     console.print(table)
     console.print(
+        f'{repeats + 1} stacks beside clouds: no frame lost, {answered} of {sent} clouds answered\n'
         f'node to relay: {filtered.median / relayed.median:.2f} by median, {filtered.least / relayed.least:.2f} by'
         f' least\n{live_times.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s: {endurance.answered} of'
         f' {endurance.sent} answered; resident memory {endurance.megabytes_before:.0f} MB before,'
@@ -244,6 +248,8 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
         path,
         {
             'stack_ms': stacks.milliseconds,
+            'stack_beside_clouds_ms': beside.milliseconds,
+            'clouds_beside_stacks': {'sent': sent, 'answered': answered},
             'filtered_ms': filtered.milliseconds,
             'relayed_ms': relayed.milliseconds,
             'endurance': dataclasses.asdict(endurance),

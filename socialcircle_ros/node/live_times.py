@@ -34,6 +34,8 @@ SHAPE = (960, 1280)
 
 FRAMES, FRAME_RATE = 100, 50.0
 CLOUD_RATE = 25.0
+BESIDE_RATE = 5.0
+"""Clouds a second that are filtered while frames come."""
 
 _PATIENCE = 60.0  # s for any one answer; the very first start compiles
 _SETTLED = 0.3  # s between two trips: what follows an answer must not count for the next
@@ -73,17 +75,25 @@ class Endurance:
     cloud_megabytes: float
 
 
-def time_stacks(folder: Path, repeats: int, shape: tuple[int, int] = SHAPE, frames: int = FRAMES) -> Times:
+def time_stacks(
+    folder: Path, repeats: int, shape: tuple[int, int] = SHAPE, frames: int = FRAMES, beside: float = 0.0
+) -> tuple[Times, int, int]:
     """From publishing the last frame of a stack to receiving `stack/points`, stack after stack.
+
+    A stack ends with its last frame only if none was lost.
 
     Args:
         folder: where the node's log goes.
         repeats: how many stacks, after a first one that does not count.
         shape: rows and columns of a frame.
         frames: of a stack.
+        beside: clouds a second that are sent to be filtered meanwhile.
+
+    Returns:
+        The trips, and how many clouds were sent beside them and filtered.
 
     Raises:
-        SocialCircleError: the node did not answer.
+        SocialCircleError: the node did not answer, or lost a frame.
     """
     messages = _stack(shape, frames)
     parameters = {
@@ -95,10 +105,15 @@ def time_stacks(folder: Path, repeats: int, shape: tuple[int, int] = SHAPE, fram
     with (
         NodeProcess('/socialcircle_bench', folder / 'node.log', parameters) as node,
         _Peer('/socialcircle_bench', Image, 'stack/image', frames, 'stack/points') as peer,
+        _Peer('/socialcircle_bench', PointCloud2, 'points', 1, 'points_filtered') as clouds,
     ):
         peer.wait_for_partner(node)
-        trips = [_time_stack(peer, messages) for _ in range(repeats + 1)]
-    return Times(tuple(trips[1:]))
+        clouds.wait_for_partner(node)
+        with _Beside(clouds, _cloud(shape), beside) as stream:
+            trips = [_time_stack(peer, messages) for _ in range(repeats + 1)]
+        # What a stack became is filtered as well.
+        clouds.wait(lambda: clouds.count >= stream.sent + len(trips), 2.0)
+    return Times(tuple(trips[1:])), stream.sent, clouds.count - len(trips)
 
 
 def time_clouds(folder: Path, repeats: int, shape: tuple[int, int] = SHAPE) -> tuple[Times, Times]:
@@ -247,6 +262,30 @@ class _Peer:
         rclpy.shutdown(context=self._context)
         self._thread.join()
         self._node.destroy_node()
+
+
+class _Beside:
+    """Sends a cloud again and again on a thread of its own, while the `with` block lasts; not at all at rate 0."""
+
+    def __init__(self, peer: _Peer, cloud: bytes, rate: float) -> None:
+        self.sent = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._send, args=(peer, cloud, rate), name='clouds')
+
+    def _send(self, peer: _Peer, cloud: bytes, rate: float) -> None:
+        while rate and not self._ended.wait(1 / rate):
+            peer.publish(cloud)
+            self.sent += 1
+
+    def __enter__(self) -> '_Beside':  # noqa: PYI034 - Self is not in Python 3.10
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        self._thread.join()
 
 
 def _time_stack(peer: _Peer, messages: list[bytes]) -> float:

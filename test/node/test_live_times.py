@@ -10,9 +10,16 @@ SHAPE = (48, 64)
 
 
 def test_each_stack_but_the_first_gives_a_time(tmp_path):
-    times = time_stacks(tmp_path, 2, SHAPE, frames=8)
+    times, sent, answered = time_stacks(tmp_path, 2, SHAPE, frames=8)
     assert len(times.milliseconds) == 2
     assert 0 < times.least <= times.median <= times.most
+    assert sent == answered == 0
+
+
+def test_clouds_that_are_filtered_beside_stacks_are_counted(tmp_path):
+    times, sent, answered = time_stacks(tmp_path, 2, SHAPE, frames=20, beside=20.0)
+    assert len(times.milliseconds) == 2
+    assert 0 < answered <= sent
 
 
 def test_the_node_is_compared_with_a_relay_on_the_same_clouds(tmp_path):
