@@ -104,6 +104,7 @@ class Filtering:
         depth_of_field: float | None = None,
     ) -> None:
         self._circle = (circle or CircleSettings()).of_a_stack(depth_of_field)
+        self._depth_of_field = depth_of_field
         self._clock = _Stages()
         self._cloud = PointCloud.decode(message)
         self._xyz = self._cloud.xyz()
@@ -168,7 +169,15 @@ class Filtering:
             seed=result.seed,
             radius=result.radius,
             times=clock.times,
-            status=_status(self._cloud, self._measured, self._outliers, filled, result, self._circle),
+            status=_status(
+                self._cloud,
+                self._measured,
+                self._outliers,
+                filled,
+                result,
+                self._circle,
+                self._depth_of_field,
+            ),
         )
 
 
@@ -199,6 +208,7 @@ def _status(
     filled: int,
     result: CircleResult,
     circle: CircleSettings,
+    depth_of_field: float | None,
 ) -> diagnostics.Status:
     """The measurement in words and values.
 
@@ -230,6 +240,7 @@ def _status(
         'seed_row': str(result.seed[0]),
         'seed_column': str(result.seed[1]),
         'radius': repr(result.radius),
+        **({} if depth_of_field is None else {'stack_depth_of_field': repr(depth_of_field)}),
         **{name: str(value) for name, value in circle.to_ros().items()},
     }
     return diagnostics.Status(level, STATUS_NAME, message, cloud.header.frame_id, values)

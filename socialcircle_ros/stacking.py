@@ -351,7 +351,7 @@ def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
         frames=stack.frames,
         preview=preview,
         reasons=result.reasons,
-        depth_of_field=result.depth_of_field if np.isfinite(result.depth_of_field) else None,
+        depth_of_field=result.depth_of_field,
         warning='' if preview else _cut_short(stack),
     )
 

@@ -170,6 +170,8 @@ def test_a_stack_s_depth_of_field_decides_unless_the_settings_give_one():
     assert given.outliers > 0
     assert known.status.values['circle.depth_of_field'] == '100.0'
     assert given.status.values['circle.depth_of_field'] == '1.0'
+    assert given.status.values['stack_depth_of_field'] == known.status.values['stack_depth_of_field'] == '100.0'
+    assert 'stack_depth_of_field' not in alone.status.values
 
 
 def test_the_score_is_the_adaptive_mode_s_as_an_image_with_the_cloud_s_header():

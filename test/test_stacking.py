@@ -73,7 +73,7 @@ def test_a_stack_of_the_given_number_becomes_a_cloud_in_metres():
     assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'intensity', 'quality']
     assert cloud.header == Header.at(9 * PERIOD, 'camera')
     np.testing.assert_array_equal(Image.decode(event.image).pixels(), result.image)
-    assert event.depth_of_field == result.depth_of_field or np.isnan(result.depth_of_field)
+    assert event.depth_of_field == result.depth_of_field
     assert (event.frames, event.preview, made.running) == (9, False, False)
 
 

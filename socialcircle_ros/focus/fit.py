@@ -10,6 +10,7 @@ simulated stacks. The odds are 0.125 (c - 0.3)^1.5 v^-0.75, with two numbers of 
 ln(F_peak / F_lowest), and v, the variance of the fitted peak in squares of the curve's width.
 """
 
+from dataclasses import dataclass
 from enum import IntFlag
 
 import numpy as np
@@ -40,6 +41,23 @@ class Reason(IntFlag):
 
     LOW_CONTRAST = 16
     """The sharpest frame is less than e^0.5 = 1.65 times as sharp as the least sharp one."""
+
+
+@dataclass(frozen=True)
+class Widths:
+    """How wide focus curves are, of the most trusted pixel in each tile of a row: a sample that costs no pass."""
+
+    columns: NDArray[np.int32]
+    """(H, tiles): which pixel of the row."""
+
+    values: NDArray[np.float32]
+    """(H, tiles): standard deviation of the Gaussian that its curve is taken for, in z's unit; NaN: no peak."""
+
+    def median(self, quality: NDArray[np.float32]) -> float | None:
+        """The median over the pixels that are trusted by this quality, (H, W); None where none is."""
+        rows = np.arange(len(self.values))[:, np.newaxis]
+        trusted = self.values[(quality[rows, self.columns] >= _TRUSTED) & np.isfinite(self.values)]
+        return float(np.median(trusted)) if trusted.size else None
 
 
 def count_reasons(reasons: NDArray[np.uint8]) -> dict[str, int]:
@@ -86,8 +104,8 @@ _SUMS = 10
 
 def fit_peaks(
     curves: Curves, z: NDArray[np.float64], first: int, *, three: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8], float]:
-    """Depth, quality and reasons of all pixels, and the width of their curves.
+) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8], Widths]:
+    """Depth, quality and reasons of all pixels, and how wide some of their curves are.
 
     Args:
         curves: what was kept of the focus curves.
@@ -97,15 +115,14 @@ def fit_peaks(
 
     Returns:
         depth (H, W) float64 in z's unit, NaN where there is no peak; quality (H, W) float32, 0 to 1;
-        reasons (H, W) uint8, bits of `Reason`, without SATURATED; the median over the trusted curves of the
-        standard deviation of the Gaussian that each is taken for, in z's unit, NaN where none is trusted.
+        reasons (H, W) uint8, bits of `Reason`, without SATURATED; the width of one curve of each tile.
     """
     shape = curves.centre.shape
     depth = np.empty(shape, np.float64)
     quality = np.empty(shape, np.float32)
     reasons = np.empty(shape, np.uint8)
-    # Of each tile its most trusted curve: a sample that costs no pass over memory.
-    widths = np.empty((shape[0], -(-shape[1] // _TILE)), np.float32)
+    tiles = shape[0], -(-shape[1] // _TILE)
+    widths = Widths(np.empty(tiles, np.int32), np.empty(tiles, np.float32))
     scale = float(np.median(np.diff(z)))
     # In typical steps from the first place: float32 then resolves 1e-4 of a step over a thousand frames.
     steps = np.pad((z - z[0]) / scale, REACH).astype(np.float32)
@@ -127,12 +144,13 @@ def fit_peaks(
             depth[band],
             quality[band],
             reasons[band],
-            widths[band],
+            widths.columns[band],
+            widths.values[band],
         )
 
     in_bands(fit, *shape)
-    trusted = widths[np.isfinite(widths)]
-    return depth, quality, reasons, scale * float(np.median(trusted)) if trusted.size else float('nan')
+    widths.values[:] *= scale
+    return depth, quality, reasons, widths
 
 
 @kernel
@@ -152,6 +170,7 @@ def _fit(
     depth: NDArray[np.float64],
     quality: Row,
     reasons: NDArray[np.uint8],
+    columns: NDArray[np.int32],
     widths: NDArray[np.float32],
 ) -> None:
     """`fit_peaks`, tile by tile: weights of each slot, their sums, and from these the peaks."""
@@ -211,18 +230,18 @@ def _fit(
             bends[:] = sums[2 * _TILE : 3 * _TILE]
             _judge(sums, peaks, lowest[row, tile], outside[row, tile])
             _store(sums, index, z, scale, depth[row, tile], quality[row, tile], reasons[row, tile])
-            widths[row, start // _TILE] = _width(bends, quality[row, tile])
+            best = _most_trusted(quality[row, tile])
+            columns[row, start // _TILE] = start + best
+            # From ln F = -z² / (2 width²).
+            widths[row, start // _TILE] = np.sqrt(np.divide(np.float32(-0.5), bends[best]))
 
 
 @kernel
-def _width(bends: Row, quality: Row) -> float:
-    """Width of the curve of the highest quality, from ln F = -z² / (2 width²); NaN where none is trusted."""
+def _most_trusted(quality: Row) -> int:
     best = 0
     for x in range(quality.size):
         best = x if quality[x] > quality[best] else best
-    if not quality[best] >= np.float32(_TRUSTED):
-        return float(np.nan)
-    return float(np.sqrt(np.float32(-0.5) / bends[best]))
+    return best
 
 
 @kernel

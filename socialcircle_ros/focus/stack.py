@@ -46,8 +46,8 @@ class FocusResult:
     reasons: NDArray[np.uint8]
     """(H, W): what speaks against a pixel, bits of `Reason`; 0 where nothing does."""
 
-    depth_of_field: float
-    """Of the optics, as the width of the focus curves tells it, in z's unit; NaN where no curve is trusted."""
+    depth_of_field: float | None
+    """Of the optics, as the width of the focus curves tells it, in z's unit; None where no curve is trusted."""
 
 
 class FocusStack:
@@ -144,13 +144,14 @@ class FocusStack:
             raise StackError(f'A peak needs frames at three different z at least, not {len(self._z)}.')
         settings, z = self._settings, np.array(self._z)
         three = settings.fit == 'gauss3'
-        depth, quality, reasons, width = fit_peaks(self._curves, z, self._first, three=three)
+        depth, quality, reasons, widths = fit_peaks(self._curves, z, self._first, three=three)
         image = self._curves.image.copy()
         if not three:
             depth = centred(depth, quality, image, z, settings.step, settings.half_window, settings.threshold)
         level = settings.saturation or np.iinfo(image.dtype).max
         _mark_saturated(image, level, settings.half_window, reasons, quality)
-        return FocusResult(depth, quality, image, reasons, width / _WIDTH)
+        width = widths.median(quality)
+        return FocusResult(depth, quality, image, reasons, width and width / _WIDTH)
 
 
 def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[Any]]:

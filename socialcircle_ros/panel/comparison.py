@@ -63,7 +63,7 @@ def compare(
         cloud: a serialized PointCloud2.
         a: name and values of the one setting, of every parameter.
         b: the same of the other.
-        depth_of_field: with which the node filtered the cloud.
+        depth_of_field: of the stack that the cloud was.
 
     Raises:
         SocialCircleError: a setting cannot be, or the cloud cannot be filtered.

@@ -65,9 +65,9 @@ class Answer:
 
     @property
     def depth_of_field(self) -> float | None:
-        """With which the node filtered: that of the stack, where no parameter gave one."""
-        told = self.measurement.values.get('circle.depth_of_field', '') if self.measurement else ''
-        return float(told or 0) or None
+        """Of the stack that the cloud was; None for other clouds."""
+        told = self.measurement.values.get('stack_depth_of_field') if self.measurement else None
+        return None if told is None else float(told)
 
 
 @dataclass(frozen=True)

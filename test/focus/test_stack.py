@@ -239,7 +239,14 @@ def test_the_depth_of_field_goes_with_the_width_of_the_curves_and_with_the_unit_
 
 
 def test_no_curve_that_is_trusted_tells_no_depth_of_field():
-    assert np.isnan(depth_from_focus(np.full((20, 40, 50), 90, np.uint8), np.arange(20)).depth_of_field)
+    assert depth_from_focus(np.full((20, 40, 50), 90, np.uint8), np.arange(20)).depth_of_field is None
+
+
+def test_saturated_curves_tell_no_depth_of_field(noisy):
+    frames = np.minimum(noisy.frames.astype(int) * 4, 255).astype(np.uint8)
+    result = depth_from_focus(frames, noisy.z)
+    assert np.all(result.reasons & Reason.SATURATED)
+    assert result.depth_of_field is None
 
 
 def test_quality_is_the_share_of_good_pixels():

@@ -21,6 +21,7 @@ PROMISED = 0.37
 WALL = 1.5
 """Share of the depth of field that neighbours differ by where the surface between them was not seen."""
 
+_MOST = float(np.finfo(np.float32).max)
 _STRIDE, _STRIDES = 4, 2
 """The surroundings of a point: every fourth point, two in each direction."""
 _NEAR = 2
@@ -45,8 +46,10 @@ def broken_promises(heights: Heights, found: Mask, depth_of_field: float) -> Mas
     _mark_near(np.flatnonzero(found), np.isfinite(heights), doubtful)
     broken: Mask = np.zeros(found.shape, np.bool_)
 
+    limit = np.float32(min(PROMISED * depth_of_field, _MOST))
+
     def compare(rows: slice) -> None:
-        _compare(heights, doubtful, surface, np.float32(PROMISED * depth_of_field), rows.start, rows.stop, broken)
+        _compare(heights, doubtful, surface, limit, rows.start, rows.stop, broken)
 
     in_bands(compare, *found.shape)
     return broken
@@ -68,7 +71,7 @@ def beside_walls(heights: Heights, found: Mask, depth_of_field: float) -> Mask:
     beside: Mask = np.zeros(found.shape, np.bool_)
     # Each band marks points of its neighbours as well: one thread.
     for down in (0, 1):
-        _mark_walls(surface, down, np.float32(WALL * depth_of_field), beside)
+        _mark_walls(surface, down, np.float32(min(WALL * depth_of_field, _MOST)), beside)
     return beside & measured
 
 
