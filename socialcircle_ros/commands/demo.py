@@ -198,6 +198,15 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
                 refuse(f'{recording.stem} (stack)', refusal)
                 continue
             keep(f'{recording.stem} (stack)', namespace, messages[-1].log_time, None, answer)
+            if answer.measurement.values['circle.mode'] == 'paper':
+                # The last cloud stays in the node, and is filtered again when a parameter changes.
+                try:
+                    again = client.change('circle.mode', 'adaptive')
+                    client.change('circle.mode', 'paper')
+                except SocialCircleError as refusal:
+                    refuse('… adaptive', refusal)
+                    continue
+                table.add_row(*_row('… adaptive', again, truth(namespace, answer.stack_points or b'')))
         if reader.damage:
             click.echo(f'Warning: {reader.damage}', err=True)
     return [cleaned, picture] if drawn else [cleaned]
@@ -225,7 +234,8 @@ def _table() -> 'Table':
         table.add_column(name, justify='right')
     table.caption = (
         'vote, radius, grow: the steps of the filter, total: all that the node does with a cloud, trip: from'
-        ' publishing it (of a stack: the last frame) to receiving the filtered one; all in ms'
+        ' publishing it (of a stack: the last frame) to receiving the filtered one; all in ms; … adaptive: the'
+        ' same cloud, after circle.mode was changed in the running node'
     )
     return table
 
@@ -247,10 +257,15 @@ def _row(name: str, answer: 'Answer', truth: 'Truth | None') -> list[str]:
         values['outliers'],
         f'{values["seed_row"]},{values["seed_column"]}',
         f'{float(values["radius"]):.3g}',
-        *(f'{float(values[f"time_{stage}_ms"]):.1f}' for stage in ('vote', 'radius', 'expansion', 'total')),
+        *(_milliseconds(values.get(f'time_{stage}_ms')) for stage in ('vote', 'radius', 'expansion', 'total')),
         f'{1e3 * answer.latency:.1f}',
         *known,
     ]
+
+
+def _milliseconds(text: str | None) -> str:
+    """A time; nothing for a step that the mode does not have."""
+    return '' if text is None else f'{float(text):.1f}'
 
 
 def _draw(path: Path, name: str, cloud: bytes, answer: 'Answer') -> None:

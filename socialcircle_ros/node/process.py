@@ -15,12 +15,15 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.recording import Message, Topic
+from socialcircle_ros.settings import RosValue
 
 from .replay import Player
 
@@ -159,6 +162,27 @@ class Client:
             return time.monotonic()
 
         return self._answer(publish, _STACK, timeout, _GRACE)
+
+    def change(self, name: str, value: RosValue, timeout: float = 30.0) -> Answer:
+        """Set a parameter of the node, and wait for its new answer to the last cloud.
+
+        Raises:
+            SocialCircleError: the node refused the value, or did not answer in time.
+        """
+        parameters = AsyncParameterClient(self._node, self._name)
+
+        def publish() -> float:
+            began, done = time.monotonic(), threading.Event()
+            future = parameters.set_parameters([Parameter(name, value=value)])
+            future.add_done_callback(lambda _: done.set())
+            if not done.wait(timeout):
+                raise SocialCircleError(f'The node did not answer within {timeout:.0f} s.')
+            (result,) = future.result().results
+            if not result.successful:
+                raise SocialCircleError(result.reason)
+            return began
+
+        return self._answer(publish, _CLOUD, timeout, 0.0)
 
     def player(self, topics: Iterable[Topic]) -> Player:
         """A player into this client's namespace."""

@@ -138,6 +138,9 @@ def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
     assert measured == {'parts': (19200, 19200), 'padded': (10800, measured['padded'][1])}
     assert measured['padded'][1] < 10800
     assert all(float(row[-1]) > 0.99 and float(row[-2]) > 0.99 for row in rows if row[0] != 'stack')
+    (again,) = (line.split() for line in done.out.splitlines() if line.startswith('… adaptive'))
+    assert float(again[-1]) > 0.99
+    assert float(again[-2]) > 0.99
     topics, messages = contents(tmp_path / 'out/demo/metal_groove_cleaned.mcap')
     assert {'/points', '/points_filtered', '/outlier_mask', '/social_circle/measurement'} == set(topics)
     assert len(messages) == 4
@@ -154,6 +157,17 @@ def test_the_demo_takes_a_measurement_file(run, tmp_path):
     _, messages = contents(tmp_path / 'out/demo/part_cleaned.mcap')
     (filtered,) = (m.data for m in messages if m.topic == '/points_filtered')
     assert np.isnan(PointCloud.decode(filtered).xyz()[40, 40]).all()
+
+
+def test_the_demo_has_no_times_for_steps_that_the_mode_does_not_have(run, tmp_path):
+    with RecordingWriter(tmp_path / 'one.mcap') as writer:
+        writer.add_topic(ros_topic('/points', CLOUD))
+        writer.write('/points', cloud(40, 50), 1)
+    parameters = tmp_path / 'adaptive.yaml'
+    parameters.write_text('/**:\n  ros__parameters:\n    circle.mode: adaptive\n')
+    done = run('demo', 'one.mcap', '--params-file', str(parameters), timeout=300)
+    assert done.code == 0, done.err
+    assert 'one 0' in done.out
 
 
 def test_the_demo_goes_on_after_a_cloud_that_is_refused(run, tmp_path):
