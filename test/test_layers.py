@@ -19,7 +19,7 @@ LEVELS = [
     {'pipeline', 'stacking', 'parameter_file'},
     {'simulation', 'messages'},
     {'circle', 'focus', 'repair', 'baselines'},
-    {'cloud'},
+    {'cloud', 'union_find'},
     {'settings', 'errors', 'compiled', 'threads', 'cores'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}

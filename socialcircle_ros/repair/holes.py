@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.compiled import kernel
+from socialcircle_ros.union_find import root_of
 
 Index = npt.NDArray[np.int32]
 Reals = npt.NDArray[np.float64]
@@ -40,7 +41,7 @@ def find_holes(holes: Mask) -> tuple[Index, Index]:
             above = row > 0 and holes[row - 1, column]
             before = column > 0 and holes[row, column - 1]
             if above and before:
-                first, second = _root(parent, label[row - 1, column]), _root(parent, label[row, column - 1])
+                first, second = root_of(parent, label[row - 1, column]), root_of(parent, label[row, column - 1])
                 # The older root stays, so that holes are numbered by their first point in row order.
                 label[row, column] = min(first, second)
                 parent[max(first, second)] = min(first, second)
@@ -58,7 +59,7 @@ def find_holes(holes: Mask) -> tuple[Index, Index]:
             number[item] = roots
             roots += 1
         else:
-            number[item] = number[_root(parent, item)]
+            number[item] = number[root_of(parent, item)]
     starts = np.zeros(roots + 1, np.int32)
     for row in range(height):
         for column in range(width):
@@ -75,14 +76,6 @@ def find_holes(holes: Mask) -> tuple[Index, Index]:
                 points[place[label[row, column]]] = row, column
                 place[label[row, column]] += 1
     return points, starts
-
-
-@kernel
-def _root(parent: Index, item: Any) -> Any:
-    while parent[item] != item:
-        parent[item] = parent[parent[item]]
-        item = parent[item]
-    return item
 
 
 @kernel

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.threads import in_bands
+from socialcircle_ros.union_find import root_of
 
 from .jumps import NONE, UNIT, Jumps, interpolated, widened
 from .relief import Relief
@@ -121,14 +122,6 @@ def _risen(relief: Any, around: Any, measured: Any, sign: int) -> Any:
 
 
 @kernel
-def _root(joined: Any, place: int) -> Any:
-    while joined[place] != place:
-        joined[place] = joined[joined[place]]
-        place = joined[place]
-    return place
-
-
-@kernel
 def _neighbours(points: Any, rank: Any, jumps: Any, outward: int, clip: int) -> Any:
     """By rank: the higher neighbours among the points, and what a point adds to the steepness and to the border.
 
@@ -196,7 +189,7 @@ def _islands_above(
         for neighbour in higher[here]:
             if neighbour < 0:
                 break
-            there = _root(joined, neighbour)
+            there = root_of(joined, neighbour)
             if there != here:
                 parent[there] = here
                 joined[there] = here
