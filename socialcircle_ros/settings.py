@@ -637,6 +637,35 @@ def sentence_and_unit(description: str) -> tuple[str, str]:
     return (match[1], match[2]) if match else (description, '')
 
 
+AnyJob = TypeVar('AnyJob', bound='Job')
+
+
+@dataclass(frozen=True)
+class Job:
+    """With what clouds and stacks are filtered, live and offline."""
+
+    circle: CircleSettings = dataclasses.field(default_factory=CircleSettings)
+    focus: FocusSettings = dataclasses.field(default_factory=FocusSettings)
+    stack: StackSettings = dataclasses.field(default_factory=StackSettings)
+    repair: RepairSettings = dataclasses.field(default_factory=RepairSettings)
+    output: OutputSettings = dataclasses.field(default_factory=OutputSettings)
+
+    @classmethod
+    def from_ros(cls: type[AnyJob], values: Mapping[str, Any]) -> AnyJob:  # noqa: PYI019 - not in Python 3.10
+        """Settings from full ROS names to values.
+
+        Raises:
+            SettingError: a value that cannot be, or values that do not go together.
+        """
+        groups: dict[str, Any] = {each.name: each.default_factory for each in dataclasses.fields(cls)}
+        return cls(**{name: group.from_ros(values) for name, group in groups.items()})
+
+    def to_ros(self) -> dict[str, RosValue]:
+        """Every parameter under its full name."""
+        groups = (getattr(self, each.name) for each in dataclasses.fields(self))
+        return {name: value for group in groups for name, value in group.to_ros().items()}
+
+
 def choices_in(allowed: str) -> tuple[str, ...]:
     """The choices of a text that `Parameter.allowed` lists; none where any text is allowed."""
     return () if allowed in ('any', '') else tuple(allowed.split(', '))

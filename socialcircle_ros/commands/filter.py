@@ -38,7 +38,8 @@ def command(
     from socialcircle_ros.node.transport import keep_freed_memory
     from socialcircle_ros.pipeline import Cleaned
     from socialcircle_ros.recording import Message, open_recording
-    from socialcircle_ros.recording.offline import Job, filter_recording
+    from socialcircle_ros.recording.offline import filter_recording
+    from socialcircle_ros.settings import Job
 
     keep_freed_memory()
     job = Job.from_ros(parameter_values(params_file, parameters))

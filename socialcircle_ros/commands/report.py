@@ -47,9 +47,9 @@ def command(
     from socialcircle_ros.evaluation.panels import colour_bar
     from socialcircle_ros.pipeline import clean
     from socialcircle_ros.recording import open_recording
-    from socialcircle_ros.recording.offline import STACK_POINTS, Arrival, Job, arrivals, measurements_of
+    from socialcircle_ros.recording.offline import STACK_POINTS, Arrival, arrivals, measurements_of
     from socialcircle_ros.recording.truth import truths_of
-    from socialcircle_ros.settings import OutputSettings
+    from socialcircle_ros.settings import Job, OutputSettings
     from socialcircle_ros.stacking import Refusal
 
     job = Job.from_ros(parameter_values(params_file, parameters))

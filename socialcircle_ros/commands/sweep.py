@@ -83,9 +83,9 @@ def command(
     )
     from socialcircle_ros.evaluation.sweep_page import in_words, sweep_page, trials_table
     from socialcircle_ros.recording import open_recording
-    from socialcircle_ros.recording.offline import Job, arrivals
+    from socialcircle_ros.recording.offline import arrivals
     from socialcircle_ros.recording.truth import truths_of
-    from socialcircle_ros.settings import CircleSettings, FocusSettings, StackSettings, yaml_text
+    from socialcircle_ros.settings import CircleSettings, FocusSettings, Job, StackSettings, yaml_text
 
     axes = [parse_axis(text) for text in params]
     given = parameter_values(params_file, parameters)

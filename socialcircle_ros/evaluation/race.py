@@ -29,8 +29,8 @@ from socialcircle_ros.circle.voting import choose_region, elect_seed
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import TYPE, encode_point_cloud
 from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
-from socialcircle_ros.recording.offline import Job, filter_recording
-from socialcircle_ros.settings import CircleSettings
+from socialcircle_ros.recording.offline import filter_recording
+from socialcircle_ros.settings import CircleSettings, Job
 from socialcircle_ros.simulation import make_scene
 
 ROWS, COLUMNS = 960, 1280

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,49 +14,19 @@ from rclpy.parameter import Parameter as RosParameter
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import (
     PARAMETERS,
-    CircleSettings,
-    FocusSettings,
+    Job,
     NodeSettings,
-    OutputSettings,
     Parameter,
-    RepairSettings,
     RosValue,
-    StackSettings,
     yaml_text,
 )
 
 
 @dataclass(frozen=True)
-class Configuration:
+class Configuration(Job):
     """All settings of the node at one moment; a cloud is processed under one of these, never under two."""
 
-    circle: CircleSettings
-    focus: FocusSettings
-    stack: StackSettings
-    repair: RepairSettings
-    output: OutputSettings
-    node: NodeSettings
-
-    @classmethod
-    def from_ros(cls, values: dict[str, Any]) -> 'Configuration':
-        """Settings from full ROS names to values.
-
-        Raises:
-            SettingError: a value that cannot be, or values that do not go together.
-        """
-        return cls(
-            CircleSettings.from_ros(values),
-            FocusSettings.from_ros(values),
-            StackSettings.from_ros(values),
-            RepairSettings.from_ros(values),
-            OutputSettings.from_ros(values),
-            NodeSettings.from_ros(values),
-        )
-
-    def to_ros(self) -> dict[str, RosValue]:
-        """Every parameter under its full name."""
-        groups = (self.circle, self.focus, self.stack, self.repair, self.output, self.node)
-        return {name: value for group in groups for name, value in group.to_ros().items()}
+    node: NodeSettings = field(default_factory=NodeSettings)
 
 
 class LiveParameters:

@@ -1,15 +1,14 @@
 """A recording in, a recording out: the node's filter, cloud by cloud, always with the same result."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.messages import diagnostics, image, point_cloud
 from socialcircle_ros.pipeline import Cleaned, clean
-from socialcircle_ros.settings import CircleSettings, FocusSettings, OutputSettings, RepairSettings, StackSettings
+from socialcircle_ros.settings import Job
 from socialcircle_ros.stacking import Event, Refusal, StackAssembler
 
 from .overlap import WriterBehind, read_ahead
@@ -26,32 +25,6 @@ FILTERED, MASK, SCORE, MEASUREMENT = (
 )
 REPAIRED = 'points_repaired'
 STACK_POINTS, STACK_IMAGE = 'stack/points', 'stack/image_in_focus'
-
-
-@dataclass(frozen=True)
-class Job:
-    """With what a recording is filtered: the node's settings."""
-
-    circle: CircleSettings = field(default_factory=CircleSettings)
-    focus: FocusSettings = field(default_factory=FocusSettings)
-    stack: StackSettings = field(default_factory=StackSettings)
-    repair: RepairSettings = field(default_factory=RepairSettings)
-    output: OutputSettings = field(default_factory=OutputSettings)
-
-    @classmethod
-    def from_ros(cls, values: Mapping[str, Any]) -> 'Job':
-        """Settings from full ROS names to values.
-
-        Raises:
-            SettingError: a value that cannot be, or values that do not go together.
-        """
-        return cls(
-            CircleSettings.from_ros(values),
-            FocusSettings.from_ros(values),
-            StackSettings.from_ros(values),
-            RepairSettings.from_ros(values),
-            OutputSettings.from_ros(values),
-        )
 
 
 @dataclass

@@ -16,9 +16,9 @@ from socialcircle_ros.messages.image import encode_image
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.node.replay import Player
 from socialcircle_ros.recording import Message, open_recording, ros_topic
-from socialcircle_ros.recording.offline import Job, filter_recording
+from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.recording.topics import offered_qos
-from socialcircle_ros.settings import FocusSettings, StackSettings
+from socialcircle_ros.settings import FocusSettings, Job, StackSettings
 
 pytestmark = pytest.mark.live
 

@@ -14,8 +14,8 @@ from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
 from socialcircle_ros.pipeline import clean
 from socialcircle_ros.recording import RecordingWriter, Topic, open_recording, ros_topic
-from socialcircle_ros.recording.offline import Job, arrivals, filter_recording
-from socialcircle_ros.settings import OutputSettings
+from socialcircle_ros.recording.offline import arrivals, filter_recording
+from socialcircle_ros.settings import Job, OutputSettings
 
 OTHER = Topic('/cell/notes', 'odd_msgs/msg/Note', b'string text\n', 'ros2msg', 'cdr', {'by': 'someone'})
 
