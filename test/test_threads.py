@@ -30,7 +30,8 @@ def test_bands_are_worked_on_side_by_side(monkeypatch):
     monkeypatch.setattr(threads, 'limit', 2)
     both = threading.Barrier(2, timeout=20)
 
-    threads.in_bands(lambda _: both.wait(), 2, 1, 1)  # would break, if one waited for the other
+    # Would break, if one waited for the other.
+    assert sorted(threads.in_bands(lambda _: both.wait(), 2, 1, 1)) == [0, 1]
 
 
 def test_what_fails_in_a_band_is_told(monkeypatch):

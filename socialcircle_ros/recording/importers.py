@@ -105,8 +105,8 @@ def load_npz(path: Path) -> dict[str, Array]:
         if isinstance(archive, np.lib.npyio.NpzFile):
             with archive:
                 return {key: archive[key] for key in archive.files}
-    except (ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error):
-        pass
+    except (ValueError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        pass  # a RuntimeError: the archive is encrypted, or compressed in a way that zipfile does not know
     raise ImportFileError(f'{path} is not an .npz archive of numbers, or is cut off: save it again.')
 
 

@@ -120,6 +120,8 @@ def test_a_publisher_whose_context_has_ended_is_silent():
     publish(pair.publisher, serialize_message(String(data='too late')))
     pair.node.destroy_node()
 
+    assert pair.heard == []
+
 
 def test_what_the_middleware_refuses_is_an_error_with_its_number():
     class NoHandle(contextlib.nullcontext):

@@ -72,7 +72,7 @@ class FakeLink:
         return ''
 
     def save(self):
-        return 'Saved to /home/engineer/.ros/socialcircle/cell1.social_circle.yaml.'
+        return 'Saved to ~/.ros/socialcircle/cell1.social_circle.yaml.'
 
     def filter(self, cloud):
         cleaned = clean(cloud, CircleSettings.from_ros(self.snapshot.values))

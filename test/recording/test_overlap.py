@@ -55,9 +55,13 @@ def test_the_next_messages_are_read_while_the_last_are_worked_on(monkeypatch):
 
 
 def test_reading_may_be_left_off():
-    stream = read_ahead(iter(messages(1000)))
+    unread = iter(messages(1000))
+    stream = read_ahead(unread)
     next(stream)
     stream.close()
+
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith('read_ahead')]
+    assert list(stream) == []
 
 
 @pytest.mark.usefixtures('bundle')
