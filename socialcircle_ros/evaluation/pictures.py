@@ -61,6 +61,7 @@ def before_and_after(
         image = axis.imshow(thinned(values), cmap=colours, **shown)
         axis.set_title(name)
         axis.set_xlabel(f'x [{unit}]' if unit else 'x')
+        axis.ticklabel_format(scilimits=(-3, 4))  # metres: their zeros would run into each other
         axis.set_facecolor('#ffd9b3')
     axes[0].set_ylabel(f'y [{unit}]' if unit else 'y')
     red = np.zeros((*thinned(outliers).shape, 4))
