@@ -144,7 +144,7 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
         STACK_IMAGE: image.TYPE,
     }
     cleaned, picture = output / f'{recording.stem}_cleaned.mcap', output / f'{recording.stem}.png'
-    drawn = False
+    drawn: list[Path] = []
     with (
         open_recording(recording) as reader,
         RecordingWriter(cleaned, compression='zstd', overwrite=True, source=recording) as writer,
@@ -152,7 +152,6 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
         truth = truths_of(reader)
 
         def keep(name: str, namespace: str, time: int, cloud: bytes | None, answer: 'Answer') -> None:
-            nonlocal drawn
             before = cloud or answer.stack_points or b''
             results = (
                 answer.filtered,
@@ -168,7 +167,7 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
             table.add_row(*_row(name, answer, truth(namespace, before)))
             if not drawn:
                 _draw(picture, recording.stem, before, answer)
-                drawn = True
+                drawn.append(picture)
 
         def refuse(name: str, refusal: SocialCircleError) -> None:
             table.add_row(name, 'refused')
@@ -206,10 +205,13 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
                 except SocialCircleError as refusal:
                     refuse('… adaptive', refusal)
                     continue
-                table.add_row(*_row('… adaptive', again, truth(namespace, answer.stack_points or b'')))
+                points = answer.stack_points or b''
+                table.add_row(*_row('… adaptive', again, truth(namespace, points)))
+                drawn.append(output / f'{recording.stem}_adaptive.png')
+                _draw(drawn[-1], f'{recording.stem}, adaptive', points, again)
         if reader.damage:
             click.echo(f'Warning: {reader.damage}', err=True)
-    return [cleaned, picture] if drawn else [cleaned]
+    return [cleaned, *drawn]
 
 
 def _table() -> 'Table':

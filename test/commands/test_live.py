@@ -138,6 +138,7 @@ def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
     assert measured == {'parts': (19200, 19200), 'padded': (10800, measured['padded'][1])}
     assert measured['padded'][1] < 10800
     assert all(float(row[-1]) > 0.99 and float(row[-2]) > 0.99 for row in rows if row[0] != 'stack')
+    assert (tmp_path / 'out/demo/stack_adaptive.png').stat().st_size > 10_000
     (again,) = (line.split() for line in done.out.splitlines() if line.startswith('… adaptive'))
     assert float(again[-1]) > 0.99
     assert float(again[-2]) > 0.99
