@@ -34,6 +34,17 @@ def test_bands_are_worked_on_side_by_side(monkeypatch):
     assert sorted(threads.in_bands(lambda _: both.wait(), 2, 1, 1)) == [0, 1]
 
 
+def test_who_helps_is_kept_off_the_core_of_who_asks(monkeypatch):
+    monkeypatch.setattr(threads, 'limit', 2)
+    threads.in_bands(lambda _: None, 2, 1, 1)
+
+    mine, others = threads.in_bands(lambda _: os.sched_getaffinity(0), 2, 1, 1)
+
+    assert mine == os.sched_getaffinity(0)
+    assert len(others) == max(1, len(mine) - 1)
+    assert others <= mine
+
+
 def test_what_fails_in_a_band_is_told(monkeypatch):
     monkeypatch.setattr(threads, 'limit', 2)
 
