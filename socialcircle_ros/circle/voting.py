@@ -1,7 +1,8 @@
 """The acquisition of the initial point (section 3.2.1): where to vote, the votes, and who wins."""
 
 import math
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -114,21 +115,17 @@ def _medians(x: Any, y: Any, z: Any) -> Any:
     mu = np.zeros(n)
     if n < 2:
         return mu
-    xyz = np.stack((x, y, z))
-    ends = np.stack((xyz.min(axis=1), xyz.max(axis=1))) / 2
-    extent, error = float((ends[1] - ends[0]).max()), _ERROR
+    lows, highs = np.array([x.min(), y.min(), z.min()]) / 2, np.array([x.max(), y.max(), z.max()]) / 2
+    extent, error = float((highs - lows).max()), _ERROR
     if not 1e-100 < extent < 1e100:  # float64 squares lose digits there: every point is looked at
         extent, error = math.inf, math.inf
     order, starts = np.arange(n), np.empty(n + 1, np.int64)
     leaves = _plant(x, y, z, order, starts, np.empty((n + 1, 2), np.int64))
-    starts, sizes = starts[:leaves], np.diff(starts[: leaves + 1])
-    unit = ((xyz[:, order] - ends.sum(axis=0)[:, None]) / extent).astype(np.float32)
-    places = np.arange(n) + (np.arange(leaves) * _LEAF - starts).repeat(sizes)
+    sizes, starts = np.diff(starts[: leaves + 1]), starts[:leaves]
     points = np.full((3, leaves * _LEAF), np.nan, np.float32)  # what is no point is nowhere
-    points[:, places] = unit
     exact = np.zeros((leaves * _LEAF, 3))  # one after the other, because they are looked up here and there
-    exact[places] = xyz[:, order].T
-    boxes = np.concatenate((np.minimum.reduceat(unit, starts, axis=1), np.maximum.reduceat(unit, starts, axis=1)))
+    boxes = np.empty((6, leaves), np.float32)
+    _fill_leaves(x, y, z, order, starts, sizes, lows + highs, extent, points, exact, boxes)
 
     def find(band: slice) -> None:
         work = (
@@ -289,6 +286,36 @@ def _plant(x: Any, y: Any, z: Any, order: Any, starts: Any, boxes: Any) -> int:
         waiting += 2
     starts[leaves] = len(x)
     return leaves
+
+
+@kernel
+def _fill_leaves(
+    x: Any,
+    y: Any,
+    z: Any,
+    order: Any,
+    starts: Any,
+    sizes: Any,
+    middle: Any,
+    extent: float,
+    points: Any,
+    exact: Any,
+    boxes: Any,
+) -> None:
+    """Write each leaf's points to `points`, (3, 32 L), from `middle` in units of `extent`, and `exact`, (32 L, 3).
+
+    `boxes`, (6, L), gets the least and the greatest x, y and z of the leaf's points as `points` has them.
+    """
+    for axis in range(3):
+        values = x if axis == 0 else y if axis == 1 else z
+        for leaf in range(len(starts)):
+            low, high = np.float32(np.inf), np.float32(-np.inf)
+            for i in range(sizes[leaf]):
+                value, place = values[order[starts[leaf] + i]], leaf * _LEAF + i
+                unit = np.float32((value - middle[axis]) / extent)
+                points[axis, place], exact[place, axis] = unit, value
+                low, high = min(low, unit), max(high, unit)
+            boxes[axis, leaf], boxes[3 + axis, leaf] = low, high
 
 
 @kernel
@@ -545,12 +572,11 @@ def choose_region(xyz: Cloud) -> Region:
     Raises:
         NoSeedError: nothing is measured.
     """
-    height, width = (min(SIDE, extent) for extent in xyz.shape[:2])
-    rows = _starts(xyz.shape[0], height)
-    columns = _starts(xyz.shape[1], width)
+    rows, columns = (_candidates(extent) for extent in xyz.shape[:2])
+    height, width = rows.side, columns.side
     values, row_step, point_step = flattened(xyz)
     # Candidates overlap: measured points are counted between all of their edges, and then added up.
-    edges = np.union1d(rows, rows + height)
+    edges = rows.edges
     between = np.zeros((len(edges) - 1, xyz.shape[1]), np.uint8)  # a side has fewer than 256 points
 
     def count(band: slice) -> None:
@@ -558,29 +584,49 @@ def choose_region(xyz: Cloud) -> Region:
         _count_measured(values, row_step, point_step, edges, band.start, line, between[:, band])
 
     in_bands(count, xyz.shape[1], xyz.shape[0])
-    sums = np.pad(between.cumsum(axis=0, dtype=np.int64).cumsum(axis=1), ((1, 0), (1, 0)))
-    sums = sums[np.searchsorted(edges, rows + height)] - sums[np.searchsorted(edges, rows)]
-    counts = (sums[:, columns + width] - sums[:, columns]).ravel()
+    cells = np.add.reduceat(between, columns.edges[:-1], axis=1, dtype=np.int64)
+    sums = np.pad(cells.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    sums = sums[rows.last] - sums[rows.first]
+    counts = (sums[:, columns.last] - sums[:, columns.first]).ravel()
     if counts.max() == 0:
         raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
     kept = np.flatnonzero(counts >= 0.95 * counts.max())
     if len(kept) > CANDIDATES:
         kept = kept[np.arange(CANDIDATES) * len(kept) // CANDIDATES]
-    tops, lefts = rows[kept // len(columns)], columns[kept % len(columns)]
-    differences = np.full((2, height, width), np.nan)  # along rows, along columns; the ends have none
-    work = (
-        np.empty((4, width + 2), xyz.dtype),
-        np.empty((height, width)),
-        differences,
-        np.empty(2 * height * width),
-    )
-    best = _smoothest(values, row_step, point_step, tops, lefts, *work)
+    tops = rows.starts[kept // len(columns.starts)]
+    lefts = columns.starts[kept % len(columns.starts)]
+
+    def compare(band: slice) -> tuple[float, int]:
+        differences = np.full((2, height, width), np.nan)  # along rows, along columns; the ends have none
+        line, heights = np.empty((4, width + 2), xyz.dtype), np.empty((height, width))
+        work = line, heights, differences, np.empty(differences.size)
+        least, best = _smoothest(values, row_step, point_step, tops[band], lefts[band], *work)
+        return least, band.start + best
+
+    _, best = min(in_bands(compare, len(tops), height * width))
     return int(tops[best]), int(lefts[best]), height, width
 
 
-def _starts(extent: int, side: int) -> npt.NDArray[np.int64]:
-    """Where candidates of `side` points begin along an axis of `extent` points; the last one ends with it."""
-    return np.union1d(np.arange(0, extent - side + 1, SIDE // 2), extent - side)
+class _Candidates(NamedTuple):
+    """Where candidates lie along an axis: the last one ends with it."""
+
+    side: int
+    starts: npt.NDArray[np.int64]
+    edges: npt.NDArray[np.int64]
+    """All places where one begins or ends, ascending."""
+    first: npt.NDArray[np.intp]
+    """Which edge each begins with."""
+    last: npt.NDArray[np.intp]
+    """Which edge each ends with."""
+
+
+@lru_cache(maxsize=8)
+def _candidates(extent: int) -> _Candidates:
+    """The candidates along an axis of `extent` points; it is the same for all clouds of an instrument."""
+    side = min(SIDE, extent)
+    starts = np.union1d(np.arange(0, extent - side + 1, SIDE // 2), extent - side)
+    edges = np.union1d(starts, starts + side)
+    return _Candidates(side, starts, edges, np.searchsorted(edges, starts), np.searchsorted(edges, starts + side))
 
 
 @kernel
@@ -612,8 +658,10 @@ def _smoothest(
     heights: Any,
     differences: Any,
     known: Any,
-) -> int:
-    """Which candidate is the least rough: the first of equally rough ones. The arrays behind `lefts` are for work.
+) -> tuple[float, int]:
+    """How rough the least rough candidate is, and which it is: the first of equally rough ones.
+
+    The arrays behind `lefts` are for work.
 
     A candidate's roughness is sought only where it is below the least so far, and that a count tells: more
     than half of its differences are below. Of 64 candidates this leaves the median of about five.
@@ -638,7 +686,7 @@ def _smoothest(
                         known[n] = difference
                         n += not np.isnan(difference)
             best, least = candidate, select(known[:n], rank)
-    return best
+    return least, best
 
 
 @kernel

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import MessageError
+from socialcircle_ros.threads import in_bands
 
 from .cdr import CdrReader, CdrWriter
 from .header import Header
@@ -208,8 +209,15 @@ class PointCloud:
         """Exchange x, y and z of the points of a mask in `message` for others, (number of points,) each."""
         fields = [self._values(message, self.field(name)) for name in 'xyz']
         # As whole numbers, so that byte order plays no part for the compiled loop, and a NaN keeps its bits.
-        numbers = [values.view(f'=u{values.itemsize}') for values in (*fields, *others)]
-        _exchange(where, np.empty(self.width, np.int64), *numbers)
+        points = [values.view(f'=u{values.itemsize}') for values in fields]
+        numbers = [values.view(f'=u{values.itemsize}') for values in others]
+
+        def exchange(band: slice) -> None:
+            before = np.count_nonzero(where[: band.start])
+            rows, rest = [values[band] for values in points], [values[before:] for values in numbers]
+            _exchange(where[band], np.empty(self.width, np.int64), *rows, *rest)
+
+        in_bands(exchange, self.height, self.width)
 
     def replaced(self, where: npt.NDArray[np.bool_], xyz: npt.NDArray[Any], *, dense: bool) -> bytes:
         """This message with other x, y and z for some points; every other byte stays as it came.

@@ -106,11 +106,14 @@ def test_coordinates_are_read_whatever_the_layout(case):
 
 
 @settings(max_examples=300)
-@given(layouts())
-def test_only_coordinates_of_outliers_and_is_dense_change(case):
+@given(layouts(), st.integers(1, 4))
+def test_only_coordinates_of_outliers_and_is_dense_change_on_any_number_of_threads(case, threads):
     parts, outliers = case
     message = parts.message()
-    changed = PointCloud.decode(message).without(outliers, dense=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('socialcircle_ros.threads._LEAST', 1)
+        patch.setattr('socialcircle_ros.threads.limit', threads)
+        changed = PointCloud.decode(message).without(outliers, dense=False)
     expected = bytearray(parts.data)
     for name in 'xyz':
         view(parts, expected, name)[outliers] = np.nan
