@@ -10,6 +10,8 @@ from socialcircle_ros.errors import CloudError
 
 Cloud = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Memory = tuple[Any, int, int]
+"""A cloud's values, its row step and its point step: see `flattened`."""
 
 _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 
@@ -38,7 +40,7 @@ def organized(xyz: Any) -> Cloud:
     return cloud  # type: ignore[no-any-return]
 
 
-def flattened(xyz: Cloud) -> tuple[Any, int, int]:
+def flattened(xyz: Cloud) -> Memory:
     """The cloud as the kernels take it, so that each is compiled once for a data type, whatever the layout.
 
     Args:

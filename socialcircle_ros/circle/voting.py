@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba.cpython.unsafe.numbers import trailing_zeros
 
-from socialcircle_ros.cloud import Cloud, flattened, is_measured, load_row, measured_points
+from socialcircle_ros.cloud import Cloud, Memory, flattened, is_measured, load_row, measured_points
 from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import NoSeedError
 from socialcircle_ros.threads import in_bands
@@ -21,6 +21,8 @@ SIDE = 60
 
 CANDIDATES = 64
 """So many candidates are compared for their roughness, so that the choice costs the same for any cloud."""
+
+_WELL_MEASURED = 0.95
 
 _PEAK = 1 / math.sqrt(2 * math.pi)
 _ERROR = 1.5e-6  # of a float32 distance between points of a cloud that reaches from -1 to 1
@@ -559,9 +561,10 @@ def select(values: Any, rank: int) -> Any:
 def choose_region(xyz: Cloud) -> Region:
     """A region T that is as fully measured and as smooth as possible, always the same for the same cloud.
 
-    Candidates of 60×60 points stand half a side apart. Of those that have at least 95 % of the best one's
-    measured points, and at most 64 of them, evenly picked, the one with the least median second difference
-    of the heights wins: a tilt or a few outliers do not make a surface rough.
+    Candidates of 60×60 points stand half a side apart; at most 64 of them, evenly picked, are looked at. Of those
+    that have at least 95 % of the best one's measured points, the one with the least median second difference
+    of the heights wins: a tilt or a few outliers do not make a surface rough. Where more than half of them lack
+    5 % of their points, all candidates are counted first, and the 64 are picked from the well measured ones.
 
     Args:
         xyz: (H, W, 3) organized cloud.
@@ -574,37 +577,73 @@ def choose_region(xyz: Cloud) -> Region:
     """
     rows, columns = (_candidates(extent) for extent in xyz.shape[:2])
     height, width = rows.side, columns.side
-    values, row_step, point_step = flattened(xyz)
-    # Candidates overlap: measured points are counted between all of their edges, and then added up.
-    edges = rows.edges
-    between = np.zeros((len(edges) - 1, xyz.shape[1]), np.uint8)  # a side has fewer than 256 points
+    memory = flattened(xyz)
 
-    def count(band: slice) -> None:
-        line = np.empty((4, band.stop - band.start + 2), xyz.dtype)
-        _count_measured(values, row_step, point_step, edges, band.start, line, between[:, band])
+    def corners(chosen: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        return rows.starts[chosen // len(columns.starts)], columns.starts[chosen % len(columns.starts)]
 
-    in_bands(count, xyz.shape[1], xyz.shape[0])
-    cells = np.add.reduceat(between, columns.edges[:-1], axis=1, dtype=np.int64)
-    sums = np.pad(cells.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-    sums = sums[rows.last] - sums[rows.first]
-    counts = (sums[:, columns.last] - sums[:, columns.first]).ravel()
-    if counts.max() == 0:
-        raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
-    kept = np.flatnonzero(counts >= 0.95 * counts.max())
-    if len(kept) > CANDIDATES:
-        kept = kept[np.arange(CANDIDATES) * len(kept) // CANDIDATES]
-    tops = rows.starts[kept // len(columns.starts)]
-    lefts = columns.starts[kept % len(columns.starts)]
+    picked = _evenly_picked(np.arange(len(rows.starts) * len(columns.starts)))
+    counts = _count_picked(memory, *corners(picked), height, width)
+    if 2 * np.count_nonzero(counts >= _WELL_MEASURED * height * width) >= len(picked):
+        kept = picked[counts >= _WELL_MEASURED * counts.max()]
+    else:
+        counts = _count_candidates(memory, rows, columns, xyz.shape[:2])
+        if counts.max() == 0:
+            raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
+        kept = _evenly_picked(np.flatnonzero(counts >= _WELL_MEASURED * counts.max()))
+    tops, lefts = corners(kept)
 
     def compare(band: slice) -> tuple[float, int]:
         differences = np.full((2, height, width), np.nan)  # along rows, along columns; the ends have none
         line, heights = np.empty((4, width + 2), xyz.dtype), np.empty((height, width))
         work = line, heights, differences, np.empty(differences.size)
-        least, best = _smoothest(values, row_step, point_step, tops[band], lefts[band], *work)
+        least, best = _smoothest(*memory, tops[band], lefts[band], *work)
         return least, band.start + best
 
     _, best = min(in_bands(compare, len(tops), height * width))
     return int(tops[best]), int(lefts[best]), height, width
+
+
+def _evenly_picked(candidates: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """At most 64 of them."""
+    if len(candidates) <= CANDIDATES:
+        return candidates
+    return candidates[np.arange(CANDIDATES) * len(candidates) // CANDIDATES]
+
+
+def _count_picked(
+    memory: Memory, tops: npt.NDArray[np.int64], lefts: npt.NDArray[np.int64], height: int, width: int
+) -> npt.NDArray[np.int64]:
+    """How many points of each candidate are measured, (n,), from looking at each by itself."""
+    counts = np.zeros(len(tops), np.int64)
+
+    def count(band: slice) -> None:
+        line = np.empty((4, width + 2), memory[0].dtype)
+        _count_regions(*memory, tops[band], lefts[band], height, width, line, counts[band])
+
+    in_bands(count, len(tops), height * width)
+    return counts
+
+
+def _count_candidates(
+    memory: Memory, rows: '_Candidates', columns: '_Candidates', shape: tuple[int, int]
+) -> npt.NDArray[np.int64]:
+    """How many points of each of all candidates are measured, (n,), in row order, from one pass over the cloud.
+
+    Candidates overlap: measured points are counted between all of their edges, and then added up.
+    """
+    between = np.zeros((len(rows.edges) - 1, shape[1]), np.uint8)  # a side has fewer than 256 points
+
+    def count(band: slice) -> None:
+        line = np.empty((4, band.stop - band.start + 2), memory[0].dtype)
+        _count_measured(*memory, rows.edges, band.start, line, between[:, band])
+
+    in_bands(count, shape[1], shape[0])
+    cells = np.add.reduceat(between, columns.edges[:-1], axis=1, dtype=np.int64)
+    sums = np.pad(cells.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    sums = sums[rows.last] - sums[rows.first]
+    counts: npt.NDArray[np.int64] = sums[:, columns.last] - sums[:, columns.first]
+    return counts.ravel()
 
 
 class _Candidates(NamedTuple):
@@ -627,6 +666,28 @@ def _candidates(extent: int) -> _Candidates:
     starts = np.union1d(np.arange(0, extent - side + 1, SIDE // 2), extent - side)
     edges = np.union1d(starts, starts + side)
     return _Candidates(side, starts, edges, np.searchsorted(edges, starts), np.searchsorted(edges, starts + side))
+
+
+@kernel
+def _count_regions(
+    values: Any,
+    row_step: int,
+    point_step: int,
+    tops: Any,
+    lefts: Any,
+    height: int,
+    width: int,
+    line: Any,
+    counts: Any,
+) -> None:
+    """Add up the measured points of regions of height × width points; `counts` comes as 0, `line` is for work."""
+    for candidate in range(len(tops)):
+        for row in range(height):
+            start = (tops[candidate] + row) * row_step + lefts[candidate] * point_step
+            load_row(values, start, point_step, width, line)
+            x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
+            for column in range(width):
+                counts[candidate] += is_measured(x[column], y[column], z[column])
 
 
 @kernel

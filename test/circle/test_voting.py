@@ -339,12 +339,12 @@ def test_chosen_region_does_not_depend_on_the_number_of_threads(recipe, threads)
 
 @st.composite
 def bands(draw):
-    """Narrow clouds with more than 64 candidates, nearly all measured, along columns or along rows."""
+    """Narrow clouds with more than 64 candidates along columns or along rows, measured well or not."""
     recipe = Recipe(
         rows=draw(st.integers(1, 3)),
         columns=draw(st.integers(1980, 4500)),
         surface='noise',
-        missing=draw(st.sampled_from([0.0, 0.02])),
+        missing=draw(st.sampled_from([0.0, 0.02, 0.05, 0.5])),
         random=draw(st.integers(0, 2**16)),
     )
     xyz = recipe.cloud()
@@ -364,6 +364,14 @@ def test_of_more_than_64_candidates_64_are_looked_at():
 
     assert choose_region(grid([heights])) == (0, 98 * 30, 1, 60)
     assert choose_region(grid(heights[:, None])) == (98 * 30, 0, 60, 1)
+
+
+def test_the_only_measured_region_is_found_among_many_candidates():
+    heights = np.full(60 + 99 * 30, np.nan)
+    heights[60:120] = 0.0  # the third of 100 candidates, which is none of the 64 that are looked at first
+
+    assert choose_region(grid([heights])) == (0, 60, 1, 60)
+    assert choose_region(grid(heights[:, None])) == (60, 0, 60, 1)
 
 
 @settings(max_examples=60, deadline=None)

@@ -66,19 +66,33 @@ def choose_region(xyz):
     corners = [(row, column) for row in starts(xyz.shape[0], height) for column in starts(xyz.shape[1], width)]
     # The count is all that looks at every point of every candidate; a loop would take minutes.
     mask = np.isfinite(xyz).all(axis=2)
-    counts = [int(mask[row : row + height, column : column + width].sum()) for row, column in corners]
-    best = max(counts)
-    if best == 0:
-        raise NoSeedError('No point of the cloud is measured.')
-    kept = [corner for corner, count in zip(corners, counts, strict=True) if count >= 0.95 * best]
-    if len(kept) > MOST_CANDIDATES:
-        kept = [kept[k * len(kept) // MOST_CANDIDATES] for k in range(MOST_CANDIDATES)]
+
+    def count(corner):
+        row, column = corner
+        return int(mask[row : row + height, column : column + width].sum())
+
+    def best_measured(of):
+        best = max(map(count, of))
+        if best == 0:
+            raise NoSeedError('No point of the cloud is measured.')
+        return [corner for corner in of if count(corner) >= 0.95 * best]
+
+    kept = evenly_picked(corners)
+    full = [corner for corner in kept if count(corner) >= 0.95 * height * width]
+    kept = best_measured(kept) if 2 * len(full) >= len(kept) else evenly_picked(best_measured(corners))
     smoothest, least = kept[0], math.inf
     for row, column in kept:
         value = roughness(xyz[row : row + height, column : column + width])
         if value < least:
             smoothest, least = (row, column), value
     return (*smoothest, height, width)
+
+
+def evenly_picked(corners):
+    """At most 64 of them."""
+    if len(corners) <= MOST_CANDIDATES:
+        return corners
+    return [corners[k * len(corners) // MOST_CANDIDATES] for k in range(MOST_CANDIDATES)]
 
 
 def starts(length, side):
