@@ -37,7 +37,9 @@ def in_bands(work: Callable[[slice], Result], height: int, width: int, least: in
     edges = [height * band // bands for band in range(bands + 1)]
     first, *rest = itertools.starmap(slice, itertools.pairwise(edges))
     others = _helpers().begin(work, rest) if rest else []
-    return [work(first), *(other.result() for other in others)]
+    # What nobody has begun by then, because the other cores are taken, is done here.
+    shared = zip(rest, others, strict=True)
+    return [work(first), *(work(band) if other.cancel() else other.result() for band, other in shared)]
 
 
 def cores() -> int:

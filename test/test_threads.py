@@ -36,13 +36,29 @@ def test_bands_are_worked_on_side_by_side(monkeypatch):
 
 def test_who_helps_is_kept_off_the_core_of_who_asks(monkeypatch):
     monkeypatch.setattr(threads, 'limit', 2)
-    threads.in_bands(lambda _: None, 2, 1, 1)
+    both = threading.Barrier(2, timeout=20)
 
-    mine, others = threads.in_bands(lambda _: os.sched_getaffinity(0), 2, 1, 1)
+    def look(_):
+        both.wait()
+        return os.sched_getaffinity(0)
+
+    threads.in_bands(look, 2, 1, 1)
+    mine, others = threads.in_bands(look, 2, 1, 1)
 
     assert mine == os.sched_getaffinity(0)
     assert len(others) == max(1, len(mine) - 1)
     assert others <= mine
+
+
+def test_bands_that_nobody_else_begins_are_done_by_who_asks(monkeypatch):
+    monkeypatch.setattr(threads, 'limit', 2)
+    done = threading.Event()
+    for _ in range(os.cpu_count()):
+        threads._helpers()._pool.submit(done.wait)
+    try:
+        assert threads.in_bands(lambda _: threading.get_ident(), 2, 1, 1) == 2 * [threading.get_ident()]
+    finally:
+        done.set()
 
 
 def test_what_fails_in_a_band_is_told(monkeypatch):
