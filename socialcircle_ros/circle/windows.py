@@ -22,6 +22,7 @@ Words = npt.NDArray[np.uint64]
 _SIDE = 8
 _ONE, _TWO, _THREE, _SEVEN, _EIGHT, _LAST = (np.uint64(value) for value in (1, 2, 3, 7, 8, 63))
 _ZERO, _COLUMN = np.uint64(0), np.uint64(0x0101010101010101)
+_HALF, _LOW = np.uint64(32), np.uint64(0xFFFFFFFF)
 _LEAST_TILES = 1500  # of a band that is worth a thread
 
 
@@ -111,7 +112,7 @@ def grow_by_tiles(
     for work in (measure, touch):
         in_bands(work, len(members) - 2, members.shape[1], _LEAST_TILES)
     aside = left & ~open_
-    queue = np.empty((64 * measured.size, 2), np.int32)
+    queue = np.empty(64 * measured.size, np.uint64)
     _grow_tiles(values, row_step, point_step, seed[0], seed[1], limit, k, members, open_, aside, queue)
     return measured & ~_untiled(open_ | aside, height)
 
@@ -248,18 +249,18 @@ def _grow_tiles(
 ) -> None:
     """`grow_in_order`, which takes those who join out of `open_` and `aside`.
 
-    The lowest bit of a window stands for its first point in row order. Rows and columns in `queue` count from the
-    tiles' own corner.
+    The lowest bit of a window stands for its first point in row order. Rows and columns count from the tiles' own
+    corner; in `queue` they are the two halves of a word.
     """
     across, down = np.uint64(point_step), np.uint64(row_step)
     window, inside, half = _window(k, 0), _window(k, 1), np.uint64(k)
     row, column = np.uint64(seed_row) + _EIGHT, np.uint64(seed_column) + _EIGHT
     open_[row >> _THREE, column >> _THREE] &= ~_bit(row, column)
-    queue[0, 0], queue[0, 1] = row, column
-    first, last = 0, 1
+    queue[0] = (row << _HALF) | column
+    first, last = _ZERO, _ONE
     while first < last:
-        row, column = np.uint64(queue[first, 0]), np.uint64(queue[first, 1])
-        first += 1
+        row, column = queue[first] >> _HALF, queue[first] & _LOW
+        first += _ONE
         p = (row - _EIGHT) * down + (column - _EIGHT) * across
         x, y, z = values[p], values[p + _ONE], values[p + _TWO]
         top, left = row - half, column - half
@@ -280,8 +281,8 @@ def _grow_tiles(
                 if stranger:
                     aside[r >> _THREE, c >> _THREE] &= others
                 if not (inside >> place) & _ONE:
-                    queue[last, 0], queue[last, 1] = r, c
-                    last += 1
+                    queue[last] = (r << _HALF) | c
+                    last += _ONE
 
 
 @kernel
