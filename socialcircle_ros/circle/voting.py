@@ -561,10 +561,10 @@ def select(values: Any, rank: int) -> Any:
 def choose_region(xyz: Cloud) -> Region:
     """A region T that is as fully measured and as smooth as possible, always the same for the same cloud.
 
-    Candidates of 60×60 points stand half a side apart; at most 64 of them, evenly picked, are looked at. Of those
-    that have at least 95 % of the best one's measured points, the one with the least median second difference
-    of the heights wins: a tilt or a few outliers do not make a surface rough. Where more than half of them lack
-    5 % of their points, all candidates are counted first, and the 64 are picked from the well measured ones.
+    Candidates of 60×60 points stand half a side apart, and 64 of them, evenly picked, are looked at. Of those
+    with at least 95 % of their points measured, the one with the least median second difference of the heights
+    wins: a tilt or a few outliers do not make a surface rough. Where these are less than half, all candidates are
+    counted, and 64 of those with at least 95 % of the best one's measured points are compared instead.
 
     Args:
         xyz: (H, W, 3) organized cloud.
@@ -579,29 +579,30 @@ def choose_region(xyz: Cloud) -> Region:
     height, width = rows.side, columns.side
     memory = flattened(xyz)
 
-    def corners(chosen: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        return rows.starts[chosen // len(columns.starts)], columns.starts[chosen % len(columns.starts)]
+    def compare(picked: npt.NDArray[np.intp], least: float) -> tuple[int, int, int]:
+        tops = rows.starts[picked // len(columns.starts)]
+        lefts = columns.starts[picked % len(columns.starts)]
+
+        def compare_band(band: slice) -> tuple[float, int, int]:
+            differences = np.full((2, height, width), np.nan)  # along rows, along columns; the ends have none
+            line, heights = np.empty((4, width + 2), xyz.dtype), np.empty((height, width))
+            work = line, heights, differences, np.empty(differences.size)
+            roughness, best, count = _smoothest(*memory, tops[band], lefts[band], least, *work)
+            return roughness, band.start + best, count
+
+        found = [band for band in in_bands(compare_band, len(tops), height * width) if band[2]]
+        _, best, _ = min(found, default=(math.inf, 0, 0))
+        return int(tops[best]), int(lefts[best]), sum(count for *_, count in found)
 
     picked = _evenly_picked(np.arange(len(rows.starts) * len(columns.starts)))
-    counts = _count_picked(memory, *corners(picked), height, width)
-    if 2 * np.count_nonzero(counts >= _WELL_MEASURED * height * width) >= len(picked):
-        kept = picked[counts >= _WELL_MEASURED * counts.max()]
-    else:
+    top, left, count = compare(picked, _WELL_MEASURED * height * width)
+    if 2 * count < len(picked):
         counts = _count_candidates(memory, rows, columns, xyz.shape[:2])
         if counts.max() == 0:
             raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
-        kept = _evenly_picked(np.flatnonzero(counts >= _WELL_MEASURED * counts.max()))
-    tops, lefts = corners(kept)
-
-    def compare(band: slice) -> tuple[float, int]:
-        differences = np.full((2, height, width), np.nan)  # along rows, along columns; the ends have none
-        line, heights = np.empty((4, width + 2), xyz.dtype), np.empty((height, width))
-        work = line, heights, differences, np.empty(differences.size)
-        least, best = _smoothest(*memory, tops[band], lefts[band], *work)
-        return least, band.start + best
-
-    _, best = min(in_bands(compare, len(tops), height * width))
-    return int(tops[best]), int(lefts[best]), height, width
+        least = _WELL_MEASURED * float(counts.max())
+        top, left, _ = compare(_evenly_picked(np.flatnonzero(counts >= least)), least)
+    return top, left, height, width
 
 
 def _evenly_picked(candidates: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
@@ -609,20 +610,6 @@ def _evenly_picked(candidates: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
     if len(candidates) <= CANDIDATES:
         return candidates
     return candidates[np.arange(CANDIDATES) * len(candidates) // CANDIDATES]
-
-
-def _count_picked(
-    memory: Memory, tops: npt.NDArray[np.int64], lefts: npt.NDArray[np.int64], height: int, width: int
-) -> npt.NDArray[np.int64]:
-    """How many points of each candidate are measured, (n,), from looking at each by itself."""
-    counts = np.zeros(len(tops), np.int64)
-
-    def count(band: slice) -> None:
-        line = np.empty((4, width + 2), memory[0].dtype)
-        _count_regions(*memory, tops[band], lefts[band], height, width, line, counts[band])
-
-    in_bands(count, len(tops), height * width)
-    return counts
 
 
 def _count_candidates(
@@ -669,28 +656,6 @@ def _candidates(extent: int) -> _Candidates:
 
 
 @kernel
-def _count_regions(
-    values: Any,
-    row_step: int,
-    point_step: int,
-    tops: Any,
-    lefts: Any,
-    height: int,
-    width: int,
-    line: Any,
-    counts: Any,
-) -> None:
-    """Add up the measured points of regions of height × width points; `counts` comes as 0, `line` is for work."""
-    for candidate in range(len(tops)):
-        for row in range(height):
-            start = (tops[candidate] + row) * row_step + lefts[candidate] * point_step
-            load_row(values, start, point_step, width, line)
-            x, y, z = line[0, 1:], line[1, 1:], line[2, 1:]
-            for column in range(width):
-                counts[candidate] += is_measured(x[column], y[column], z[column])
-
-
-@kernel
 def _count_measured(
     values: Any, row_step: int, point_step: int, edges: Any, left: int, line: Any, between: Any
 ) -> None:
@@ -715,21 +680,23 @@ def _smoothest(
     point_step: int,
     tops: Any,
     lefts: Any,
+    enough: float,
     line: Any,
     heights: Any,
     differences: Any,
     known: Any,
-) -> tuple[float, int]:
-    """How rough the least rough candidate is, and which it is: the first of equally rough ones.
-
-    The arrays behind `lefts` are for work.
+) -> tuple[float, int, int]:
+    """Compare the candidates with `enough` measured points. The arrays behind `enough` are for work.
 
     A candidate's roughness is sought only where it is below the least so far, and that a count tells: more
     than half of its differences are below. Of 64 candidates this leaves the median of about five.
+
+    Returns how rough the least rough one is, which it is, the first of equally rough ones, and how many there are.
     """
     height, width = heights.shape
-    best, least = 0, math.inf
+    best, least, compared = 0, math.inf, 0
     for candidate in range(len(tops)):
+        count = 0
         for row in range(height):
             start = (tops[candidate] + row) * row_step + lefts[candidate] * point_step
             load_row(values, start, point_step, width, line)
@@ -737,6 +704,11 @@ def _smoothest(
             for column in range(width):
                 measured = is_measured(x[column], y[column], z[column])
                 heights[row, column] = z[column] if measured else np.nan
+                count += measured
+        if count < enough:
+            continue
+        best = best if compared else candidate
+        compared += 1
         n, below = _second_differences(heights, differences, least)
         rank = (n - 1) // 2
         if n and below > rank:
@@ -747,7 +719,7 @@ def _smoothest(
                         known[n] = difference
                         n += not np.isnan(difference)
             best, least = candidate, select(known[:n], rank)
-    return least, best
+    return least, best, compared
 
 
 @kernel

@@ -71,15 +71,13 @@ def choose_region(xyz):
         row, column = corner
         return int(mask[row : row + height, column : column + width].sum())
 
-    def best_measured(of):
-        best = max(map(count, of))
+    picked = evenly_picked(corners)
+    kept = [corner for corner in picked if count(corner) >= 0.95 * height * width]
+    if 2 * len(kept) < len(picked):
+        best = max(map(count, corners))
         if best == 0:
             raise NoSeedError('No point of the cloud is measured.')
-        return [corner for corner in of if count(corner) >= 0.95 * best]
-
-    kept = evenly_picked(corners)
-    full = [corner for corner in kept if count(corner) >= 0.95 * height * width]
-    kept = best_measured(kept) if 2 * len(full) >= len(kept) else evenly_picked(best_measured(corners))
+        kept = evenly_picked([corner for corner in corners if count(corner) >= 0.95 * best])
     smoothest, least = kept[0], math.inf
     for row, column in kept:
         value = roughness(xyz[row : row + height, column : column + width])
