@@ -6,6 +6,7 @@ Both publish exactly these bytes, so that what a replay shows is what the line d
 import threading
 import time
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -115,10 +116,16 @@ class Filtering:
         self._clock.restart()
         self._points = self._cloud.height * self._cloud.width
         self._outliers = int(np.count_nonzero(self._result.outliers))
-        self._measured = self._outliers + int(np.count_nonzero(self._result.inliers))
-        self._dense = self._measured == self._points and self._outliers == 0
         self._undo = _change_nothing
         self._undoing = threading.Lock()
+
+    @cached_property
+    def _measured(self) -> int:
+        return self._outliers + int(np.count_nonzero(self._result.inliers))
+
+    @property
+    def _dense(self) -> bool:
+        return self._outliers == 0 and self._measured == self._points
 
     def filtered(self) -> bytes:
         """PointCloud2 as it came, with x, y and z of the outliers NaN."""

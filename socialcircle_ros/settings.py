@@ -319,7 +319,9 @@ class CircleSettings(Settings):
         Args:
             depth_of_field: in the unit of the cloud; None: the cloud was no stack, or it does not tell.
         """
-        return dataclasses.replace(self, depth_of_field=self.depth_of_field or depth_of_field)
+        if depth_of_field is None or self.depth_of_field:
+            return self
+        return dataclasses.replace(self, depth_of_field=depth_of_field)
 
     def _check_together(self) -> None:
         region = self.vote_region

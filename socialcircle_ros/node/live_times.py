@@ -38,6 +38,7 @@ BESIDE_RATE = 5.0
 """Clouds a second that are filtered while frames come."""
 
 _PATIENCE = 60.0  # s for any one answer; the very first start compiles
+_FIRST = 8  # clouds of either that do not count: for some seconds the node loads what is rarely needed
 _SETTLED = 0.3  # s between two trips: what follows an answer must not count for the next
 
 
@@ -123,7 +124,7 @@ def time_clouds(folder: Path, repeats: int, shape: tuple[int, int] = SHAPE) -> t
 
     Args:
         folder: where the logs go.
-        repeats: how many clouds each, after three that do not count.
+        repeats: how many clouds each, after those that do not count.
         shape: rows and columns of a cloud.
 
     Returns:
@@ -142,11 +143,11 @@ def time_clouds(folder: Path, repeats: int, shape: tuple[int, int] = SHAPE) -> t
     ):
         to_node.wait_for_partner(node)
         to_relay.wait_for_partner(relay)
-        for _ in range(repeats + 3):
+        for _ in range(_FIRST + repeats):
             for peer in (to_node, to_relay):
                 trips[peer.hears].append(peer.trip(cloud))
                 time.sleep(_SETTLED)
-    filtered, relayed = (Times(tuple(times[3:])) for times in trips.values())
+    filtered, relayed = (Times(tuple(times[_FIRST:])) for times in trips.values())
     return filtered, relayed
 
 
