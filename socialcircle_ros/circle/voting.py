@@ -33,7 +33,7 @@ _ZERO, _ONE = np.uint64(0), np.uint64(1)
 _FAR = 0.25  # of the radius: a step beyond leads to a point off the surface
 _DOUBT = 0.15  # of a step: how far the radius may be off the one that is expected
 _ENOUGH = 32  # so few values are looked at one by one
-_LEAST_LEAVES = 16  # of a band that is worth a thread
+_LEAST_POINTS = 400  # of a band that is worth a thread
 
 
 def elect_seed(xyz: Cloud, region: Region | None) -> tuple[int, int]:
@@ -136,9 +136,10 @@ def _medians(x: Any, y: Any, z: Any) -> Any:
             np.empty(leaves * _LEAF + 64, np.float32),
             np.empty(n),
         )
-        _find_medians(exact, order, starts, sizes, points, boxes, extent, error, band.start, band.stop, *work, mu)
+        first, last = np.searchsorted(starts, (band.start, band.stop))
+        _find_medians(exact, order, starts, sizes, points, boxes, extent, error, first, last, *work, mu)
 
-    in_bands(find, leaves, 1, _LEAST_LEAVES)
+    in_bands(find, n, 1, _LEAST_POINTS)
     return mu
 
 

@@ -258,7 +258,7 @@ def test_chosen_leaves_are_all_that_may_reach_between_the_bounds(count, random, 
 def test_medians_do_not_depend_on_the_number_of_threads(monkeypatch):
     x, y, z, generator = sheet(50, 60)
     z[generator.random(z.size) < 0.1] += 30
-    monkeypatch.setattr(voting, '_LEAST_LEAVES', 1)
+    monkeypatch.setattr(voting, '_LEAST_POINTS', 1)
 
     medians = []
     for threads in (1, 2, 7):
