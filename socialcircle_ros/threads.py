@@ -6,7 +6,7 @@ import itertools
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TypeVar
 
@@ -35,11 +35,8 @@ def in_bands(work: Callable[[slice], Result], height: int, width: int, least: in
     worth = height * width // (_LEAST if least is None else least)
     bands = max(1, min(cores() if limit is None else limit, worth, height))
     edges = [height * band // bands for band in range(bands + 1)]
-    first, *rest = itertools.starmap(slice, itertools.pairwise(edges))
-    others = _helpers().begin(work, rest) if rest else []
-    # What nobody has begun by then, because the other cores are taken, is done here.
-    shared = zip(rest, others, strict=True)
-    return [work(first), *(work(band) if other.cancel() else other.result() for band, other in shared)]
+    slices = list(itertools.starmap(slice, itertools.pairwise(edges)))
+    return [work(slices[0])] if bands == 1 else _helpers().share(work, slices)
 
 
 def cores() -> int:
@@ -52,29 +49,43 @@ class _Helpers:
 
     They are kept off the core of who calls them. Linux often wakes a thread on the core of its waker, who goes on
     to work there, so that it waits until that work is done: after a rest of 10 ms or more nothing was gained
-    by a second core (3.6 ms for two times 1.7 ms of work, 2.0 with this).
+    by a second core (3.6 ms for two times 1.7 ms of work, 2.0 with this). While several call, as the filter and
+    a stack's fit may, one's core is another's elsewhere, and the helpers go where they like.
     """
 
     def __init__(self) -> None:
         self._core_at_hand = ctypes.CDLL(None).sched_getcpu
         self._threads: list[int] = []
         self._placed: tuple[set[int], int] = (set(), 0)
-        self._placing = threading.Lock()
+        self._callers = 0
+        self._changing = threading.Lock()
         self._pool = ThreadPoolExecutor(
             os.cpu_count(), 'band', initializer=lambda: self._threads.append(threading.get_native_id())
         )
 
-    def begin(self, work: Callable[[slice], Result], bands: list[slice]) -> 'list[Future[Result]]':
-        """Have a thread work on each band."""
-        elsewhere = os.sched_getaffinity(0) - {self._core_at_hand()}
-        with self._placing:
-            threads = tuple(self._threads)
-            if elsewhere and self._placed != (elsewhere, len(threads)):
-                self._placed = elsewhere, len(threads)
-                for thread in threads:
-                    with contextlib.suppress(OSError):  # where it may not be said, speed is all that is lost
-                        os.sched_setaffinity(thread, elsewhere)
-        return [self._pool.submit(work, band) for band in bands]
+    def share(self, work: Callable[[slice], Result], bands: list[slice]) -> list[Result]:
+        """Work on the first band, while the helpers work on the others."""
+        with self._changing:
+            self._callers += 1
+            self._place()
+        try:
+            others = [(band, self._pool.submit(work, band)) for band in bands[1:]]
+            # What nobody has begun by then, because the other cores are taken, is done here.
+            return [work(bands[0]), *(work(band) if job.cancel() else job.result() for band, job in others)]
+        finally:
+            with self._changing:
+                self._callers -= 1
+
+    def _place(self) -> None:
+        """Say on which cores the helpers may run."""
+        allowed = os.sched_getaffinity(0)
+        places = allowed - {self._core_at_hand()} if self._callers == 1 else allowed
+        threads = tuple(self._threads)
+        if places and self._placed != (places, len(threads)):
+            self._placed = places, len(threads)
+            for thread in threads:
+                with contextlib.suppress(OSError):  # where it may not be said, speed is all that is lost
+                    os.sched_setaffinity(thread, places)
 
 
 @cache

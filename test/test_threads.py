@@ -50,6 +50,32 @@ def test_who_helps_is_kept_off_the_core_of_who_asks(monkeypatch):
     assert others <= mine
 
 
+def test_who_helps_may_run_anywhere_while_another_asks_as_well(monkeypatch):
+    monkeypatch.setattr(threads, 'limit', 2)
+    inside, done = threading.Event(), threading.Event()
+
+    def stay(band):
+        if band.start == 0:
+            inside.set()
+            done.wait()
+
+    another = threading.Thread(target=threads.in_bands, args=(stay, 2, 1, 1))
+    another.start()
+    inside.wait()
+    both = threading.Barrier(2, timeout=20)
+
+    def look(_):
+        both.wait()
+        return os.sched_getaffinity(0)
+
+    try:
+        mine, others = threads.in_bands(look, 2, 1, 1)
+        assert others == mine
+    finally:
+        done.set()
+        another.join()
+
+
 def test_bands_that_nobody_else_begins_are_done_by_who_asks(monkeypatch):
     monkeypatch.setattr(threads, 'limit', 2)
     done = threading.Event()
