@@ -39,6 +39,7 @@ BESIDE_RATE = 5.0
 
 _PATIENCE = 60.0  # s for any one answer; the very first start compiles
 _FIRST = 8  # clouds of either that do not count: for some seconds the node loads what is rarely needed
+_KEPT = 10  # answers that may wait for this process: what the node has given must not be lost here
 _SETTLED = 0.3  # s between two trips: what follows an answer must not count for the next
 
 
@@ -199,7 +200,7 @@ class _Peer:
         reliable = ReliabilityPolicy.RELIABLE
         self._publisher = self._node.create_publisher(kind, topic, QoSProfile(depth=depth, reliability=reliable))
         self._node.create_subscription(
-            PointCloud2, hears, self._heard, QoSProfile(depth=1, reliability=reliable), raw=True
+            PointCloud2, hears, self._heard, QoSProfile(depth=_KEPT, reliability=reliable), raw=True
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
