@@ -2,6 +2,7 @@
 
 import zipfile
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -100,13 +101,12 @@ def load_npz(path: Path) -> dict[str, Array]:
     Raises:
         ImportFileError: it is not one, or is cut off.
     """
-    try:
+    # A RuntimeError: the archive is encrypted, or compressed in a way that zipfile does not know.
+    with suppress(ValueError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
         archive = np.load(path, allow_pickle=False)
         if isinstance(archive, np.lib.npyio.NpzFile):
             with archive:
                 return {key: archive[key] for key in archive.files}
-    except (ValueError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
-        pass  # a RuntimeError: the archive is encrypted, or compressed in a way that zipfile does not know
     raise ImportFileError(f'{path} is not an .npz archive of numbers, or is cut off: save it again.')
 
 
