@@ -7,11 +7,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .circle import CircleResult, remove_outliers
-    from .errors import SocialCircleError
-    from .focus import FocusResult, FocusStack, depth_from_focus
-    from .repair import RepairResult, repair_holes
-    from .settings import CircleSettings, FocusSettings, RepairSettings
+    from socialcircle_ros.circle import CircleResult, remove_outliers
+    from socialcircle_ros.errors import SocialCircleError
+    from socialcircle_ros.focus import FocusResult, FocusStack, depth_from_focus
+    from socialcircle_ros.repair import RepairResult, repair_holes
+    from socialcircle_ros.settings import CircleSettings, FocusSettings, RepairSettings
 
 __all__ = [
     'CircleResult',

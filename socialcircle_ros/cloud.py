@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import CloudError
+from socialcircle_ros.kernels.compiled import kernel
 
 Cloud = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -20,10 +20,10 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 
+from socialcircle_ros.clients.process import NodeProcess
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.node.process import NodeProcess
 
 PATIENCE = 60.0  # s: far longer than anything takes, also where everything is compiled for the first time
 NUMBERS = itertools.count()

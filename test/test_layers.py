@@ -1,4 +1,4 @@
-"""The rooms: imports point downward only, and nothing outside node/ needs ROS."""
+"""The rooms: imports point downward only, and only node/ and clients/ need ROS."""
 
 import ast
 import pkgutil
@@ -15,25 +15,21 @@ PACKAGE = Path(socialcircle_ros.__file__).parent
 # A room may import from the rooms on lines below its own, and from itself.
 LEVELS = [
     {'commands'},
-    {'node', 'panel', 'recording', 'evaluation'},
-    {'pipeline', 'stacking', 'parameter_file'},
+    {'studies'},
+    {'clients'},
+    {'node', 'panel', 'sweep'},
+    {'report'},
+    {'recording'},
+    {'pipeline'},
+    {'interface'},
     {'simulation', 'messages'},
-    {'circle', 'focus', 'repair', 'baselines'},
-    {'cloud', 'union_find'},
-    {'settings', 'errors', 'compiled', 'threads', 'cores'},
+    {'circle', 'focus', 'repair', 'baselines', 'metrics'},
+    {'cloud'},
+    {'settings', 'kernels'},
+    {'errors'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
-
-# Beside it on its own line: the node plays and records recordings, and starts the panel, which steps through
-# recordings and draws with the evaluation's pictures; settings refuse with errors.
-BESIDE = {
-    ('node', 'recording'),
-    ('node', 'panel'),
-    ('panel', 'recording'),
-    ('panel', 'evaluation'),
-    ('evaluation', 'recording'),
-    ('settings', 'errors'),
-}
+NEED_ROS = {'node', 'clients'}
 
 ROS = {'rclpy', 'sensor_msgs', 'std_msgs', 'std_srvs', 'diagnostic_msgs', 'rcl_interfaces', 'lifecycle_msgs',
        'rosgraph_msgs', 'builtin_interfaces', 'ament_index_python'}  # fmt: skip
@@ -43,8 +39,8 @@ def modules():
     return [path for path in PACKAGE.rglob('*.py') if path != PACKAGE / '__init__.py']
 
 
-def outside_the_node():
-    return [path for path in modules() if room_of(path) != 'node']
+def modules_without_ros():
+    return [path for path in modules() if room_of(path) not in NEED_ROS]
 
 
 def room_of(path):
@@ -72,12 +68,11 @@ def imported_rooms(path):
 def test_imports_point_downward_only(path):
     room = room_of(path)
     for other in imported_rooms(path):
-        below = LEVEL[other] > LEVEL[room]
-        assert other == room or below or (room, other) in BESIDE, f'{room} must not import from {other}'
+        assert other == room or LEVEL[other] > LEVEL[room], f'{room} must not import from {other}'
 
 
-@pytest.mark.parametrize('path', outside_the_node(), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_only_the_node_knows_ros_at_import(path):
+@pytest.mark.parametrize('path', modules_without_ros(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_node_and_clients_know_ros_at_import(path):
     tree = ast.parse(path.read_text(encoding='utf-8'))
     names = set()
     for node in tree.body:
@@ -88,11 +83,11 @@ def test_only_the_node_knows_ros_at_import(path):
     assert not names & ROS
 
 
-def test_everything_outside_the_node_imports_on_a_machine_without_ros():
+def test_every_other_room_imports_on_a_machine_without_ros():
     names = [
         info.name
         for info in pkgutil.walk_packages([str(PACKAGE)], 'socialcircle_ros.')
-        if not info.name.startswith('socialcircle_ros.node')
+        if not any(f'{info.name}.'.startswith(f'socialcircle_ros.{room}.') for room in NEED_ROS)
     ]
     program = (
         'import importlib, sys\n'

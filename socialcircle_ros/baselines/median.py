@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, organized
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.settings import MedianSettings
+from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.sorting_networks import Comparators, exchange, merge_network, sort_network
 
-from .networks import Comparators, exchange, merge_network, sort_network
 from .result import FilterResult, Score, judge
+from .settings import MedianSettings
 from .window import STRIP
 
 _SIGMA = 1.4826  # standard deviations per median absolute deviation, for a normal distribution

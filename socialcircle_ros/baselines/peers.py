@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, Mask, measured_points, organized
-from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.settings import RadiusSettings, StatisticalSettings
+from socialcircle_ros.kernels.compiled import kernel
 
 from .radius import radius_of
 from .result import FilterResult
+from .settings import RadiusSettings, StatisticalSettings
 
 _FILTER, _CONVERTER = 'pcl_outlier_removal', 'pcl_convert_pcd_ascii_binary'
 

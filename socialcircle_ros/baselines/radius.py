@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, organized
-from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import CloudError
-from socialcircle_ros.settings import RadiusSettings
+from socialcircle_ros.kernels.compiled import kernel
 
 from .result import FilterResult, Score, judge
+from .settings import RadiusSettings
 from .window import STRIP, load_row
 
 _PITCHES = 2.5  # 20 of the 24 neighbours in a 5×5 window of a flat grid lie within √5 pitches

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.compiled import kernel
+from socialcircle_ros.kernels.compiled import kernel
 
 Score = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 

@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, organized
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.settings import StatisticalSettings
+from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.sorting_networks import Comparators, exchange, sort_network
 
-from .networks import Comparators, exchange, sort_network
 from .result import FilterResult, Score, judge
+from .settings import StatisticalSettings
 from .window import STRIP, load_row
 
 

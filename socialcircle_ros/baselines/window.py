@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud
-from socialcircle_ros.compiled import kernel
+from socialcircle_ros.kernels.compiled import kernel
 
 STRIP = 256
 """Columns that are worked on at a time: small enough for the buffers of one strip to stay in the cache."""

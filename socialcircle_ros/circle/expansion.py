@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, Mask, flattened, is_measured, load_row, measured_points
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.threads import in_bands
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
 
-from .windows import WIDEST, Words, grow_by_tiles, grow_in_order, near
+from .wide_windows import WIDEST, Words, grow_by_tiles, grow_in_order, near
 
 _ZERO, _ONE, _LAST = np.uint64(0), np.uint64(1), np.uint64(63)
 _WORD = 64

@@ -14,7 +14,7 @@ from socialcircle_ros.settings import CircleSettings
 from .adaptive import TOUCH, find_outliers
 from .expansion import divide
 from .radius import circle_limit
-from .voting import elect_seed
+from .seed import elect_seed
 
 _TOO_MANY = 0.3
 """Beyond this share of outliers the adaptive mode was seen to take good points for outliers, and warns."""

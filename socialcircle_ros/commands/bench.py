@@ -64,8 +64,16 @@ def _ratios(repeats: int, path: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.evaluation.race import COLUMNS, ROWS, SHARE, all_contestants, missing_peers, race, ratios
-    from socialcircle_ros.node.transport import keep_freed_memory
+    from socialcircle_ros.kernels.memory import keep_freed_memory
+    from socialcircle_ros.studies.bench.ratios import (
+        COLUMNS,
+        ROWS,
+        SHARE,
+        all_contestants,
+        missing_peers,
+        race,
+        ratios,
+    )
 
     keep_freed_memory()  # as the node and the other commands do
     console = Console()
@@ -119,8 +127,8 @@ def _growth(repeats: int, path: Path | None, plot: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.evaluation.growth import POINTS, draw_growth, time_growth
-    from socialcircle_ros.node.transport import keep_freed_memory
+    from socialcircle_ros.kernels.memory import keep_freed_memory
+    from socialcircle_ros.studies.bench.growth import POINTS, draw_growth, time_growth
 
     keep_freed_memory()  # as the node and the other commands do
     console = Console()
@@ -148,7 +156,7 @@ def _sizes(repeats: int, path: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.evaluation.benchmarks import SIZES, time_filter
+    from socialcircle_ros.studies.bench.sizes import SIZES, time_filter
 
     console = Console()
     title = 'Simulated metal groove, float32, 9.55 % outliers; medians in ms'
@@ -182,7 +190,7 @@ def _finish(console: 'Console', repeats: int, path: Path | None, figures: dict[s
     import json
 
     from socialcircle_ros.errors import SocialCircleError
-    from socialcircle_ros.evaluation.benchmarks import hardware
+    from socialcircle_ros.kernels.machine import hardware
 
     console.print(f'{hardware()}; load {os.getloadavg()[0]:.1f} at the end', highlight=False)
     if path is None:
@@ -208,7 +216,7 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.node import live_times
+    from socialcircle_ros.clients import live_times
 
     console = Console()
     rows, columns = live_times.SHAPE
@@ -262,7 +270,7 @@ def _depth() -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.evaluation.depth_error import SEEDS, depth_errors, quality_shares
+    from socialcircle_ros.studies.bench.depth_error import SEEDS, depth_errors, quality_shares
 
     console = Console()
     table = Table(title='Depth from focus, errors in z-steps over good pixels', box=None, padding=(0, 2, 0, 0))

@@ -10,7 +10,7 @@ from .options import require_ros
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from socialcircle_ros.node.process import Answer, Client
+    from socialcircle_ros.clients.process import Answer, Client
     from socialcircle_ros.recording.truth import Truth
 
 NAMESPACE = '/socialcircle_demo'
@@ -47,8 +47,8 @@ def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> 
     prepare_process()
     from rich.console import Console
 
+    from socialcircle_ros.clients.process import Client, NodeProcess
     from socialcircle_ros.errors import SocialCircleError
-    from socialcircle_ros.node.process import Client, NodeProcess
 
     console = Console()
     if not console.is_terminal:
@@ -247,8 +247,8 @@ def _table() -> 'Table':
 
 def _row(name: str, answer: 'Answer', truth: 'Truth | None') -> list[str]:
     """One line of the table; precision and recall where the recording knows the truth."""
-    from socialcircle_ros.evaluation.scores import score
     from socialcircle_ros.messages.image import OUTLIER, decode_mono8
+    from socialcircle_ros.metrics.scores import score
 
     values: dict[str, Any] = dict(answer.measurement.values)
     known = ['', '']
@@ -275,9 +275,9 @@ def _milliseconds(text: str | None) -> str:
 
 def _draw(path: Path, name: str, cloud: bytes, answer: 'Answer') -> None:
     """The picture of one cloud, before and after."""
-    from socialcircle_ros.evaluation.pictures import before_and_after
     from socialcircle_ros.messages.image import OUTLIER, decode_mono8
     from socialcircle_ros.messages.point_cloud import PointCloud
+    from socialcircle_ros.report.pictures import before_and_after
 
     xyz = PointCloud.decode(cloud).xyz()
     before_and_after(path, xyz, decode_mono8(answer.mask) == OUTLIER, f'{name}: {answer.measurement.message}')

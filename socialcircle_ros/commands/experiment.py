@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from socialcircle_ros.evaluation.real import RealCloud
+    from socialcircle_ros.studies.comparison.real import RealCloud
 
 NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptive')
 
@@ -36,11 +36,11 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    from socialcircle_ros.evaluation.adaptive import SEEDS
-    from socialcircle_ros.evaluation.experiments import run, write
-    from socialcircle_ros.evaluation.lineup import Lineup, Plan, quick_plan
-    from socialcircle_ros.evaluation.page import prepare
-    from socialcircle_ros.evaluation.pictures import new_figure
+    from socialcircle_ros.report.page import prepare
+    from socialcircle_ros.report.pictures import new_figure
+    from socialcircle_ros.studies.adaptive.experiment import SEEDS
+    from socialcircle_ros.studies.comparison.lineup import Lineup, Plan, quick_plan
+    from socialcircle_ros.studies.experiments import run, write
 
     chosen = _numbers(seeds) if seeds else (SEEDS if name == 'adaptive' else (1, 2, 3))
     plan = quick_plan(chosen) if quick else Plan(chosen)
@@ -72,8 +72,8 @@ def _surfaces(folder: Path) -> 'list[RealCloud]':
     """The height maps of a folder; its focus stacks are no surfaces yet, and are passed over."""
     import numpy as np
 
-    from socialcircle_ros.evaluation.real import RealCloud
     from socialcircle_ros.recording import import_cloud
+    from socialcircle_ros.studies.comparison.real import RealCloud
 
     clouds = []
     for path in sorted(folder.glob('*.npz')):

@@ -34,15 +34,15 @@ def command(
     from rich.console import Console
     from rich.progress import Progress
 
+    from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.messages.diagnostics import OK
-    from socialcircle_ros.node.transport import keep_freed_memory
-    from socialcircle_ros.pipeline import Cleaned
+    from socialcircle_ros.pipeline.clouds import CloudOutputs
     from socialcircle_ros.recording import Message, open_recording
     from socialcircle_ros.recording.offline import filter_recording
-    from socialcircle_ros.settings import Job
+    from socialcircle_ros.settings import PipelineSettings
 
     keep_freed_memory()
-    job = Job.from_ros(parameter_values(params_file, parameters))
+    job = PipelineSettings.from_ros(parameter_values(params_file, parameters))
     console = Console(stderr=True)
     with open_recording(recording) as reader:
         total = reader.message_count
@@ -51,7 +51,7 @@ def command(
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(f'filtering {recording.name}', total=total)
 
-        def seen(_: Message | None, cleaned: list[Cleaned]) -> None:
+        def seen(_: Message | None, cleaned: list[CloudOutputs]) -> None:
             nonlocal points, outliers
             points += sum(result.measured for result in cleaned)
             outliers += sum(result.outliers for result in cleaned)

@@ -7,8 +7,8 @@ from typing import Any
 import click
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
-from socialcircle_ros.parameter_file import as_ros_reads, read_parameter_file
 from socialcircle_ros.settings import PARAMETERS
+from socialcircle_ros.settings.files import as_ros_reads, read_parameter_file
 
 
 def parameter_options(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -37,8 +37,8 @@ def command(
     from rich.console import Console
     from rich.progress import Progress
 
+    from socialcircle_ros.clients.replay import Player
     from socialcircle_ros.errors import RecordingError
-    from socialcircle_ros.node.replay import Player
     from socialcircle_ros.recording import open_recording
 
     prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''

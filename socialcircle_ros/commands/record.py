@@ -32,7 +32,7 @@ def command(
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rich.console import Console
 
-    from socialcircle_ros.node.replay import Recorder
+    from socialcircle_ros.clients.replay import Recorder
     from socialcircle_ros.recording import RecordingWriter
 
     counts: dict[str, int] = {}

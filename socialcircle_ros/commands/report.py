@@ -12,8 +12,8 @@ from .options import parameter_options, parameter_values, quantity, tell_refusal
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from socialcircle_ros.recording.offline import Arrival
-    from socialcircle_ros.stacking import Refusal
+    from socialcircle_ros.pipeline.stacks import Refusal
+    from socialcircle_ros.recording.offline import SourceCloud
 
 
 @click.command('report', epilog='Example: socialcircle report bags/parts.mcap -o report.html')
@@ -40,19 +40,19 @@ def command(
     from rich.console import Console
     from rich.progress import Progress
 
-    from socialcircle_ros.cores import in_order
     from socialcircle_ros.errors import SocialCircleError
-    from socialcircle_ros.evaluation.measurement import Measurement, look_at, report_page
-    from socialcircle_ros.evaluation.page import prepare, save
-    from socialcircle_ros.evaluation.panels import colour_bar
-    from socialcircle_ros.pipeline import clean
+    from socialcircle_ros.kernels.ordered import in_order
+    from socialcircle_ros.pipeline.clouds import filter_cloud
+    from socialcircle_ros.pipeline.stacks import Refusal
     from socialcircle_ros.recording import open_recording
-    from socialcircle_ros.recording.offline import STACK_POINTS, Arrival, arrivals, measurements_of
+    from socialcircle_ros.recording.offline import STACK_POINTS, SourceCloud, measurements_of, source_clouds
     from socialcircle_ros.recording.truth import truths_of
-    from socialcircle_ros.settings import Job, OutputSettings
-    from socialcircle_ros.stacking import Refusal
+    from socialcircle_ros.report.measurement import Measurement, look_at, report_page
+    from socialcircle_ros.report.page import prepare, save
+    from socialcircle_ros.report.thumbnails import colour_bar
+    from socialcircle_ros.settings import OutputSettings, PipelineSettings
 
-    job = Job.from_ros(parameter_values(params_file, parameters))
+    job = PipelineSettings.from_ros(parameter_values(params_file, parameters))
     wanted = OutputSettings(mask=True, repaired=job.output.repaired)
     colour_bar()  # says that matplotlib is missing now, not after minutes
     if output.is_dir():
@@ -63,13 +63,13 @@ def command(
         truths, recorded = truths_of(reader), measurements_of(reader)
         counts: Counter[str] = Counter()
 
-        def one(event: 'tuple[str, Arrival] | Refusal') -> Measurement | str:
+        def one(event: 'tuple[str, SourceCloud] | Refusal') -> Measurement | str:
             """A measurement, or why there is none."""
             if isinstance(event, Refusal):
                 return event.reason
             name, cloud = event
             try:
-                result = clean(cloud.points, job.circle, wanted, job.repair, cloud.depth_of_field)
+                result = filter_cloud(cloud.points, job.circle, wanted, job.repair, cloud.depth_of_field)
             except SocialCircleError as refusal:
                 return str(refusal)
             truth = truths(cloud.namespace, cloud.points)
@@ -87,12 +87,14 @@ def command(
         with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(f'looking at {recording.name}', total=reader.message_count)
 
-            def named() -> 'Iterator[tuple[str, Arrival] | Refusal]':
-                for event in arrivals(reader, job, topics=topics, seen=lambda _: progress.advance(task)):
-                    if isinstance(event, Arrival):
+            def named() -> 'Iterator[tuple[str, SourceCloud] | Refusal]':
+                for event in source_clouds(reader, job, topics=topics, seen=lambda _: progress.advance(task)):
+                    if isinstance(event, SourceCloud):
                         if not counts:
                             with contextlib.suppress(SocialCircleError):
-                                clean(event.points, job.circle, wanted, job.repair)  # loads what is compiled
+                                filter_cloud(
+                                    event.points, job.circle, wanted, job.repair
+                                )  # loads what is compiled
                         yield f'{event.topic} {counts[event.topic]}', event
                         counts[event.topic] += 1
                     else:

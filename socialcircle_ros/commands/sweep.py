@@ -14,10 +14,10 @@ from .options import parameter_options, parameter_values, quantity, tell_refusal
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from socialcircle_ros.evaluation.axes import Values
-    from socialcircle_ros.evaluation.sweep import Case
-    from socialcircle_ros.recording.offline import Arrival
-    from socialcircle_ros.stacking import Refusal
+    from socialcircle_ros.pipeline.stacks import Refusal
+    from socialcircle_ros.recording.offline import SourceCloud
+    from socialcircle_ros.sweep.search_space import Values
+    from socialcircle_ros.sweep.trials import Case
 
 PAGE, TABLE, BEST, TRIALS = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl'
 
@@ -63,12 +63,17 @@ def command(
     from rich.console import Console
     from rich.progress import MofNCompleteColumn, Progress
 
-    from socialcircle_ros.cores import in_order
     from socialcircle_ros.errors import RecordingError, SocialCircleError
-    from socialcircle_ros.evaluation.axes import grid, parse_axis
-    from socialcircle_ros.evaluation.page import prepare, save
-    from socialcircle_ros.evaluation.pictures import new_figure
-    from socialcircle_ros.evaluation.sweep import (
+    from socialcircle_ros.kernels.ordered import in_order
+    from socialcircle_ros.recording import open_recording
+    from socialcircle_ros.recording.offline import source_clouds
+    from socialcircle_ros.recording.truth import truths_of
+    from socialcircle_ros.report.page import prepare, save
+    from socialcircle_ros.report.pictures import new_figure
+    from socialcircle_ros.settings import CircleSettings, FocusSettings, PipelineSettings, StackSettings, yaml_text
+    from socialcircle_ros.sweep.page import in_words, sweep_page, trials_table
+    from socialcircle_ros.sweep.search_space import grid, parse_axis
+    from socialcircle_ros.sweep.trials import (
         Case,
         Search,
         Trial,
@@ -81,11 +86,6 @@ def command(
         remembered,
         untried,
     )
-    from socialcircle_ros.evaluation.sweep_page import in_words, sweep_page, trials_table
-    from socialcircle_ros.recording import open_recording
-    from socialcircle_ros.recording.offline import arrivals
-    from socialcircle_ros.recording.truth import truths_of
-    from socialcircle_ros.settings import CircleSettings, FocusSettings, Job, StackSettings, yaml_text
 
     axes = [parse_axis(text) for text in params]
     given = parameter_values(params_file, parameters)
@@ -106,11 +106,11 @@ def command(
         refused.clear()
         with open_recording(recording) as reader:
             truths = truths_of(reader)
-            events = arrivals(reader, Job.from_ros(base | focus.to_ros()), topics=topics)
+            events = source_clouds(reader, PipelineSettings.from_ros(base | focus.to_ros()), topics=topics)
             chosen = evenly(_clouds(events, refused), most)
             damage = reader.damage
 
-        def case(named: 'tuple[str, Arrival]') -> 'Case | str':
+        def case(named: 'tuple[str, SourceCloud]') -> 'Case | str':
             """A cloud with what is to be removed, or why it is none."""
             name, cloud = named
             try:
@@ -181,9 +181,11 @@ def command(
     click.echo(f'{TABLE}, {BEST} and {TRIALS} written to {out}; next: open {out / PAGE}')
 
 
-def _clouds(events: 'Iterator[Arrival | Refusal]', refused: Counter[str]) -> 'Iterator[tuple[str, Arrival]]':
+def _clouds(
+    events: 'Iterator[SourceCloud | Refusal]', refused: Counter[str]
+) -> 'Iterator[tuple[str, SourceCloud]]':
     """The clouds with their names; what was refused is counted."""
-    from socialcircle_ros.stacking import Refusal
+    from socialcircle_ros.pipeline.stacks import Refusal
 
     counts: Counter[str] = Counter()
     for event in events:

@@ -40,7 +40,7 @@ def command(arguments: tuple[str, ...], node: str, port: int, host: str, presets
     from socialcircle_ros.panel.presets import default_folder
 
     require_viser()
-    from socialcircle_ros.node.tune import tune
+    from socialcircle_ros.clients.tune import tune
 
     def serving(name: str, address: str) -> None:
         click.echo(f'Tuning {name} at {address}; Ctrl-C ends it.')

@@ -10,8 +10,8 @@ the pixel. Their product is taken away.
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.threads import in_bands
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
 
 from .measure import Frame, laplacian_row
 

@@ -16,8 +16,8 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.threads import in_bands
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
 
 from .curve import OCTAVE, REACH, SLOTS, Codes, Curves, Places
 

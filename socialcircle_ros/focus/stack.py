@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import StackError
+from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
 
 from .centroid import centred

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import MessageError
-from socialcircle_ros.threads import in_bands
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
 
 from .cdr import CdrReader, CdrWriter
 from .header import Header

@@ -12,18 +12,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.settings import (
-    PARAMETERS,
-    Job,
-    NodeSettings,
-    Parameter,
-    RosValue,
-    yaml_text,
-)
+from socialcircle_ros.settings import PARAMETERS, NodeSettings, Parameter, PipelineSettings, RosValue, yaml_text
 
 
 @dataclass(frozen=True)
-class Configuration(Job):
+class Configuration(PipelineSettings):
     """All settings of the node at one moment; a cloud is processed under one of these, never under two."""
 
     node: NodeSettings = field(default_factory=NodeSettings)

@@ -23,8 +23,8 @@ from std_srvs.srv import Trigger
 from socialcircle_ros.errors import SocialCircleError, StackError, printable
 from socialcircle_ros.messages import diagnostics, image, joint_state
 from socialcircle_ros.messages.point_cloud import TYPE
-from socialcircle_ros.pipeline import Filtering
-from socialcircle_ros.stacking import Refusal, StackCloud
+from socialcircle_ros.pipeline.clouds import Filtering
+from socialcircle_ros.pipeline.stacks import Refusal, StackCloud
 
 from .connections import SILENT, complaints, node_of
 from .health import Health

@@ -16,12 +16,12 @@ from sensor_msgs.msg import Image, JointState, PointCloud2
 
 from socialcircle_ros.errors import StackError, printable
 from socialcircle_ros.focus import count_reasons
-from socialcircle_ros.stacking import Event, Refusal, StackAssembler, StackCloud
+from socialcircle_ros.kernels.memory import reserve_memory
+from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackCloud, StackEvent
 
 from .health import Health
 from .parameters import Configuration
 from .serialized import publish
-from .transport import reserve_memory
 from .worker import QueueWorker
 
 FRAME_DEPTH, JOINT_DEPTH = 50, 500
@@ -43,10 +43,10 @@ _FINISHING = 30.0  # s that a caller of finish waits; the fit takes a hundredth 
 class _Job:
     """Something to do on the worker's thread."""
 
-    act: Callable[[StackAssembler], Iterator[Event]]
+    act: Callable[[StackAssembler], Iterator[StackEvent]]
     arrived: float = 0.0
     done: threading.Event | None = None
-    events: list[Event] | None = None
+    events: list[StackEvent] | None = None
 
 
 class StackInput:
@@ -119,7 +119,7 @@ class StackInput:
         """Forget the stack that runs."""
         self._ask(self._forget)
 
-    def finish(self) -> list[Event]:
+    def finish(self) -> list[StackEvent]:
         """Close the stack that runs, and wait for what comes of it; nothing where none runs.
 
         Frames that DDS has already delivered belong to it: the executor takes one a round, and a service call
@@ -164,19 +164,19 @@ class StackInput:
     def _joint_state_arrived(self, message: bytes) -> None:
         self._worker.put(_Job(lambda assembler: assembler.add_joint_state(message), time.monotonic()))
 
-    def _ask(self, act: Callable[[StackAssembler], Iterator[Event]]) -> list[Event]:
+    def _ask(self, act: Callable[[StackAssembler], Iterator[StackEvent]]) -> list[StackEvent]:
         """Have something done after what waits, and wait for it.
 
         Raises:
             StackError: it was not done in time.
         """
-        done, events = threading.Event(), list[Event]()
+        done, events = threading.Event(), list[StackEvent]()
         self._worker.put(_Job(act, time.monotonic(), done, events))
         if not done.wait(_FINISHING):
             raise StackError(f'Too many frames wait to be measured; nothing came of it in {_FINISHING:.0f} s.')
         return events
 
-    def _forget(self, _: StackAssembler) -> Iterator[Event]:
+    def _forget(self, _: StackAssembler) -> Iterator[StackEvent]:
         self._assembler = StackAssembler()
         return iter(())
 
@@ -211,7 +211,7 @@ class StackInput:
         if self._assembler.running and timeout and time.monotonic() - self._last_arrival > timeout:
             self._work(_Job(StackAssembler.finish, time.monotonic()))
 
-    def _handle(self, event: Event) -> None:
+    def _handle(self, event: StackEvent) -> None:
         if isinstance(event, Refusal):
             self._health.frame_refused(event.reason)
             self._node.get_logger().warning(event.reason, throttle_duration_sec=5.0)

@@ -15,7 +15,8 @@ from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import encode_image
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
-from socialcircle_ros.pipeline import clean
+from socialcircle_ros.pipeline.clouds import filter_cloud
+from socialcircle_ros.pipeline.stacks import StackAssembler
 from socialcircle_ros.settings import (
     CircleSettings,
     FocusSettings,
@@ -24,7 +25,6 @@ from socialcircle_ros.settings import (
     RepairSettings,
     StackSettings,
 )
-from socialcircle_ros.stacking import StackAssembler
 
 _LOOK = 0.05  # s between two looks whether somebody still waits
 
@@ -89,7 +89,7 @@ def _compile_common(mode: Mode) -> None:
     """
     helper = _helper() if _is_cold() else None
     for kind in (np.float32, np.float64):
-        clean(_cloud(kind), CircleSettings(mode=mode), depth_of_field=1.0)
+        filter_cloud(_cloud(kind), CircleSettings(mode=mode), depth_of_field=1.0)
     if helper is not None:
         with helper:
             helper.wait()
@@ -123,13 +123,13 @@ def _help() -> None:
 def _compile_rare() -> None:
     """What a setting or another camera asks for."""
     for other in get_args(Mode):
-        clean(_cloud(np.float32), CircleSettings(mode=other), depth_of_field=1.0)
+        filter_cloud(_cloud(np.float32), CircleSettings(mode=other), depth_of_field=1.0)
     # Where the points begin in a message goes with the name of the frame; float64 may lie at half of its size.
     for kind, frame in ((np.float32, ''), (np.float64, ''), (np.float64, 'four')):
         cloud = _cloud(kind, frame)
-        clean(cloud, CircleSettings(window=5))
+        filter_cloud(cloud, CircleSettings(window=5))
         for method in ('biharmonic', 'spline'):
-            clean(cloud, None, OutputSettings(repaired=True), RepairSettings(method=method))
+            filter_cloud(cloud, None, OutputSettings(repaired=True), RepairSettings(method=method))
     _measure(np.uint16)
     pixels = np.frombuffer(bytes(48), np.uint8)  # read-only, as in a message
     for blue_first in (False, True):

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.evaluation.pictures import any_in_tile, thinned
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
-from socialcircle_ros.pipeline import Cleaned, clean
+from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
+from socialcircle_ros.report.pictures import any_in_tile, thinned
 from socialcircle_ros.settings import CircleSettings, OutputSettings, RosValue
 
 from . import colours
@@ -20,7 +20,7 @@ class Side:
     """What one of the two settings makes of the cloud."""
 
     name: str
-    cleaned: Cleaned
+    cleaned: CloudOutputs
     mask: npt.NDArray[np.uint8]
 
 
@@ -71,7 +71,7 @@ def compare(
     sides = []
     for name, values in (a, b):
         circle = CircleSettings.from_ros(values).of_a_stack(depth_of_field)
-        cleaned = clean(cloud, circle, OutputSettings(mask=True))
+        cleaned = filter_cloud(cloud, circle, OutputSettings(mask=True))
         sides.append(Side(name, cleaned, decode_mono8(cleaned.mask or b'')))
     differing = tuple((key, value, b[1][key]) for key, value in a[1].items() if value != b[1].get(key, value))
     return Comparison(cloud, sides[0], sides[1], differing)

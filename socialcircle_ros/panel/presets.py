@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
-from socialcircle_ros.parameter_file import read_parameter_file
 from socialcircle_ros.settings import RosValue, yaml_text
+from socialcircle_ros.settings.files import read_parameter_file
 
 
 class Presets:

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.errors import CloudError
-from socialcircle_ros.evaluation.pictures import any_in_tile, thinned
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER
+from socialcircle_ros.report.pictures import any_in_tile, thinned
 
 from . import colours
 

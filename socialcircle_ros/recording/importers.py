@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
-from socialcircle_ros.recording.point_files import PointTable, read_pcd, read_ply
+
+from .point_files import PointTable, read_pcd, read_ply
 
 Array = NDArray[Any]
 

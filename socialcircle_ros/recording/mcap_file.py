@@ -23,7 +23,8 @@ from mcap.records import Channel, Chunk, ChunkIndex, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from socialcircle_ros.errors import RecordingError
-from socialcircle_ros.recording.topics import Message, Topic
+
+from .topics import Message, Topic
 
 _HEAD = struct.Struct('<BQ')  # of every record: opcode, length of its body
 _MESSAGE = struct.Struct('<HIQQ')  # of a message's body: channel, sequence, log time, publish time

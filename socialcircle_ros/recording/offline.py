@@ -7,9 +7,9 @@ from pathlib import Path
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.messages import diagnostics, image, point_cloud
-from socialcircle_ros.pipeline import Cleaned, clean
-from socialcircle_ros.settings import Job
-from socialcircle_ros.stacking import Event, Refusal, StackAssembler
+from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
+from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
+from socialcircle_ros.settings import PipelineSettings
 
 from .overlap import WriterBehind, read_ahead
 from .reader import RecordingReader, open_recording
@@ -52,7 +52,7 @@ class Summary:
 
 
 @dataclass(frozen=True)
-class Arrival:
+class SourceCloud:
     """A cloud of a recording, as the filter meets it.
 
     Attributes:
@@ -77,12 +77,12 @@ class Arrival:
 def filter_recording(
     source: str | Path,
     target: str | Path,
-    job: Job,
+    job: PipelineSettings,
     *,
     topics: tuple[str, ...] = (),
     compression: Compression = 'none',
     overwrite: bool = False,
-    seen: Callable[[Message | None, list[Cleaned]], None] = lambda message, cleaned: None,
+    seen: Callable[[Message | None, list[CloudOutputs]], None] = lambda message, cleaned: None,
 ) -> Summary:
     """Filter each cloud of a recording, and write a recording with the results beside all that it had.
 
@@ -121,7 +121,7 @@ def filter_recording(
                     if message is not None:
                         behind.write(*message)
                         summary.passed += all(message.topic not in cell.inputs for cell in cells)
-                    cleaned: list[Cleaned] = []
+                    cleaned: list[CloudOutputs] = []
                     for event in events:
                         if isinstance(event, Refusal):
                             summary.refuse(event.reason)
@@ -132,13 +132,13 @@ def filter_recording(
     return summary
 
 
-def arrivals(
+def source_clouds(
     reader: RecordingReader,
-    job: Job,
+    job: PipelineSettings,
     *,
     topics: tuple[str, ...] = (),
     seen: Callable[[Message | None], None] = lambda message: None,
-) -> Iterator[Arrival | Refusal]:
+) -> Iterator[SourceCloud | Refusal]:
     """The clouds that `filter_recording` would filter, in their order; those of stacks are made first.
 
     Args:
@@ -196,7 +196,7 @@ def stacks_of(reader: RecordingReader) -> tuple[str, ...]:
 class _Cell:
     """One namespace of the recording: what comes in, and what goes out beside it."""
 
-    def __init__(self, namespace: str, clouds: Iterable[str], stack: bool, job: Job) -> None:
+    def __init__(self, namespace: str, clouds: Iterable[str], stack: bool, job: PipelineSettings) -> None:
         self._namespace = namespace
         self._timeout = job.stack.timeout
         self._clouds = set(clouds)
@@ -219,10 +219,10 @@ class _Cell:
         self.results = {f'{namespace}/{name}': kind for name, kind in kinds.items()}
         self.replaced = {f'{namespace}/{name}' for name in replaced}
 
-    def take(self, message: Message) -> Iterator[Arrival | Refusal]:
+    def take(self, message: Message) -> Iterator[SourceCloud | Refusal]:
         """Take in a message of this cell; the clouds that came of it."""
         if message.topic in self._clouds:
-            yield Arrival(self._namespace, message.topic, message.data, message)
+            yield SourceCloud(self._namespace, message.topic, message.data, message)
             return
         if message.topic == self._joints:
             yield from self._handle(self._assembler.add_joint_state(message.data), message)
@@ -233,17 +233,17 @@ class _Cell:
         self._last_frame = message
         yield from self._handle(self._assembler.add_frame(message.data), message)
 
-    def finish(self, last: Message) -> Iterator[Arrival | Refusal]:
+    def finish(self, last: Message) -> Iterator[SourceCloud | Refusal]:
         """Close the stack that runs at the end of the recording."""
         if self._assembler.running:
             yield from self._handle(self._assembler.finish(), last)
 
-    def _handle(self, events: Iterator[Event], message: Message) -> Iterator[Arrival | Refusal]:
+    def _handle(self, events: Iterator[StackEvent], message: Message) -> Iterator[SourceCloud | Refusal]:
         for event in events:
             if isinstance(event, Refusal):
                 yield event
             elif not event.preview:
-                yield Arrival(
+                yield SourceCloud(
                     self._namespace,
                     f'{self._namespace}/{STACK_POINTS}',
                     event.points,
@@ -256,7 +256,7 @@ class _Cell:
 
 def _walk(
     messages: Iterable[Message], cells: Sequence[_Cell]
-) -> Iterator[tuple[Message | None, Iterator[Arrival | Refusal]]]:
+) -> Iterator[tuple[Message | None, Iterator[SourceCloud | Refusal]]]:
     """Each message that is no result of an earlier run, with what comes of it; None at the end."""
     produced = {name for cell in cells for name in cell.replaced}
     by_input = {name: cell for cell in cells for name in cell.inputs}
@@ -271,7 +271,9 @@ def _walk(
             yield None, cell.finish(last)
 
 
-def _filter(arrival: Arrival, job: Job, summary: Summary, writer: WriterBehind) -> list[Cleaned]:
+def _filter(
+    arrival: SourceCloud, job: PipelineSettings, summary: Summary, writer: WriterBehind
+) -> list[CloudOutputs]:
     """Filter one cloud and write what it gives; a refusal is counted with its reason, and ends nothing."""
     results: dict[str, bytes] = {}
     if arrival.image is not None:
@@ -279,9 +281,9 @@ def _filter(arrival: Arrival, job: Job, summary: Summary, writer: WriterBehind) 
         if arrival.warning:
             summary.warnings[arrival.warning] = summary.warnings.get(arrival.warning, 0) + 1
         results = {STACK_POINTS: arrival.points, STACK_IMAGE: arrival.image}
-    cleaned: list[Cleaned] = []
+    cleaned: list[CloudOutputs] = []
     try:
-        cleaned = [clean(arrival.points, job.circle, job.output, job.repair, arrival.depth_of_field)]
+        cleaned = [filter_cloud(arrival.points, job.circle, job.output, job.repair, arrival.depth_of_field)]
     except SocialCircleError as refusal:
         summary.refuse(str(refusal))
     for result in cleaned:
@@ -299,7 +301,7 @@ def _filter(arrival: Arrival, job: Job, summary: Summary, writer: WriterBehind) 
     return cleaned
 
 
-def _cells(reader: RecordingReader, topics: tuple[str, ...], job: Job) -> list[_Cell]:
+def _cells(reader: RecordingReader, topics: tuple[str, ...], job: PipelineSettings) -> list[_Cell]:
     """The namespaces that have clouds or stacks to filter.
 
     Raises:

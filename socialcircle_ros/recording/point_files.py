@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.kernels.compiled import kernel
 
 Array = NDArray[Any]
 

@@ -11,8 +11,9 @@ from typing import Any
 import yaml
 
 from socialcircle_ros.errors import RecordingError
-from socialcircle_ros.recording.mcap_file import DAMAGE, McapFile, Span
-from socialcircle_ros.recording.topics import Message, Topic
+
+from .mcap_file import DAMAGE, McapFile, Span
+from .topics import Message, Topic
 
 
 class RecordingReader:

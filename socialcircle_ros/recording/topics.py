@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from socialcircle_ros.recording.schemas import schema_text, type_hash
+from .schemas import schema_text, type_hash
 
 _FOREVER = 'sec: 9223372036\n    nsec: 854775807'
 

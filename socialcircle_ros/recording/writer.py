@@ -11,7 +11,8 @@ import yaml
 from mcap.writer import CompressionType, IndexType, Writer
 
 from socialcircle_ros.errors import RecordingError
-from socialcircle_ros.recording.topics import Topic
+
+from .topics import Topic
 
 Compression = Literal['none', 'lz4', 'zstd']
 

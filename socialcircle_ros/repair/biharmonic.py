@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.threads import in_bands
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
 
 from .holes import MEASURED, PADDING, UNUSABLE, Index, Reals
 from .profile import find_profile, height_on, measured_heights, sum_bends, usual_bend

@@ -3,7 +3,7 @@
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, Mask
-from socialcircle_ros.compiled import kernel
+from socialcircle_ros.kernels.compiled import kernel
 
 from .holes import Index, Reals
 

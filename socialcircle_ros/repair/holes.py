@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.union_find import root_of
+from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.union_find import root_of
 
 Index = npt.NDArray[np.int32]
 Reals = npt.NDArray[np.float64]

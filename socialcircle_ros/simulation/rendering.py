@@ -20,8 +20,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.compiled import kernel
 from socialcircle_ros.errors import SettingError
+from socialcircle_ros.kernels.compiled import kernel
 
 from .optics import Optics
 from .specimen import Glints, Specimen

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from naive import baselines as naive
 
 from socialcircle_ros.baselines import median_filter, radius_filter, statistical_filter, window_median
+from socialcircle_ros.baselines.settings import MedianSettings, RadiusSettings, StatisticalSettings
 from socialcircle_ros.errors import CloudError, SettingError
-from socialcircle_ros.settings import MedianSettings, RadiusSettings, StatisticalSettings
 
 FILTERS = [radius_filter, statistical_filter, median_filter]
 

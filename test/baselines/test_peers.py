@@ -6,8 +6,8 @@ from baselines.clouds import rough
 from naive import baselines as naive
 
 from socialcircle_ros.baselines import peers, radius_filter, statistical_filter
+from socialcircle_ros.baselines.settings import RadiusSettings, StatisticalSettings
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.settings import RadiusSettings, StatisticalSettings
 
 RADIUS = [
     pytest.param(

@@ -150,12 +150,12 @@ def test_members_do_not_depend_on_the_number_of_threads(window, monkeypatch):
     heights[generator.random(heights.shape) < 0.2] = np.nan
     heights[40, 70] = 0.0
     xyz = grid(heights, dtype='float32')
-    monkeypatch.setattr('socialcircle_ros.threads._LEAST', 1)
-    monkeypatch.setattr('socialcircle_ros.circle.windows._LEAST_TILES', 1)
+    monkeypatch.setattr('socialcircle_ros.kernels.bands._LEAST', 1)
+    monkeypatch.setattr('socialcircle_ros.circle.wide_windows._LEAST_TILES', 1)
 
     masks = []
     for threads in (1, 2, 7):
-        monkeypatch.setattr('socialcircle_ros.threads.limit', threads)
+        monkeypatch.setattr('socialcircle_ros.kernels.bands.limit', threads)
         masks.append(expand(xyz, (40, 70), np.float32(20.0), window))
 
     assert masks[0].sum() > 90 * 150 / 2

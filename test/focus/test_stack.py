@@ -311,8 +311,8 @@ def test_the_result_does_not_depend_on_the_number_of_threads(monkeypatch):
     for place in range(15):
         stack.add((texture * np.exp(-(((place - 7) / 3) ** 2))).astype(np.uint8), float(place))
     one = stack.finish()
-    monkeypatch.setattr('socialcircle_ros.threads._LEAST', 100)
-    monkeypatch.setattr('socialcircle_ros.threads.limit', 3)
+    monkeypatch.setattr('socialcircle_ros.kernels.bands._LEAST', 100)
+    monkeypatch.setattr('socialcircle_ros.kernels.bands.limit', 3)
     three = stack.finish()
     for name in ('depth', 'quality', 'reasons', 'image'):
         np.testing.assert_array_equal(getattr(one, name), getattr(three, name))

@@ -111,8 +111,8 @@ def test_only_coordinates_of_outliers_and_is_dense_change_on_any_number_of_threa
     parts, outliers = case
     message = parts.message()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('socialcircle_ros.threads._LEAST', 1)
-        patch.setattr('socialcircle_ros.threads.limit', threads)
+        patch.setattr('socialcircle_ros.kernels.bands._LEAST', 1)
+        patch.setattr('socialcircle_ros.kernels.bands.limit', threads)
         changed = PointCloud.decode(message).without(outliers, dense=False)
     expected = bytearray(parts.data)
     for name in 'xyz':

@@ -9,16 +9,16 @@ from examples import cloud
 from live import PATIENCE
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
+from socialcircle_ros.clients.replay import Player
 from socialcircle_ros.messages import image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image as Frame
 from socialcircle_ros.messages.image import encode_image
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.node.replay import Player
 from socialcircle_ros.recording import Message, open_recording, ros_topic
 from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.recording.topics import offered_qos
-from socialcircle_ros.settings import FocusSettings, Job, StackSettings
+from socialcircle_ros.settings import FocusSettings, PipelineSettings, StackSettings
 
 pytestmark = pytest.mark.live
 
@@ -83,7 +83,7 @@ def test_the_shipped_stack_becomes_the_cloud_that_the_offline_filter_makes(start
         player.play(reader.messages(INPUTS))
     filtered, mask, _ = scope.cell.answer()
     values = yaml.safe_load(parameters.read_text())['/**']['ros__parameters']
-    job = Job(stack=StackSettings.from_ros(values), focus=FocusSettings.from_ros(values))
+    job = PipelineSettings(stack=StackSettings.from_ros(values), focus=FocusSettings.from_ros(values))
     filter_recording(BAG, tmp_path / 'offline.mcap', job)
     with open_recording(tmp_path / 'offline.mcap') as reader:
         offline = {message.topic: message.data for message in reader.messages() if message.topic not in INPUTS}

@@ -7,7 +7,7 @@ import time
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.panel.link import Answer, Descriptor, Event, Kind, Presence, Snapshot
-from socialcircle_ros.pipeline import clean
+from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.settings import GROUPS, PARAMETERS, CircleSettings
 
 KINDS = {bool: Kind.BOOLEAN, int: Kind.WHOLE, float: Kind.REAL, str: Kind.TEXT, list: Kind.WHOLES}
@@ -75,7 +75,7 @@ class FakeLink:
         return 'Saved to ~/.ros/socialcircle/cell1.social_circle.yaml.'
 
     def filter(self, cloud):
-        cleaned = clean(cloud, CircleSettings.from_ros(self.snapshot.values))
+        cleaned = filter_cloud(cloud, CircleSettings.from_ros(self.snapshot.values))
         number = self.snapshot.answer.number + 1 if self.snapshot.answer else 1
         self.update(answer=Answer(number, cloud, decode_mono8(cleaned.mask), cleaned.measurement))
 

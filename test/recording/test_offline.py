@@ -12,10 +12,10 @@ from socialcircle_ros.messages import diagnostics, image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
-from socialcircle_ros.pipeline import clean
+from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.recording import RecordingWriter, Topic, open_recording, ros_topic
-from socialcircle_ros.recording.offline import arrivals, filter_recording
-from socialcircle_ros.settings import Job, OutputSettings
+from socialcircle_ros.recording.offline import filter_recording, source_clouds
+from socialcircle_ros.settings import OutputSettings, PipelineSettings
 
 OTHER = Topic('/cell/notes', 'odd_msgs/msg/Note', b'string text\n', 'ros2msg', 'cdr', {'by': 'someone'})
 
@@ -38,7 +38,7 @@ def night(path, clouds=3, topic='/cell/points'):
 
 
 def run(source, target, circle=None, output=None, **options):
-    job = Job(circle=circle or CircleSettings(), output=output or OutputSettings())
+    job = PipelineSettings(circle=circle or CircleSettings(), output=output or OutputSettings())
     return filter_recording(source, target, job, **options)
 
 
@@ -70,7 +70,7 @@ def test_results_are_the_pipeline_s_under_the_node_s_names_at_the_cloud_s_times(
     assert {name: topics[name].type for name in names} == names
     by_topic = {name: [m for m in messages if m.topic == name] for name in topics}
     for number, message in enumerate(by_topic['/cell/points']):
-        expected = clean(message.data, settings, OutputSettings())
+        expected = filter_cloud(message.data, settings, OutputSettings())
         results = (expected.filtered, expected.mask, expected.status.encode())
         for name, data in zip(names, results, strict=True):
             assert by_topic[name][number][1:] == (data, *message[2:])
@@ -85,7 +85,7 @@ def test_the_adaptive_mode_s_score_is_recorded_where_it_is_wanted(tmp_path):
     clouds = [m for m in messages if m.topic == '/cell/points']
     scores = [m for m in messages if m.topic == '/cell/outlier_score']
     for before, score in zip(clouds, scores, strict=True):
-        assert score[1:] == (clean(before.data, settings, output).score, *before[2:])
+        assert score[1:] == (filter_cloud(before.data, settings, output).score, *before[2:])
 
 
 def test_there_is_no_score_of_the_paper_s_mode_and_an_earlier_one_gives_way(tmp_path):
@@ -187,7 +187,7 @@ def test_shipped_recordings_are_filtered_nearly_without_error(request):
             messages = list(reader.messages())
         truths = {message.log_time: message.data for message in messages if message.topic == '/truth/outlier_mask'}
         for message in (message for message in messages if message.topic == '/points'):
-            cleaned = clean(message.data, CircleSettings(), OutputSettings())
+            cleaned = filter_cloud(message.data, CircleSettings(), OutputSettings())
             truth, mask = decode_mono8(truths[message.log_time]), decode_mono8(cleaned.mask)
             certain = truth != image.NOT_MEASURED
             wrong = np.count_nonzero((truth != mask) & certain)
@@ -209,7 +209,7 @@ def test_the_clouds_that_would_be_filtered_come_in_their_order_with_their_messag
     source = night(tmp_path / 'night.mcap')
     seen = []
     with open_recording(source) as reader:
-        clouds = list(arrivals(reader, Job(), seen=seen.append))
+        clouds = list(source_clouds(reader, PipelineSettings(), seen=seen.append))
         messages = list(reader.messages())
     assert [cloud.message for cloud in clouds] == [m for m in messages if m.topic == '/cell/points']
     assert [(cloud.namespace, cloud.topic, cloud.image) for cloud in clouds] == [

@@ -10,11 +10,11 @@ from hypothesis.extra import numpy as npst
 from naive import repair as naive
 from repair.surfaces import cloud, fractal, scattered_and_clustered, step_distance
 
-from socialcircle_ros import settings as package_settings
 from socialcircle_ros.errors import CloudError, SettingError
 from socialcircle_ros.repair import repair_holes
 from socialcircle_ros.repair.holes import find_holes
 from socialcircle_ros.settings import RepairSettings
+from socialcircle_ros.settings import groups as package_settings
 
 METHODS = ['biharmonic', 'spline']
 

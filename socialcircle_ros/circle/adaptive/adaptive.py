@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.compiled import kernel
+from socialcircle_ros.kernels.compiled import kernel
 
 from .islands import islands
 from .jumps import Heights, jumps_of, scale_of

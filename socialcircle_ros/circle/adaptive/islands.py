@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.threads import in_bands
-from socialcircle_ros.union_find import root_of
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.union_find import root_of
 
 from .jumps import NONE, UNIT, Jumps, interpolated, widened
 from .relief import Relief

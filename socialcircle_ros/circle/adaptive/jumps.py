@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.threads import in_bands
-
-from .ordering import median_of_sorted, sort_columns, sorted_values
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.ordering import median_of_sorted, sort_columns, sorted_values
 
 Heights = npt.NDArray[np.float32]
 Jumps = npt.NDArray[np.int8]

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.threads import in_bands
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
 
 from .jumps import NONE, UNIT, Heights, Jumps
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.compiled import kernel
-from socialcircle_ros.threads import in_bands
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
 
 from .jumps import NONE, UNIT, Jumps
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.compiled import kernel
+from socialcircle_ros.kernels.compiled import kernel
 
 from .jumps import Heights
 

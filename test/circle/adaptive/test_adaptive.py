@@ -8,8 +8,8 @@ from clouds import Recipe, recipes
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from socialcircle_ros import threads
 from socialcircle_ros.circle.adaptive import find_outliers
+from socialcircle_ros.kernels import bands
 
 
 def heights_of(recipe):
@@ -96,7 +96,7 @@ def test_the_same_cloud_gives_the_same_with_one_thread_and_with_two(monkeypatch)
     heights[200:208, 300:310] -= 20
     results = []
     for limit in (1, 2):
-        monkeypatch.setattr(threads, 'limit', limit)
+        monkeypatch.setattr(bands, 'limit', limit)
         results.append(find_outliers(heights))
 
     assert_same(*results)

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import adaptive as naive
 
-from socialcircle_ros import threads
 from socialcircle_ros.circle.adaptive.islands import LARGEST, islands
 from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT
+from socialcircle_ros.kernels import bands
 
 
 def jumps_between(heights, spread=1.0):
@@ -163,7 +163,7 @@ def test_both_sides_at_once_give_what_one_after_the_other_gives(monkeypatch):
     assert heights.size > 200_000
     results = []
     for limit in (1, 2):
-        monkeypatch.setattr(threads, 'limit', limit)
+        monkeypatch.setattr(bands, 'limit', limit)
         results.append(islands(np.nan_to_num(heights), jumps, np.isfinite(heights), 4.0, 0.93, 1))
 
     np.testing.assert_array_equal(results[0][0], results[1][0])

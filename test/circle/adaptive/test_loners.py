@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import adaptive as naive
 
-from socialcircle_ros import threads
 from socialcircle_ros.circle.adaptive.jumps import NONE, jumps_of, scale_of
 from socialcircle_ros.circle.adaptive.loners import loners, patched
+from socialcircle_ros.kernels import bands
 
 SHAPES = st.tuples(st.integers(1, 16), st.integers(1, 16))
 
@@ -89,7 +89,7 @@ def test_bands_of_rows_side_by_side_change_nothing(monkeypatch):
     assert jumps[0].size > 200_000
     results = []
     for limit in (1, 2):
-        monkeypatch.setattr(threads, 'limit', limit)
+        monkeypatch.setattr(bands, 'limit', limit)
         results.append(loners(jumps))
 
     np.testing.assert_array_equal(*results)

@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import adaptive as naive
 
-from socialcircle_ros import threads
 from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT
 from socialcircle_ros.circle.adaptive.relief import SURPRISE, _divergence, _residual, _solved, relief_of
+from socialcircle_ros.kernels import bands
 
 
 def random_jumps(shape, random, gone=0.1):
@@ -109,7 +109,7 @@ def test_bands_of_rows_side_by_side_change_nothing(monkeypatch):
     jumps = random_jumps((450, 500), 5)
     results = []
     for limit in (1, 2):
-        monkeypatch.setattr(threads, 'limit', limit)
+        monkeypatch.setattr(bands, 'limit', limit)
         results.append(relief_of(jumps))
 
     np.testing.assert_array_equal(*results)

@@ -1,0 +1,1 @@
+"""What talks to a node from outside: process, player, recorder, remote parameters."""

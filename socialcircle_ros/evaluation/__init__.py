@@ -1,1 +1,0 @@
-"""Scores, experiments and benchmarks."""

@@ -1,0 +1,46 @@
+"""The machine: how many cores this process may use, and the line that names the hardware beside measured times."""
+
+import contextlib
+import math
+import os
+import platform
+from pathlib import Path
+
+import numpy as np
+
+_CGROUP = Path('/sys/fs/cgroup')
+
+
+def usable_cores(cgroup: Path = _CGROUP) -> int:
+    """How many cores this process may use: its affinity, and the share of time that its control group grants.
+
+    Args:
+        cgroup: where the control group's files are (version 2: `cpu.max`; version 1: `cpu/cpu.cfs_quota_us`).
+
+    Returns:
+        At least 1. A quota of 1.5 cores counts as 2: the second core is used for half of the time.
+    """
+    cores = len(os.sched_getaffinity(0))
+    quota = _quota(cgroup)
+    return cores if quota is None else max(1, min(cores, math.ceil(quota)))
+
+
+def _quota(cgroup: Path) -> float | None:
+    """Cores that the control group grants; None where it sets no limit."""
+    with contextlib.suppress(OSError, ValueError):
+        quota, period = (cgroup / 'cpu.max').read_text(encoding='ascii').split()
+        return None if quota == 'max' else int(quota) / int(period)
+    with contextlib.suppress(OSError, ValueError):
+        first = int((cgroup / 'cpu' / 'cpu.cfs_quota_us').read_text(encoding='ascii'))
+        second = int((cgroup / 'cpu' / 'cpu.cfs_period_us').read_text(encoding='ascii'))
+        return first / second if first > 0 else None
+    return None
+
+
+def hardware() -> str:
+    """Processor, cores, and versions of Python and NumPy, in one line."""
+    model = platform.processor() or platform.machine()
+    with contextlib.suppress(OSError, StopIteration):
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+        model = next(line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
+    return f'{model}, {usable_cores()} cores, Python {platform.python_version()}, NumPy {np.__version__}'

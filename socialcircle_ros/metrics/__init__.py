@@ -1,0 +1,1 @@
+"""Numbers that describe a mask or a surface: scores against the truth, areal texture."""

@@ -1,0 +1,382 @@
+"""Frames and stage positions in, clouds out: the job that the node does live and `socialcircle filter` offline.
+
+A stack is closed at its end, or broken off where what comes cannot belong to it; either way the next frame
+finds everything ready for the next stack.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from socialcircle_ros.errors import MessageError, SocialCircleError, StackError, printable
+from socialcircle_ros.focus import FocusStack
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import Image, encode_image
+from socialcircle_ros.messages.joint_state import JointState
+from socialcircle_ros.messages.point_cloud import write_float_cloud
+from socialcircle_ros.settings import FocusSettings, StackSettings
+
+WAITING = 64
+"""So many frames may wait for a joint state; then the first ones are given up."""
+
+FIELDS = ('x', 'y', 'z', 'intensity', 'quality')
+"""What a cloud that was a stack holds of each point."""
+
+GAP = 500_000_000
+"""Joint states further apart than this (ns) say nothing of what was between them."""
+
+
+@dataclass(frozen=True)
+class StackCloud:
+    """A stack that has become a cloud, both serialized, or what is to be seen of one that still runs."""
+
+    points: bytes
+    """PointCloud2 in metres: x, y, z, intensity, quality."""
+    image: bytes
+    """Image: every pixel from its sharpest frame."""
+    frames: int
+    preview: bool
+    reasons: Any
+    """(H, W) uint8, what speaks against each point: bits of `Reason`."""
+    depth_of_field: float | None
+    """Of the optics, in metres; None where no focus curve is trusted."""
+    warning: str = ''
+    """Why the cloud may not be what was meant; empty: nothing speaks against it."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Something that was not taken, and why."""
+
+    reason: str
+
+    def __post_init__(self) -> None:
+        """Make the reason one that can be logged and published."""
+        object.__setattr__(self, 'reason', printable(self.reason))
+
+
+StackEvent = StackCloud | Refusal
+
+
+@dataclass
+class _Stack:
+    """The stack that runs, under the settings with which it began."""
+
+    focus: FocusStack
+    settings: StackSettings
+    shape: tuple[int, ...]
+    encoding: str
+    header: Header
+    frames: int = 0
+    offered: int = 0
+    first_z: float = math.nan
+    furthest_z: float = math.nan
+
+
+class StackAssembler:
+    """Makes clouds from serialized frames and joint states, one stack after the other.
+
+    Each call gives the events that it led to, in their order. No clock is asked: who calls knows the time.
+    """
+
+    def __init__(self) -> None:
+        self._focus, self._settings = FocusSettings(), StackSettings()
+        self._stack: _Stack | None = None
+        # The memory of the last stack serves the next one of its kind: taking 50 MB anew costs frames.
+        self._memory: tuple[tuple[FocusSettings, tuple[int, ...], str], FocusStack] | None = None
+        self._waiting: deque[Image] = deque()
+        self._track: deque[tuple[int, float]] = deque()  # stamp, z of the stage; ascending stamps
+        self._track_is_new = False  # whether it began anew since the last frame
+        self._last_stamp = -(2**63)
+
+    def configure(self, focus: FocusSettings, settings: StackSettings) -> None:
+        """Set what the next stack is measured with; the one that runs keeps what it began with."""
+        self._focus, self._settings = focus, settings
+
+    @property
+    def running(self) -> bool:
+        """Whether a stack has begun."""
+        return self._stack is not None or bool(self._waiting)
+
+    @property
+    def cloud_size(self) -> int:
+        """Bytes of the points that the stack which runs will become; 0 where none runs."""
+        return 4 * len(FIELDS) * math.prod(self._stack.shape) if self._stack is not None else 0
+
+    def add_frame(self, message: bytes) -> Iterator[StackEvent]:
+        """Take in a serialized Image."""
+        try:
+            frame = Image.decode(message)
+            frame.pixels()
+        except MessageError as error:
+            yield Refusal(f'A frame was refused: {error}')
+            return
+        stamp = frame.header.stamp
+        if stamp < self._last_stamp:
+            yield from self._go_back(stamp)
+        self._track_is_new = False
+        self._last_stamp = stamp
+        if self._settings_now.z_source == 'joint_states':
+            self._waiting.append(frame)
+            yield from self._place_waiting()
+            if len(self._waiting) > WAITING:
+                self._waiting.popleft()
+                yield Refusal(
+                    f'A frame was refused: after {WAITING} more frames still no joint state covers its stamp; see'
+                    ' that stack/joint_states is published with the clock of the frames, or set stack.z_source.'
+                )
+        else:
+            yield from self._take(frame, None)
+
+    def add_joint_state(self, message: bytes) -> Iterator[StackEvent]:
+        """Take in a serialized JointState; it says nothing where z is counted."""
+        if self._settings_now.z_source == 'step':
+            return
+        try:
+            state = JointState.decode(message)
+            z = _position(state, self._settings_now.joint)
+        except MessageError as error:
+            yield Refusal(f'A joint state was refused: {error}')
+            return
+        stamp = state.header.stamp
+        if self._track and stamp < self._track[-1][0]:
+            self._track.clear()  # a replay that began again, or a stage that was switched on anew
+            self._track_is_new = True
+        self._track.append((stamp, z))
+        # Behind the frames that wait only the nearest state is needed.
+        oldest = self._waiting[0].header.stamp if self._waiting else stamp - 10 * GAP
+        while len(self._track) > 2 and self._track[1][0] < oldest:
+            self._track.popleft()
+        yield from self._place_waiting()
+
+    def finish(self) -> Iterator[StackEvent]:
+        """Close the stack that runs: by request, or after silence."""
+        if self._waiting:
+            count = len(self._waiting)
+            self._waiting.clear()
+            stamps = '1 frame was refused: no joint state covers its stamp.'
+            if count > 1:
+                stamps = f'{count} frames were refused: no joint state covers their stamps.'
+            yield Refusal(stamps)
+        yield from self._close()
+
+    def _close(self) -> Iterator[StackEvent]:
+        """Make a cloud of the stack that runs; frames that wait belong to the next one."""
+        stack, self._stack = self._stack, None
+        if stack is None:
+            return
+        try:
+            yield _cloud(stack, preview=False)
+        except StackError as error:
+            yield Refusal(f'A stack of {_frames(stack.frames)} broke off: {error}')
+
+    @property
+    def timeout(self) -> float:
+        """Seconds of silence after which the stack that runs is to be finished; 0: never."""
+        return self._settings_now.timeout
+
+    @property
+    def _settings_now(self) -> StackSettings:
+        return self._stack.settings if self._stack is not None else self._settings
+
+    def _go_back(self, stamp: int) -> Iterator[StackEvent]:
+        """Begin anew where time went backwards: a replay in a loop, or a clock that was set."""
+        if self.running:
+            back = (self._last_stamp - stamp) / 1e9
+            yield Refusal(f'Time went backwards by {back:.3f} s: the stack that ran was given up.')
+        self._stack = None
+        self._waiting.clear()
+        if not self._track_is_new:
+            self._track.clear()  # it tells of the past
+
+    def _place_waiting(self) -> Iterator[StackEvent]:
+        """Take the frames whose stamps the joint states cover by now."""
+        while self._waiting and self._track and self._track[-1][0] >= self._waiting[0].header.stamp:
+            frame = self._waiting.popleft()
+            try:
+                z = _interpolated(self._track, frame.header.stamp)
+            except StackError as error:
+                yield Refusal(str(error))
+            else:
+                yield from self._take(frame, z)
+
+    def _take(self, frame: Image, z: float | None) -> Iterator[StackEvent]:
+        """Add a frame to the stack that runs, or begin one; close it where it ends.
+
+        Args:
+            frame: the frame.
+            z: where the stage was, m; None: counted.
+        """
+        try:
+            pixels = frame.gray()
+        except MessageError as error:
+            yield Refusal(f'A frame was refused: {error}')
+            return
+        stack = self._stack
+        if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):
+            yield Refusal(
+                f'A stack of {_frames(stack.frames)} broke off: a frame of {pixels.shape} {frame.encoding} came'
+                f' after {stack.shape} {stack.encoding}.'
+            )
+            stack = self._stack = None
+        if stack is not None and z is not None and _turned(stack, z):
+            yield from self._close()
+            stack = None
+        if stack is None:
+            try:
+                stack = self._begin(frame, pixels.shape)
+            except SocialCircleError as error:
+                yield Refusal(f'A frame was refused: {error}')
+                return
+        settings = stack.settings
+        if z is None:
+            z = settings.z_start + settings.z_step * stack.offered
+        stack.offered += 1
+        try:
+            stack.focus.add(pixels, z)
+        except StackError as error:
+            yield Refusal(f'A frame was refused: {error}')
+            return
+        stack.header = frame.header
+        stack.frames += 1
+        _note_direction(stack, z)
+        if settings.frames and stack.frames >= settings.frames:
+            yield from self._close()
+        elif settings.preview and stack.frames % settings.preview == 0 and stack.focus.places >= 3:
+            yield _cloud(stack, preview=True)
+
+    def _begin(self, frame: Image, shape: tuple[int, ...]) -> _Stack:
+        settings = self._settings
+        if settings.pitch_x == 0:
+            raise StackError(
+                'stack.pitch_x is not set; set it to the distance of two pixels on the part, in metres.'
+            )
+        if settings.z_source == 'step' and settings.z_step == 0:
+            raise StackError('stack.z_step is not set; set it to the distance of two frames, in metres.')
+        if self._memory is None or self._memory[0] != (self._focus, shape, frame.encoding):
+            self._memory = (self._focus, shape, frame.encoding), FocusStack(self._focus)
+        _, focus = self._memory
+        focus.reset()
+        self._stack = _Stack(focus, settings, shape, frame.encoding, frame.header)
+        return self._stack
+
+
+def _frames(count: int) -> str:
+    return '1 frame' if count == 1 else f'{count} frames'
+
+
+def _position(state: JointState, joint: str) -> float:
+    """The position of the joint that moves the stage.
+
+    Raises:
+        MessageError: it is not there, or not a finite number.
+    """
+    names = list(state.names)
+    if joint and joint not in names:
+        raise MessageError(f'it has no joint {joint!r}; it has: {", ".join(names) or "none"}. See stack.joint.')
+    index = names.index(joint) if joint else 0
+    if index >= len(state.positions) or not math.isfinite(state.positions[index]):
+        raise MessageError(f'joint {joint or "0"} has no finite position.')
+    return state.positions[index]
+
+
+def _interpolated(track: deque[tuple[int, float]], stamp: int) -> float:
+    """Z of the stage at a stamp that is not behind the track's end.
+
+    Raises:
+        StackError: it is before the track, or falls in a gap.
+    """
+    before = after = None
+    for state in reversed(track):
+        if state[0] > stamp:
+            after = state
+        else:
+            before = state
+            break
+    if before is None:
+        raise StackError('A frame was refused: its stamp is before the first joint state.')
+    if after is None or before[0] == stamp:
+        return before[1]
+    if after[0] - before[0] > GAP:
+        gap = (after[0] - before[0]) / 1e9
+        raise StackError(f'A frame was refused: the joint states round its stamp are {gap:.1f} s apart.')
+    share = (stamp - before[0]) / (after[0] - before[0])
+    return before[1] + share * (after[1] - before[1])
+
+
+def _turned(stack: _Stack, z: float) -> bool:
+    """Whether the stage comes back: by more than half a mean step, which jitter does not do."""
+    if not stack.settings.end_at_turn or stack.frames < 3 or stack.furthest_z == stack.first_z:
+        return False
+    step = (stack.furthest_z - stack.first_z) / (stack.frames - 1)
+    return (stack.furthest_z - z) / step > 0.5
+
+
+def _note_direction(stack: _Stack, z: float) -> None:
+    if stack.frames == 1:
+        stack.first_z = stack.furthest_z = z
+    elif abs(z - stack.first_z) > abs(stack.furthest_z - stack.first_z):
+        stack.furthest_z = z
+
+
+def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
+    """The stack so far as messages.
+
+    Raises:
+        StackError: there are too few different z.
+    """
+    result = stack.focus.finish()
+    height, width = result.depth.shape
+    pitch_x = stack.settings.pitch_x
+    pitch_y = stack.settings.pitch_y or pitch_x
+    x = (np.arange(width) * pitch_x).astype(np.float32)
+    y = (np.arange(height) * pitch_y).astype(np.float32)
+
+    def write(points: Any) -> bool:
+        def write_band(band: slice) -> bool:
+            depth, image, quality = result.depth[band], result.image[band], result.quality[band]
+            return _write_points(x, y[band], depth, image, quality, points[band])
+
+        return all(in_bands(write_band, height, width))
+
+    return StackCloud(
+        points=write_float_cloud(stack.header, (height, width), FIELDS, write),
+        image=encode_image(stack.header, result.image),
+        frames=stack.frames,
+        preview=preview,
+        reasons=result.reasons,
+        depth_of_field=result.depth_of_field,
+        warning='' if preview else _cut_short(stack),
+    )
+
+
+def _cut_short(stack: _Stack) -> str:
+    wanted = stack.settings.frames
+    if stack.frames >= wanted:
+        return ''
+    return (
+        f'A stack ended after {_frames(stack.frames)}, where stack.frames says {wanted}: heights that the stage'
+        ' did not reach are missing or wrong.'
+    )
+
+
+@kernel
+def _write_points(x: Any, y: Any, depth: Any, image: Any, quality: Any, points: Any) -> bool:
+    """Write x, y, z, intensity and quality of each point, (H, W, 5) float32; whether each z is a number."""
+    dense = True
+    for row in range(points.shape[0]):
+        for column in range(points.shape[1]):
+            z = np.float32(depth[row, column])
+            dense &= not np.isnan(z)
+            points[row, column, 0] = x[column]
+            points[row, column, 1] = y[row]
+            points[row, column, 2] = z
+            points[row, column, 3] = np.float32(image[row, column])
+            points[row, column, 4] = quality[row, column]
+    return dense

@@ -1,0 +1,57 @@
+"""Every parameter once, with its type, default, unit, range and sentence; parameter files; no ROS."""
+
+from .documents import (
+    markdown_table,
+    yaml_text,
+)
+from .groups import (
+    GROUPS,
+    PARAMETERS,
+    VOTERS,
+    CircleSettings,
+    Fit,
+    FocusSettings,
+    Mode,
+    NodeSettings,
+    OutputSettings,
+    PipelineSettings,
+    RepairMethod,
+    RepairSettings,
+    StackSettings,
+    ZSource,
+)
+from .schema import (
+    Limits,
+    Parameter,
+    RosValue,
+    Settings,
+    choices_in,
+    sentence_and_unit,
+    setting,
+)
+
+__all__ = [
+    'GROUPS',
+    'PARAMETERS',
+    'VOTERS',
+    'CircleSettings',
+    'Fit',
+    'FocusSettings',
+    'Limits',
+    'Mode',
+    'NodeSettings',
+    'OutputSettings',
+    'Parameter',
+    'PipelineSettings',
+    'RepairMethod',
+    'RepairSettings',
+    'RosValue',
+    'Settings',
+    'StackSettings',
+    'ZSource',
+    'choices_in',
+    'markdown_table',
+    'sentence_and_unit',
+    'setting',
+    'yaml_text',
+]

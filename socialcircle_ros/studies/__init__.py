@@ -1,0 +1,1 @@
+"""Research and benchmarks, apart from the product."""

@@ -1,0 +1,1 @@
+"""The adaptive mode's experiments, held against its goals."""

@@ -1,0 +1,37 @@
+"""A bare relay, `points` to `relayed`, bytes untouched: the least that any node in rclpy takes for a cloud."""
+
+import sys
+
+from socialcircle_ros.node.transport import prepare_process
+
+
+def main() -> int:
+    """Run the relay until SIGINT."""
+    prepare_process()
+    import rclpy  # noqa: PLC0415 - after the environment is set
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415
+    from rclpy.node import Node  # noqa: PLC0415
+    from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: PLC0415
+    from sensor_msgs.msg import PointCloud2  # noqa: PLC0415
+
+    node = None
+    try:
+        rclpy.init()
+        node = Node('relay')
+        reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+        publisher = node.create_publisher(PointCloud2, 'relayed', reliable)
+        node.create_subscription(PointCloud2, 'points', publisher.publish, reliable, raw=True)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Trying many settings on the same clouds, and showing which did best."""

@@ -1,0 +1,111 @@
+"""Sharing rows among threads."""
+
+import os
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from socialcircle_ros.kernels import bands
+from socialcircle_ros.kernels.machine import usable_cores
+
+
+@given(height=st.integers(0, 50), limit=st.integers(1, 5))
+def test_bands_cover_every_row_once_and_answer_in_order(height, limit):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bands, 'limit', limit)
+        parts = bands.in_bands(lambda band: list(range(height))[band], height, 10, 10)
+
+    assert [row for part in parts for row in part] == list(range(height))
+    assert len(parts) == max(1, min(limit, height))
+
+
+def test_a_band_holds_at_least_what_is_worth_a_thread(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 8)
+
+    assert bands.in_bands(lambda band: band.stop - band.start, 59, 3, 60) == [29, 30]
+
+
+def test_bands_are_worked_on_side_by_side(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 2)
+    both = threading.Barrier(2, timeout=20)
+
+    # Would break, if one waited for the other.
+    assert sorted(bands.in_bands(lambda _: both.wait(), 2, 1, 1)) == [0, 1]
+
+
+def test_who_helps_is_kept_off_the_core_of_who_asks(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 2)
+    both = threading.Barrier(2, timeout=20)
+
+    def look(_):
+        both.wait()
+        return os.sched_getaffinity(0)
+
+    bands.in_bands(look, 2, 1, 1)
+    mine, others = bands.in_bands(look, 2, 1, 1)
+
+    assert mine == os.sched_getaffinity(0)
+    assert len(others) == max(1, len(mine) - 1)
+    assert others <= mine
+
+
+def test_who_helps_may_run_anywhere_while_another_asks_as_well(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 2)
+    inside, done = threading.Event(), threading.Event()
+
+    def stay(band):
+        if band.start == 0:
+            inside.set()
+            done.wait()
+
+    another = threading.Thread(target=bands.in_bands, args=(stay, 2, 1, 1))
+    another.start()
+    inside.wait()
+    both = threading.Barrier(2, timeout=20)
+
+    def look(_):
+        both.wait()
+        return os.sched_getaffinity(0)
+
+    try:
+        mine, others = bands.in_bands(look, 2, 1, 1)
+        assert others == mine
+    finally:
+        done.set()
+        another.join()
+
+
+def test_bands_that_nobody_else_begins_are_done_by_who_asks(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 2)
+    done = threading.Event()
+    for _ in range(usable_cores()):
+        bands._helpers()._pool.submit(done.wait)
+    try:
+        assert bands.in_bands(lambda _: threading.get_ident(), 2, 1, 1) == 2 * [threading.get_ident()]
+    finally:
+        done.set()
+
+
+def test_what_fails_in_a_band_is_told(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 2)
+
+    def work(band):
+        if band.start > 0:
+            raise ValueError('no')
+
+    with pytest.raises(ValueError, match='no'):
+        bands.in_bands(work, 10, 1, 1)
+
+
+def test_a_forked_process_has_threads_of_its_own(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 2)
+    bands.in_bands(lambda _: None, 2, 1, 1)
+
+    child = os.fork()
+    if child == 0:
+        bands.in_bands(lambda _: None, 2, 1, 1)
+        os._exit(3)
+
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 3

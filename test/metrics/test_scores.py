@@ -1,0 +1,92 @@
+"""Scores of a mask, and of a surface."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from naive import scores as naive
+
+from socialcircle_ros.metrics.scores import cluster_sizes, f1_at, recall_by, rmse, roc_area, score
+
+TRUTH = np.array([[True, True, True, False, False]])
+
+MASKS = st.tuples(*[arrays(bool, (4, 6))] * 3)
+VALUES = arrays(np.float32, (4, 6), elements=st.sampled_from([0.0, 0.5, 1.0, 2.0, np.inf]))
+
+
+def equal(first, second):
+    return first == pytest.approx(second) or (math.isnan(first) and math.isnan(second))
+
+
+def share(part, whole):
+    return part / whole if whole else math.nan
+
+
+def test_precision_and_recall_count_what_they_say():
+    found = np.array([[True, True, False, True, False]])
+    scores = score(found, TRUTH, np.ones_like(found))
+    assert (scores.precision, scores.recall, scores.f1) == (2 / 3, 2 / 3, 2 / 3)
+    assert scores.false_positive_rate == 1 / 2
+
+
+def test_points_of_unknown_truth_do_not_count():
+    found = np.array([[True, True, False, True, False]])
+    counted = np.array([[True, True, False, False, True]])
+    scores = score(found, TRUTH, counted)
+    assert (scores.precision, scores.recall, scores.false_positive_rate) == (1.0, 1.0, 0.0)
+
+
+def test_where_nothing_is_called_or_there_the_share_is_unknown():
+    nothing = np.zeros((1, 5), bool)
+    scores = score(nothing, nothing, ~nothing)
+    assert math.isnan(scores.precision)
+    assert math.isnan(scores.recall)
+    assert math.isnan(scores.f1)
+    assert scores.false_positive_rate == 0.0
+
+
+@given(MASKS)
+def test_every_score_is_what_counting_one_by_one_gives(masks):
+    right, wrong, missed, left = naive.confusion(*masks)
+    scores = score(*masks)
+    assert equal(scores.precision, share(right, right + wrong))
+    assert equal(scores.recall, share(right, right + missed))
+    assert equal(scores.f1, share(2 * right, 2 * right + wrong + missed))
+    assert equal(scores.false_positive_rate, share(wrong, wrong + left))
+
+
+@given(MASKS, VALUES)
+def test_the_area_is_the_share_of_pairs_in_the_right_order(masks, values):
+    _, truth, counted = masks
+    assert equal(roc_area(values, truth, counted), naive.roc_area(values, truth, counted))
+
+
+@given(MASKS, VALUES)
+def test_f1_at_many_thresholds_is_f1_at_each(masks, values):
+    _, truth, counted = masks
+    truth[0, 0] = counted[0, 0] = True
+    thresholds = np.array([-1.0, 0.0, 0.5, 0.7, 2.0, 9.0])
+    expected = [score(values > threshold, truth, counted).f1 for threshold in thresholds]
+    assert f1_at(values, truth, counted, thresholds) == pytest.approx(expected)
+
+
+def test_recall_within_groups():
+    found = np.array([[True, False, True, True, False]])
+    groups = {'first two': np.array([[1, 1, 0, 0, 0]], bool), 'last two': np.array([[0, 0, 0, 1, 1]], bool)}
+    recalls = recall_by(found, TRUTH, np.ones_like(found), groups)
+    assert recalls['first two'] == 1 / 2
+    assert math.isnan(recalls['last two'])
+
+
+def test_the_size_of_a_cluster_counts_its_outliers_only():
+    cluster = np.array([[0, -1, 2, 2, 2, 1]], np.int32)
+    outlier = np.array([[False, True, True, True, False, True]])
+    assert cluster_sizes(cluster, outlier).tolist() == [[0, 1, 2, 2, 0, 1]]
+
+
+def test_rmse_is_over_what_both_know():
+    assert rmse(np.array([[1.0, np.nan, 5.0]]), np.array([[1.0, 2.0, 2.0]])) == pytest.approx(math.sqrt(9 / 2))
+    assert math.isnan(rmse(np.full((1, 2), np.nan), np.zeros((1, 2))))

@@ -1,0 +1,203 @@
+"""One cloud through the whole pipeline."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
+from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import Image, decode_mono8
+from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
+from socialcircle_ros.pipeline.clouds import Filtering, filter_cloud
+from socialcircle_ros.settings import OutputSettings
+
+HEADER = Header(5, 6, 'microscope')
+
+
+def surface(rows=70, columns=80, kind=np.float32):
+    y, x = np.mgrid[:rows, :columns].astype(kind)
+    z = np.sin(x / 9) + 0.1 * np.random.default_rng(1).random((rows, columns)).astype(kind)
+    z[10, 12], z[40:44, 50:55] = 30, -25
+    z[20:23, :9] = np.nan
+    return np.dstack([x, y, z])
+
+
+def cleaned(xyz, circle=None, output=None):
+    return filter_cloud(encode_point_cloud(HEADER, xyz), circle or CircleSettings(), output or OutputSettings())
+
+
+def test_the_published_cloud_is_the_input_with_nan_for_its_outliers():
+    xyz = surface()
+    result = remove_outliers(xyz)
+    expected = xyz.copy()
+    expected[result.outliers] = np.nan
+    published = PointCloud.decode(cleaned(xyz).filtered)
+    np.testing.assert_array_equal(published.xyz(), expected)
+    assert published.header == HEADER
+
+
+@pytest.mark.parametrize('repaired', [False, True])
+def test_a_cloud_filtered_in_place_has_the_same_answers_and_can_be_put_back(repaired):
+    message = encode_point_cloud(HEADER, surface())
+    output = OutputSettings(repaired=repaired)
+    expected = filter_cloud(message, None, output)
+    memory = bytearray(message)
+    filtering = Filtering(memoryview(memory))
+
+    filtering.filter_in_place()
+    assert memory == expected.filtered
+    answers = filtering.answers(output)
+    filtering.put_back()
+    filtering.put_back()
+
+    assert memory == message
+    assert (answers.mask, answers.repaired) == (expected.mask, expected.repaired)
+    assert answers.status == expected.status
+    assert answers.times.keys() == expected.times.keys()
+
+
+def test_the_mask_says_kept_outlier_and_not_measured():
+    xyz = surface()
+    mask = decode_mono8(cleaned(xyz).mask)
+    assert mask[10, 12] == 255
+    assert mask[20, 0] == 127
+    assert mask[0, 0] == 0
+
+
+def test_is_dense_is_computed_not_believed():
+    flat = np.dstack([*np.mgrid[:70, :80].astype(np.float32)[::-1], np.zeros((70, 80), np.float32)])
+    assert PointCloud.decode(cleaned(flat).filtered).is_dense
+    flat[3, 3, 2] = 50
+    assert not PointCloud.decode(cleaned(flat).filtered).is_dense
+
+
+def test_counts_add_up():
+    result = cleaned(surface())
+    values = result.measurement.values
+    assert int(values['points']) == 70 * 80
+    assert int(values['measured']) == 70 * 80 - 27
+    assert int(values['kept']) + int(values['outliers']) == int(values['measured'])
+    assert int(values['outliers']) == 21 == result.outliers
+
+
+def test_the_measurement_tells_seed_radius_times_and_settings():
+    xyz = surface()
+    settings = CircleSettings(radius=3, radius_scale=0.5, vote_region=(0, 0, 70, 70))
+    found = remove_outliers(xyz, settings)
+    values = cleaned(xyz, settings).measurement.values
+    assert (int(values['seed_row']), int(values['seed_column'])) == found.seed
+    assert float(values['radius']) == found.radius == 1.5
+    assert values['circle.vote_region'] == '[0, 0, 70, 70]'
+    assert values['stamp'] == '5.000000006'
+    stages = ('decode', 'vote', 'radius', 'expansion', 'cloud', 'mask')
+    times = {stage: float(values[f'time_{stage}_ms']) for stage in (*stages, 'total')}
+    assert times['total'] == pytest.approx(sum(times[stage] for stage in stages), abs=0.01)
+
+
+def test_the_same_cloud_gives_the_same_bytes():
+    first, second = cleaned(surface()), cleaned(surface())
+    assert first.filtered == second.filtered
+    assert first.mask == second.mask
+    assert first.status.encode() == second.status.encode()
+
+
+def test_a_mask_that_is_not_wanted_is_not_made():
+    assert cleaned(surface(), output=OutputSettings(mask=False)).mask is None
+
+
+def test_a_circle_that_stayed_on_a_minority_warns():
+    xyz = surface()
+    xyz[:, 30:, 2] += 500
+    result = cleaned(xyz, CircleSettings(vote_region=(0, 0, 70, 30)))
+    assert result.status.level == diagnostics.WARN
+    assert 'more than half' in result.status.message
+
+
+def test_a_cloud_without_any_measured_point_is_refused():
+    with pytest.raises(SocialCircleError, match='Nothing is measured in this cloud'):
+        cleaned(np.full((70, 80, 3), np.nan, np.float32))
+
+
+def test_a_repaired_cloud_differs_from_the_input_only_where_outliers_were():
+    xyz = surface()
+    result = cleaned(xyz, output=OutputSettings(repaired=True))
+    outliers = remove_outliers(xyz).outliers
+    repaired = PointCloud.decode(result.repaired).xyz()
+    np.testing.assert_array_equal(repaired[~outliers], xyz[~outliers])
+    filled = outliers & np.isfinite(repaired).all(axis=2)
+    assert np.count_nonzero(filled) == int(result.status.values['repaired']) == 21
+    np.testing.assert_allclose(repaired[filled][:, 2], np.sin(xyz[filled][:, 0] / 9), atol=0.4)
+    assert 'repair' in result.times
+
+
+def test_nothing_is_repaired_unless_it_is_wanted():
+    result = cleaned(surface())
+    assert result.repaired is None
+    assert result.status.values['repaired'] == '0'
+
+
+# The adaptive mode
+
+ADAPTIVE = CircleSettings(mode='adaptive')
+
+
+def rough(rows=160, columns=200):
+    xyz = surface(rows, columns)
+    xyz[..., 2] = np.random.default_rng(1).normal(0, 1, (rows, columns))
+    xyz[20:23, :9, 2] = np.nan
+    xyz[30, 40, 2] = 30
+    return xyz
+
+
+def test_points_kept_by_the_adaptive_mode_are_byte_for_byte_the_input():
+    xyz = rough()
+    outliers = remove_outliers(xyz, ADAPTIVE).outliers
+    published = PointCloud.decode(cleaned(xyz, ADAPTIVE).filtered).xyz()
+    assert published[~outliers].tobytes() == xyz[~outliers].tobytes()
+    assert np.isnan(published[outliers]).all()
+    assert outliers[30, 40]
+
+
+def test_a_stack_s_depth_of_field_decides_unless_the_settings_give_one():
+    xyz = rough()
+    xyz[60:68, 90:98, 2] += 20
+    message = encode_point_cloud(HEADER, xyz)
+    alone, known = filter_cloud(message, ADAPTIVE), filter_cloud(message, ADAPTIVE, depth_of_field=100.0)
+    given = filter_cloud(message, replace(ADAPTIVE, depth_of_field=1.0), depth_of_field=100.0)
+    assert known.outliers == 0 < alone.outliers
+    assert given.outliers > 0
+    assert known.status.values['circle.depth_of_field'] == '100.0'
+    assert given.status.values['circle.depth_of_field'] == '1.0'
+    assert given.status.values['stack_depth_of_field'] == known.status.values['stack_depth_of_field'] == '100.0'
+    assert 'stack_depth_of_field' not in alone.status.values
+
+
+def test_the_score_is_the_adaptive_mode_s_as_an_image_with_the_cloud_s_header():
+    xyz = rough()
+    image = Image.decode(cleaned(xyz, ADAPTIVE, OutputSettings(score=True)).score)
+    score = np.frombuffer(image.message, '<f4', image.height * image.width, image.data_start)
+    np.testing.assert_array_equal(score.reshape(160, 200), remove_outliers(xyz, ADAPTIVE).score)
+    assert (image.encoding, image.header) == ('32FC1', HEADER)
+
+
+def test_a_score_that_is_not_wanted_is_not_made_nor_one_in_the_paper_s_mode():
+    assert cleaned(rough(), ADAPTIVE).score is None
+    assert cleaned(surface(), output=OutputSettings(score=True)).score is None
+
+
+def test_what_the_method_could_not_decide_is_a_warning_of_the_measurement():
+    xyz = rough()
+    assert cleaned(xyz, ADAPTIVE).status.level == diagnostics.OK
+    for top in range(10, 150, 20):
+        for left in range(10, 190, 20):
+            xyz[top : top + 6, left : left + 6, 2] += 20
+    status = cleaned(xyz, ADAPTIVE).status
+    assert status.level == diagnostics.WARN
+    assert 'islands of one height were kept as the texture of the surface' in status.message
+
+
+def test_a_cloud_without_any_measured_point_is_refused_by_the_adaptive_mode():
+    with pytest.raises(SocialCircleError, match='No point of the cloud is measured'):
+        cleaned(np.full((70, 80, 3), np.nan, np.float32), ADAPTIVE)

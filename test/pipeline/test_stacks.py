@@ -1,0 +1,302 @@
+"""Frames and stage positions into clouds, without a node."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros import FocusSettings, depth_from_focus
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import Image, encode_image
+from socialcircle_ros.messages.joint_state import JointState
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.pipeline.stacks import WAITING, Refusal, StackAssembler, StackCloud
+from socialcircle_ros.settings import StackSettings
+
+PERIOD = 20_000_000  # ns between frames
+STEP = 1e-6
+
+
+def frames(count=9, shape=(24, 30), seed=0, dtype=np.uint8):
+    """A textured plane that is sharpest in the middle."""
+    texture = np.random.default_rng(seed).integers(0, 200, shape)
+    sharpness = np.exp(-(((np.arange(count) - (count - 1) / 2) / 2) ** 2))
+    return [(texture * share).astype(dtype) for share in sharpness]
+
+
+def image(pixels, number):
+    return encode_image(Header.at((number + 1) * PERIOD, 'camera'), pixels)
+
+
+def joint(stamp, z, names=('stage',)):
+    return JointState(Header.at(int(stamp), ''), names, [z] * len(names)).encode()
+
+
+def assembler(**settings):
+    made = StackAssembler()
+    made.configure(
+        FocusSettings(), StackSettings(**({'pitch_x': 2e-6, 'pitch_y': 3e-6, 'z_step': STEP} | settings))
+    )
+    return made
+
+
+def feed(made, pixels, start=0):
+    return [event for number, frame in enumerate(pixels) for event in made.add_frame(image(frame, start + number))]
+
+
+def reasons(events):
+    return [event.reason for event in events if isinstance(event, Refusal)]
+
+
+def clouds(events):
+    return [event for event in events if isinstance(event, StackCloud)]
+
+
+def test_a_stack_that_ended_early_is_a_cloud_with_a_warning():
+    made = assembler(frames=9)
+    feed(made, frames()[:5])
+    (event,) = made.finish()
+    assert 'A stack ended after 5 frames, where stack.frames says 9' in event.warning
+    (whole,) = feed(made, frames(), 9)
+    assert whole.warning == ''
+    unknown = assembler()
+    feed(unknown, frames()[:5])
+    assert next(unknown.finish()).warning == ''
+
+
+def test_a_stack_of_the_given_number_becomes_a_cloud_in_metres():
+    made = assembler(frames=9, z_start=5e-3)
+    (event,) = feed(made, frames())
+    result = depth_from_focus(frames(), 5e-3 + STEP * np.arange(9))
+    cloud = PointCloud.decode(event.points)
+    xyz = cloud.xyz()
+    np.testing.assert_array_equal(xyz[..., 2], result.depth.astype(np.float32))
+    np.testing.assert_allclose(xyz[3, 4, :2], [4 * 2e-6, 3 * 3e-6])
+    assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'intensity', 'quality']
+    assert cloud.header == Header.at(9 * PERIOD, 'camera')
+    np.testing.assert_array_equal(Image.decode(event.image).pixels(), result.image)
+    assert event.depth_of_field == result.depth_of_field
+    assert (event.frames, event.preview, made.running) == (9, False, False)
+
+
+def test_z_comes_from_the_joint_states_interpolated_at_the_stamp():
+    made = assembler(z_source='joint_states', frames=9)
+    stamps = (np.arange(9) + 1) * PERIOD
+    heights = 1e-3 + STEP * np.arange(9) + 2e-7 * np.sin(np.arange(9))
+    events = []
+    for stamp, frame, number in zip(stamps, frames(), range(9), strict=True):
+        events += made.add_joint_state(joint(stamp - 5_000_000, heights[number] - 1e-8))
+        events += made.add_frame(image(frame, number))
+        events += made.add_joint_state(joint(stamp + 5_000_000, heights[number] + 1e-8))
+    (event,) = events
+    expected = depth_from_focus(frames(), heights)
+    np.testing.assert_allclose(PointCloud.decode(event.points).xyz()[..., 2], expected.depth, rtol=1e-6)
+
+
+def test_frames_that_wait_behind_the_end_of_a_stack_belong_to_the_next():
+    made = assembler(z_source='joint_states', frames=3)
+    list(made.add_joint_state(joint(0, 0.0)))
+    feed(made, frames(6))
+    events = list(made.add_joint_state(joint(8 * PERIOD, 8e-6)))
+    assert [event.frames for event in clouds(events)] == [3, 3]
+    assert reasons(events) == []
+
+
+def test_joint_states_say_nothing_where_z_is_counted():
+    made = assembler(frames=9)
+    assert list(made.add_joint_state(b'no message')) == []
+
+
+def test_frames_wait_for_the_joint_state_behind_them():
+    made = assembler(z_source='joint_states', frames=3)
+    list(made.add_joint_state(joint(0, 0.0)))
+    assert feed(made, frames(3)) == []
+    events = list(made.add_joint_state(joint(4 * PERIOD, 4e-6)))
+    assert len(clouds(events)) == 1
+
+
+def test_a_frame_that_no_joint_state_covers_is_refused_and_the_others_go_on():
+    made = assembler(z_source='joint_states')
+    list(made.add_joint_state(joint(1.5 * PERIOD, 0.0)))
+    events = feed(made, frames(4))
+    events += made.add_joint_state(joint(10 * PERIOD, 1e-5))
+    assert reasons(events) == ['A frame was refused: its stamp is before the first joint state.']
+    assert clouds(made.finish())[0].frames == 3
+
+
+def test_joint_states_too_far_apart_say_nothing_of_what_was_between():
+    made = assembler(z_source='joint_states')
+    list(made.add_joint_state(joint(0, 0.0)))
+    feed(made, frames(1))
+    assert 'are 2.0 s apart' in reasons(made.add_joint_state(joint(2e9, 1e-5)))[0]
+
+
+def test_without_joint_states_frames_are_given_up_and_told_why():
+    made = assembler(z_source='joint_states')
+    events = feed(made, frames(WAITING + 2))
+    assert len(events) == 2
+    assert 'still no joint state covers its stamp' in reasons(events)[0]
+    assert reasons(made.finish()) == [f'{WAITING} frames were refused: no joint state covers their stamps.']
+    feed(made, frames(1))
+    assert reasons(made.finish()) == ['1 frame was refused: no joint state covers its stamp.']
+
+
+@pytest.mark.parametrize(
+    ('message', 'settings', 'sentence'),
+    [
+        (joint(1, 0.0), {'joint': 'z'}, "has no joint 'z'; it has: stage"),
+        (joint(1, float('nan')), {}, 'has no finite position'),
+        (joint(1, 0.0, ()), {}, 'has no finite position'),
+        (b'\0\1\0\0', {}, 'ends early'),
+    ],
+)
+def test_a_joint_state_that_says_nothing_is_refused(message, settings, sentence):
+    made = assembler(z_source='joint_states', **settings)
+    (reason,) = reasons(made.add_joint_state(message))
+    assert sentence in reason
+
+
+def test_the_named_joint_counts():
+    made = assembler(z_source='joint_states', joint='stage', frames=9)
+    for stamp in (0, 20 * PERIOD):
+        state = JointState(Header.at(stamp, ''), ['turret', 'stage'], [9.0, stamp / PERIOD * STEP])
+        list(made.add_joint_state(state.encode()))
+    (event,) = feed(made, frames())
+    assert np.nanmax(PointCloud.decode(event.points).xyz()[..., 2]) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ('settings', 'sentence'),
+    [({'pitch_x': 0.0}, 'stack.pitch_x is not set'), ({'z_step': 0.0}, 'stack.z_step is not set')],
+)
+def test_what_must_be_set_is_told_before_anything_wrong_is_published(settings, sentence):
+    events = feed(assembler(**settings), frames(2))
+    assert all(sentence in reason for reason in reasons(events))
+    assert len(events) == 2
+
+
+def test_a_pitch_along_y_that_is_not_given_is_the_one_along_x():
+    (event,) = feed(assembler(pitch_y=0.0, frames=9), frames())
+    assert PointCloud.decode(event.points).xyz()[1, 0, 1] == np.float32(2e-6)
+
+
+def test_finishing_closes_what_runs_and_the_next_stack_works():
+    made = assembler()
+    feed(made, frames())
+    (first,) = made.finish()
+    assert first.frames == 9
+    assert list(made.finish()) == []
+    feed(made, frames(seed=1), start=20)
+    (second,) = made.finish()
+    assert second.frames == 9
+
+
+def test_a_stack_with_too_few_frames_breaks_off_with_a_sentence():
+    made = assembler()
+    feed(made, frames(2))
+    (reason,) = reasons(made.finish())
+    assert 'A stack of 2 frames broke off' in reason
+    assert not made.running
+
+
+@pytest.mark.parametrize('other', [frames(1, (20, 30))[0], frames(1, dtype=np.uint16)[0]])
+def test_a_frame_of_another_size_or_encoding_breaks_the_stack_off_and_begins_the_next(other):
+    made = assembler(frames=3)
+    feed(made, frames(2))
+    events = list(made.add_frame(image(other, 5)))
+    assert 'A stack of 2 frames broke off' in reasons(events)[0]
+    assert made.running
+    events = [event for number in (6, 7) for event in made.add_frame(image(other, number))]
+    assert len(clouds(events)) == 1
+
+
+def test_time_that_goes_backwards_gives_the_stack_up_and_begins_the_next():
+    made = assembler(frames=9)
+    feed(made, frames(4), start=100)
+    events = feed(made, frames())
+    assert reasons(events) == ['Time went backwards by 2.060 s: the stack that ran was given up.']
+    assert clouds(events)[0].frames == 9
+
+
+def test_a_replay_that_begins_again_measures_the_same_again():
+    made = assembler(z_source='joint_states', frames=9)
+
+    def play():
+        events = list(made.add_joint_state(joint(0, 0.0)))
+        for number, frame in enumerate(frames()):
+            events += made.add_frame(image(frame, number))
+            events += made.add_joint_state(joint((number + 1.5) * PERIOD, (number + 1.5) * STEP))
+        return events
+
+    first, second = play(), play()
+    assert [event.points for event in first] == [event.points for event in second]
+    assert len(first) == 1
+
+
+def test_a_stack_ends_where_z_turns_round_and_the_next_begins_there():
+    made = assembler(z_source='joint_states', end_at_turn=True)
+    up = STEP * np.arange(9)
+    events = []
+    list(made.add_joint_state(joint(0, 0.0)))
+    for number, (frame, z) in enumerate(zip([*frames(), *frames(seed=1)], [*up, *up[::-1]], strict=True)):
+        events += made.add_frame(image(frame, number))
+        events += made.add_joint_state(joint((number + 1) * PERIOD, z))
+    events += made.finish()
+    first, second = clouds(events)
+    assert first.frames + second.frames == 18
+    assert abs(first.frames - second.frames) <= 2
+
+
+def test_jitter_is_no_turn():
+    made = assembler(z_source='joint_states', end_at_turn=True)
+    jitter = 0.3 * STEP * np.random.default_rng(0).uniform(-1, 1, 40)
+    list(made.add_joint_state(joint(0, 0.0)))
+    events = []
+    for number, frame in enumerate(frames(40)):
+        events += made.add_frame(image(frame, number))
+        events += made.add_joint_state(joint((number + 1) * PERIOD, STEP * number + jitter[number]))
+    assert events == []
+    assert clouds(made.finish())[0].frames == 40
+
+
+def test_a_preview_comes_every_so_many_frames_and_ends_nothing():
+    made = assembler(preview=3, frames=9)
+    events = feed(made, frames())
+    assert [(event.preview, event.frames) for event in events] == [(True, 3), (True, 6), (False, 9)]
+
+
+def test_a_change_of_settings_waits_for_the_next_stack():
+    made = assembler(frames=9)
+    feed(made, frames(5))
+    made.configure(FocusSettings(), StackSettings(pitch_x=1e-3, z_step=STEP, frames=3))
+    (event,) = feed(made, frames()[5:], start=5)
+    assert event.frames == 9
+    (event,) = feed(made, frames(3), start=20)
+    assert PointCloud.decode(event.points).xyz()[0, 1, 0] == np.float32(1e-3)
+
+
+def test_bytes_that_are_no_image_are_refused():
+    (reason,) = reasons(assembler().add_frame(b'\0\1\0\0'))
+    assert reason.startswith('A frame was refused: ')
+
+
+def test_a_frame_that_comes_twice_changes_nothing():
+    made = assembler(z_source='joint_states')
+    list(made.add_joint_state(joint(0, 0.0)))
+    list(made.add_joint_state(joint(20 * PERIOD, 20 * STEP)))
+    feed(made, frames())
+    (once,) = made.finish()
+    list(made.add_joint_state(joint(0, 0.0)))
+    list(made.add_joint_state(joint(20 * PERIOD, 20 * STEP)))
+    for number, frame in enumerate(frames()):
+        for _ in range(2):
+            list(made.add_frame(image(frame, number)))
+    (twice,) = made.finish()
+    assert once.points == twice.points
+
+
+def test_the_size_of_the_cloud_is_known_while_the_stack_runs():
+    made = assembler()
+    assert made.cloud_size == 0
+    feed(made, frames(3))
+    assert made.cloud_size == 24 * 30 * 20
+    (cloud,) = clouds(made.finish())
+    assert PointCloud.decode(cloud.points).data_length == 24 * 30 * 20

@@ -1,0 +1,86 @@
+"""Tables, and the page."""
+
+import csv
+import io
+import math
+from dataclasses import replace
+from html.parser import HTMLParser
+
+from socialcircle_ros.report.content import Beside, Column, Panels, Picture, Section, Table
+from socialcircle_ros.report.page import render
+
+TABLE = Table(
+    'numbers',
+    'A <title>',
+    [Column('name'), Column('share', '.1%'), Column('none')],
+    [['a, "b" & <c>', 0.12345, None], ['d', math.nan, 7]],
+    note='1 < 2',
+)
+
+
+def test_cells_are_shown_as_their_column_says():
+    assert TABLE.texts() == [['a, "b" & <c>', '12.3%', '–'], ['d', '–', '7']]
+
+
+def test_csv_keeps_numbers_in_full():
+    rows = list(csv.reader(io.StringIO(TABLE.csv())))
+    assert rows == [['name', 'share', 'none'], ['a, "b" & <c>', '0.12345', ''], ['d', 'nan', '7']]
+
+
+class _Tags(HTMLParser):
+    """Tags that are open, and what was linked to."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.links = [], []
+
+    def handle_starttag(self, tag, attributes):
+        self.links += [value for name, value in attributes if name in ('src', 'href')]
+        if tag not in ('meta', 'img'):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_whole_escaped_and_needs_no_other_file():
+    sections = [
+        Section('Head & shoulders', ['5 < 6'], ['found <this>'], [TABLE, Picture('p', b'\x89PNG', 'a "caption"')]),
+        Section(
+            'One',
+            items=[
+                Panels([('before & after', b'\x89PNG')], 1.5, ('0', '1 <m>', b'\x89PNG')),
+                Beside([Table('', '', [Column(''), Column('')], [['<b>', 1]])]),
+            ],
+            warnings=['look & <see>'],
+            anchor='one',
+        ),
+    ]
+    page = render('Title', ['Introduction'], sections)
+    tags = _Tags()
+    tags.feed(page)
+    assert tags.open == []
+    assert all(link.startswith('data:image/png;base64,') for link in tags.links)
+    for text in (
+        'A &lt;title&gt;',
+        'a, &quot;b&quot; &amp; &lt;c&gt;',
+        '1 &lt; 2',
+        'found &lt;this&gt;',
+        '5 &lt; 6',
+        'before &amp; after',
+        '1 &lt;m&gt;',
+        '&lt;b&gt;',
+        'look &amp; &lt;see&gt;',
+    ):
+        assert text in page
+    assert page.index('found &lt;this&gt;') < page.index('Head &amp; shoulders')
+
+
+def test_rows_lead_to_the_sections_of_their_names():
+    page = render(
+        'Title', [], [Section('All', items=[replace(TABLE, links=['x', 'y'])]), Section('Y', anchor='y')]
+    )
+    tags = _Tags()
+    tags.feed(page)
+    assert tags.links == ['#x', '#y']
+    assert '<section class="sheet" id="y">' in page

@@ -1,0 +1,47 @@
+"""The adaptive mode on surfaces that its rules were not chosen on."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros.circle.adaptive import Rules
+from socialcircle_ros.studies.adaptive import left_out as module
+from socialcircle_ros.studies.adaptive.carriers import carrier
+from socialcircle_ros.studies.adaptive.left_out import left_out
+from socialcircle_ros.studies.comparison.real import RealCloud
+
+BLIND = Rules(steep=2.0)
+"""No border is so steep: loners alone are outliers."""
+
+
+def plate(name, seed, islands=0):
+    rows, columns = np.mgrid[:150, :180].astype(np.float32)
+    heights = np.random.default_rng(seed).normal(0, 0.3, rows.shape)
+    for place in range(islands):
+        row, column = 8 + 15 * (place // 10), 8 + 17 * (place % 10)
+        heights[row : row + 4, column : column + 4] += 2 + 0.4 * (place % 7)
+    return carrier(RealCloud(name, np.dstack([columns, rows, heights.astype(np.float32)]), 'µm'))
+
+
+def found(carriers):
+    told = []
+    section, goal = left_out(carriers, (1, 2, 3), told.append)
+    assert told
+    (table,) = section.tables
+    return {row[0]: row[1:] for row in table.rows}, goal
+
+
+def test_the_rules_that_are_best_on_the_others_are_judged(monkeypatch):
+    monkeypatch.setattr(module, 'candidates', lambda: [BLIND, Rules(), BLIND])
+    rows, goal = found([plate('one', 1), plate('two', 2)])
+    for steep, _, _, f1, removed in rows.values():
+        assert steep == Rules().steep
+        assert f1 > 0.7
+        assert removed < 0.003
+    assert goal.measured == pytest.approx(np.median([row[3] for row in rows.values()]))
+
+
+def test_rules_that_harm_an_untouched_surface_are_not_chosen_where_it_was_to_be_seen(monkeypatch):
+    monkeypatch.setattr(module, 'candidates', lambda: [BLIND, Rules(steep=0.8)])
+    rows, _ = found([plate('plain', 1), plate('islands', 2, islands=80)])
+    assert rows['plain'][0] == BLIND.steep
+    assert rows['islands'][0] == 0.8

@@ -1,0 +1,105 @@
+"""What a sweep varies."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from socialcircle_ros.errors import SettingError
+from socialcircle_ros.sweep.search_space import Choice, Range, contains, grid, parse_axis, words
+
+
+@pytest.mark.parametrize(
+    ('text', 'axis'),
+    [
+        ('circle.radius_scale=0.5:0.9:0.1', Choice('circle.radius_scale', [0.5, 0.6, 0.7, 0.8, 0.9])),
+        ('circle.radius_scale=1:1:1', Choice('circle.radius_scale', [1.0])),
+        ('circle.window=3:7:2', Choice('circle.window', [3, 5, 7])),
+        ('circle.window=3,7', Choice('circle.window', [3, 7])),
+        ('circle.radius=1e-6,2,2.0', Choice('circle.radius', [1e-6, 2.0])),
+        ('circle.mode=paper', Choice('circle.mode', ['paper'])),
+        ('circle.vote_region=[0,0,0,0],[1,2,60,60]', Choice('circle.vote_region', [[0] * 4, [1, 2, 60, 60]])),
+        ('circle.radius_scale=0.5:3', Range('circle.radius_scale', 0.5, 3.0, whole=False)),
+        ('focus.half_window=2:6', Range('focus.half_window', 2.0, 6.0, whole=True)),
+    ],
+)
+def test_values_are_ranges_steps_or_lists(text, axis):
+    assert parse_axis(text) == axis
+
+
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('circle.radius_scale', 'not of the form NAME=VALUES'),
+        ('circle.radius_scale=', 'not of the form NAME=VALUES'),
+        ('circle.scale=1,2', 'circle.scale cannot be swept; these can: focus.step'),
+        ('repair.largest=1,2', 'repair.largest cannot be swept'),
+        ('circle.radius_scale=1:2:3:4', 'no range of numbers'),
+        ('circle.radius_scale=a:b', 'no range of numbers'),
+        ('circle.radius_scale=1:inf:1', 'no range of numbers'),
+        ('circle.mode=1:2:1', 'no range of numbers'),
+        ('circle.radius_scale=2:1:1', 'LOW ≤ HIGH'),
+        ('circle.radius_scale=1:2:0', 'a STEP above 0'),
+        ('circle.radius_scale=1:2:1e-9', 'take a larger step'),
+        ('circle.window=3:5:0.5', 'give whole numbers'),
+        ('circle.window=3:5', 'must be odd; give a step'),
+        ('circle.window=3:6:1', 'circle.window must be odd, not 4'),
+        ('circle.radius_scale=0:3', 'circle.radius_scale is 0, which is out of range'),
+        ('circle.radius_scale=much,1', 'circle.radius_scale must be a number'),
+        ('circle.mode=fast', "circle.mode cannot be 'fast'"),
+        ('circle.window=[', 'not YAML'),
+        ('circle.window=,', 'circle.window'),
+    ],
+)
+def test_what_cannot_be_varied_is_told(text, sentence):
+    with pytest.raises(SettingError) as caught:
+        parse_axis(text)
+    assert sentence in str(caught.value)
+
+
+@given(st.integers(1, 90), st.integers(0, 60), st.sampled_from([0.1, 0.25, 0.01, 3.0]))
+def test_steps_are_the_decimal_numbers_that_were_meant(low, count, step):
+    high = round(low + count * step, 6)
+    axis = parse_axis(f'circle.radius={low}:{high}:{step}')
+    assert list(axis.values) == [float(f'{low + number * step:.10g}') for number in range(count + 1)]
+
+
+def test_a_grid_has_every_combination_and_measures_stacks_anew_as_rarely_as_it_can():
+    axes = [parse_axis(text) for text in ('circle.window=3,5', 'focus.step=1,2')]
+    found = grid(axes)
+    assert [(each['focus.step'], each['circle.window']) for each in found] == [(1, 3), (1, 5), (2, 3), (2, 5)]
+    assert all(contains(axes, values) for values in found)
+
+
+@pytest.mark.parametrize(
+    ('texts', 'sentence'),
+    [
+        (
+            ['circle.radius_scale=0.5:3'],
+            'has no step, which a grid needs: add one, such as circle.radius_scale=0.5:3:0.25',
+        ),
+        (['focus.step=1:3'], 'focus.step=1:3:1'),
+        (['circle.window=3', 'circle.window=5'], 'circle.window is given twice'),
+        (['circle.radius_scale=1:99:0.01', 'circle.radius=1:99:1'], 'at most 100000 are tried: use --search'),
+    ],
+)
+def test_what_makes_no_grid_is_told(texts, sentence):
+    with pytest.raises(SettingError) as caught:
+        grid([parse_axis(text) for text in texts])
+    assert sentence in str(caught.value)
+
+
+def test_a_setting_is_contained_in_what_spans_it():
+    axes = [parse_axis('circle.radius_scale=0.5:3'), parse_axis('circle.window=3,5')]
+    assert contains(axes, {'circle.radius_scale': 1, 'circle.window': 5})
+    assert not contains(axes, {'circle.radius_scale': 4.0, 'circle.window': 5})
+    assert not contains(axes, {'circle.radius_scale': 1.0, 'circle.window': 7})
+    assert not contains(axes, {'circle.radius_scale': 1.0})
+
+
+def test_what_is_varied_is_said_in_words():
+    axes = [
+        parse_axis(text) for text in ('circle.radius_scale=0.5:3:0.1', 'circle.window=3,5', 'circle.radius=1:2')
+    ]
+    assert list(words(axes)) == [
+        'circle.radius_scale in 26 steps from 0.5 to 3.0', 'circle.window 3, 5', 'circle.radius from 1 to 2',
+    ]  # fmt: skip
