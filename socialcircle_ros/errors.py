@@ -1,13 +1,13 @@
-"""Every error that this package raises on purpose.
+"""The errors that this package raises.
 
-Each message is one sentence (or two) for the engineer at the cell: what was met, and what to do.
+Each message is one or two sentences for the engineer at the cell: what is wrong, and what to do.
 """
 
 
 class SocialCircleError(Exception):
     """Base of every error of this package.
 
-    What a message quotes from outside may hold bytes that are no text; they are shown as escapes, so that
+    A message may quote file names or message fields that are not valid UTF-8. Such bytes become escapes, so that
     every message can be logged and published.
     """
 
@@ -16,37 +16,37 @@ class SocialCircleError(Exception):
 
 
 def printable(text: str) -> str:
-    """The text with what cannot be written as UTF-8 shown as escapes."""
+    """The text with escapes in place of characters that cannot be encoded as UTF-8."""
     return text.encode('utf-8', 'backslashreplace').decode()
 
 
 class SettingError(SocialCircleError, ValueError):
-    """A parameter has a value that it cannot have; the message says which values would do."""
+    """A parameter has a value that is not allowed; the message says which values are."""
 
 
 class CloudError(SocialCircleError, ValueError):
-    """A point cloud cannot be used as it is: its shape, its data type, or nothing in it is measured."""
+    """A point cloud cannot be filtered: wrong shape, wrong data type, or no measured point."""
 
 
 class NoSeedError(CloudError):
-    """The vote region holds no measured point, so that no seed can be elected."""
+    """The vote region has no measured point, so no seed can be elected."""
 
 
 class NoRadiusError(CloudError):
-    """The ring round the seed holds no measured point, so that eq. 7 gives no radius."""
+    """The ring round the seed has no measured point, so eq. 7 gives no radius."""
 
 
 class MessageError(SocialCircleError, ValueError):
-    """A ROS message contradicts itself or is not of the kind that is needed here."""
+    """A ROS message contradicts itself, or does not hold what is needed here."""
 
 
 class RecordingError(SocialCircleError):
-    """A recording cannot be read, or cannot be written; the message names the file."""
+    """A recording cannot be read or written; the message names the file."""
 
 
 class ImportFileError(SocialCircleError):
-    """A file that is to become a recording cannot be used; the message names the file."""
+    """A file cannot be imported; the message names the file."""
 
 
 class StackError(SocialCircleError, ValueError):
-    """A frame cannot join the focus stack, or the stack is not enough to measure from."""
+    """A frame does not fit the focus stack, or the stack has too few frames to be measured."""

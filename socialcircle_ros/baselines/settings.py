@@ -1,4 +1,4 @@
-"""The settings of the baselines; they are no parameters of the node."""
+"""Settings of the baselines. The node has no parameters for them."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from socialcircle_ros.settings.schema import Settings, setting
 
 @dataclass(frozen=True)
 class RadiusSettings(Settings):
-    """The radius filter that the paper compares with (section 4.1)."""
+    """Settings of the radius filter (section 4.1 of the paper)."""
 
     window: int = setting(
         5,
@@ -20,14 +20,14 @@ class RadiusSettings(Settings):
     )
     radius: float | None = setting(
         None,
-        'Radius within which a point counts as a neighbour, in the unit of the cloud; 0: 2.5 times the pitch.',
+        'Distance within which a point counts as a neighbour, in the unit of the cloud. 0: 2.5 times the pitch.',
         unit='cloud',
         minimum=0.0,
         empty=0.0,
     )
     min_neighbours: int = setting(
         10,
-        'Measured points that the window must hold within the radius, the point itself not counted.',
+        'Smallest number of neighbours of an inlier, without the point itself.',
         unit='points',
         minimum=1,
         maximum=224,
@@ -35,17 +35,17 @@ class RadiusSettings(Settings):
 
     def _check_together(self) -> None:
         if self.radius == 0.0:
-            raise SettingError('radius must be above 0; None takes 2.5 times the pitch.')
+            raise SettingError('radius must be above 0; use None for 2.5 times the pitch.')
         _check_neighbours('min_neighbours', self.min_neighbours, self.window)
 
 
 @dataclass(frozen=True)
 class StatisticalSettings(Settings):
-    """The statistical filter that the paper compares with (section 4.1); defaults as in Open3D's pages."""
+    """Settings of the statistical filter (section 4.1 of the paper); the defaults are those of Open3D."""
 
     window: int = setting(
         5,
-        'Side of the search window in which neighbours are sought.',
+        'Side of the search window for neighbours.',
         unit='points',
         minimum=3,
         maximum=15,
@@ -53,14 +53,14 @@ class StatisticalSettings(Settings):
     )
     neighbours: int = setting(
         20,
-        'Nearest measured points of the window whose mean distance is taken.',
+        'Number of nearest measured points of the window whose mean distance is compared.',
         unit='points',
         minimum=1,
         maximum=224,
     )
     std_factor: float = setting(
         2.0,
-        'A point is an outlier above the mean plus this many standard deviations of all mean distances.',
+        'Threshold: the mean of all mean distances plus this many of their standard deviations.',
         minimum=-10.0,
         maximum=100.0,
     )
@@ -80,26 +80,26 @@ def _check_neighbours(name: str, neighbours: int, window: int) -> None:
 
 @dataclass(frozen=True)
 class MedianSettings(Settings):
-    """The residual to a median window: the baseline that the paper does not have."""
+    """Settings of the median residual filter, which is not in the paper."""
 
     window: int = setting(
         11, 'Side of the window whose median height is taken.', unit='points', minimum=3, maximum=31, odd=True
     )
     threshold: float | None = setting(
         None,
-        'Height above or below the median from which on a point is an outlier, in the unit of the cloud; 0:'
-        ' as sigmas says.',
+        'Distance from the median beyond which a height is an outlier, in the unit of the cloud. 0: found from'
+        ' sigmas.',
         unit='cloud',
         minimum=0.0,
         empty=0.0,
     )
     sigmas: float = setting(
         5.0,
-        'Threshold in robust standard deviations (1.4826 times the median residual), where none is given.',
+        'Threshold in robust standard deviations (1.4826 times the median residual), if no threshold is set.',
         minimum=0.01,
         maximum=1000.0,
     )
 
     def _check_together(self) -> None:
         if self.threshold == 0.0:
-            raise SettingError('threshold must be above 0; None has it found from the residuals.')
+            raise SettingError('threshold must be above 0; use None to find it from the residuals.')

@@ -1,4 +1,7 @@
-"""Every parameter once, with its type, default, unit, range and sentence; parameter files; no ROS."""
+"""The parameters of the node and of the filter: their declaration, their checks, and parameter files.
+
+Nothing here needs ROS; how a running node declares and changes its parameters is in `node/parameters.py`.
+"""
 
 from .documents import (
     markdown_table,

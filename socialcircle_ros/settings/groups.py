@@ -1,7 +1,7 @@
-"""Every parameter of the node, once.
+"""The table of parameters: each parameter of the node is declared here, and nowhere else.
 
-The fields of the frozen dataclasses below are the table. The node's descriptors, `config/social_circle.yaml` and
-the documents read it through `PARAMETERS`.
+Each field of the frozen dataclasses below is a row of the table. The node's descriptors, the parameter file in
+`config/` and `docs/parameters.md` read the table through `PARAMETERS`.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ from socialcircle_ros.errors import SettingError
 from .schema import Parameter, RosValue, Settings, setting
 
 VOTERS = 40_000
-"""Most points that a vote region may have."""
+"""Largest number of points in a vote region."""
 
 
 Mode = Literal['paper', 'adaptive']
@@ -22,19 +22,19 @@ Mode = Literal['paper', 'adaptive']
 
 @dataclass(frozen=True)
 class CircleSettings(Settings):
-    """The filter (section 3.2 of the paper)."""
+    """Settings of the filter (section 3.2 of the paper)."""
 
     group: ClassVar[str] = 'circle'
 
     mode: Mode = setting(
         'paper',
-        "The method: 'paper' is the social circle of the paper, bit for bit; 'adaptive' takes its scales from the"
-        ' surface and keeps several communities: of the other circle parameters it uses depth_of_field alone.',
+        "Method. 'paper': the published method, with one radius and one community. 'adaptive': takes its scales"
+        ' from the surface and keeps every community; of the other circle parameters it uses depth_of_field only.',
         choices=('paper', 'adaptive'),
     )
     window: int = setting(
         3,
-        'Side of the search window; only 3 makes the result independent of the order in which points join.',
+        'Side of the search window. With 3 the result does not depend on the order in which points join.',
         unit='points',
         minimum=3,
         maximum=31,
@@ -42,40 +42,44 @@ class CircleSettings(Settings):
     )
     vote_region: tuple[int, int, int, int] | None = setting(
         None,
-        'Region T that elects the seed, as [row, column, height, width]; zeros: the smoothest, most fully'
-        ' measured 60×60 region is chosen.',
+        'Region T that elects the seed: [row, column, height, width]. All zeros: the filter chooses the smoothest'
+        ' well measured region of 60×60 points.',
         unit='points',
         minimum=0,
         empty=[0, 0, 0, 0],
     )
     radius: float | None = setting(
         None,
-        'Radius of the social circle, in the unit of the cloud; 0: found from the ring (eq. 7).',
+        'Radius of the social circle, in the unit of the cloud. 0: found from the ring round the seed (eq. 7).',
         unit='cloud',
         minimum=0.0,
         empty=0.0,
     )
     radius_scale: float = setting(
         1.0,
-        'Factor on the radius, given or found: above 1 keeps more points, below 1 removes more.',
+        'Factor on the radius, whether set or found. Above 1 more points are kept, below 1 more are removed.',
         minimum=0.01,
         maximum=100.0,
     )
     depth_of_field: float | None = setting(
         None,
-        'For the adaptive mode, depth of field of the microscope that made the cloud, in the unit of the cloud:'
-        ' what is off by less than a third of it stays, what is beside a wall goes; 0: as the frames of a stack'
-        ' show it, not known for other clouds.',
+        'Depth of field of the microscope, in the unit of the cloud; used by the adaptive mode. Islands lower than'
+        ' about a third of it are kept, points beside a steep wall are removed. 0: read from the focus curves of a'
+        ' stack, unknown for other clouds.',
         unit='cloud',
         minimum=0.0,
         empty=0.0,
     )
 
     def of_a_stack(self, depth_of_field: float | None) -> 'CircleSettings':
-        """The settings for a cloud that was a stack: its depth of field counts where none is given.
+        """These settings for the cloud of a focus stack, whose depth of field is used if none is set.
 
         Args:
-            depth_of_field: in the unit of the cloud; None: the cloud was no stack, or it does not tell.
+            depth_of_field: Of the stack, in the unit of the cloud. None: the cloud is not from a stack, or its
+                focus curves do not show it.
+
+        Returns:
+            Settings with a depth of field, if one is set or known.
         """
         if depth_of_field is None or self.depth_of_field:
             return self
@@ -86,17 +90,17 @@ class CircleSettings(Settings):
         if region is not None and (region[2] == 0 or region[3] == 0):
             raise SettingError(
                 f'circle.vote_region {list(region)} is empty; give a height and a width of at least 1,'
-                ' better 60, or [0, 0, 0, 0] to have it chosen.'
+                ' preferably 60, or [0, 0, 0, 0] to let the filter choose.'
             )
         if region is not None and region[2] * region[3] > VOTERS:
             raise SettingError(
                 f'circle.vote_region {list(region)} has {region[2] * region[3]} points; at most {VOTERS} can'
-                ' vote, such as 200×200, since each votes for each.'
+                ' vote (200×200), because every point votes for every other.'
             )
         if self.radius == 0.0:
-            raise SettingError('circle.radius must be above 0; None has it found by eq. 7.')
+            raise SettingError('circle.radius must be above 0; use None to find it from the ring (eq. 7).')
         if self.depth_of_field == 0.0:
-            raise SettingError('circle.depth_of_field must be above 0; None where it is not known.')
+            raise SettingError('circle.depth_of_field must be above 0; use None if it is unknown.')
 
 
 Fit = Literal['gauss', 'gauss3']
@@ -104,41 +108,42 @@ Fit = Literal['gauss', 'gauss3']
 
 @dataclass(frozen=True)
 class FocusSettings(Settings):
-    """From focus stack to depth (section 3.1 of the paper)."""
+    """Settings of depth from focus (section 3.1 of the paper)."""
 
     group: ClassVar[str] = 'focus'
 
     step: int = setting(
         2,
-        'Step s of the modified Laplacian (eq. 1): 1 sees the finest texture, 2 or 3 stand more noise.',
+        'Step s of the modified Laplacian (eq. 1). 1 responds to the finest texture, 2 or 3 tolerate more noise.',
         unit='pixels',
         minimum=1,
         maximum=8,
     )
     half_window: int = setting(
         4,
-        'Half-window N of the focus measure (eq. 2): larger averages noise, smaller resolves finer steps.',
+        'Half-width N of the window of the focus measure (eq. 2). Larger windows average noise, smaller windows'
+        ' resolve finer steps.',
         unit='pixels',
         minimum=0,
         maximum=15,
     )
     threshold: int = setting(
         0,
-        'Threshold T on the modified Laplacian (eq. 3): what is below counts as 0; 0 keeps everything.',
+        'Threshold T on the modified Laplacian (eq. 3). Smaller values count as 0. 0: all values count.',
         unit='gray levels',
         minimum=0,
         maximum=262140,
     )
     fit: Fit = setting(
         'gauss',
-        "How the peak is found between frames: 'gauss' uses as many frames as the curve is wide, 'gauss3'"
-        " is Nayar's fit through three.",
+        "Fit of the focus curve between frames. 'gauss': uses as many frames as the curve is wide. 'gauss3':"
+        " Nayar's fit through three frames.",
         choices=('gauss', 'gauss3'),
     )
     saturation: int | None = setting(
         None,
-        'Gray level from which a pixel counts as saturated; 0: the largest that its data type holds.'
-        ' A 12-bit camera that sends mono16 needs 4095.',
+        'Gray level from which a pixel counts as saturated. 0: the largest value of the data type. A 12-bit camera'
+        ' that sends mono16 needs 4095.',
         unit='gray levels',
         minimum=0,
         maximum=65535,
@@ -147,7 +152,9 @@ class FocusSettings(Settings):
 
     def _check_together(self) -> None:
         if self.saturation == 0:
-            raise SettingError('focus.saturation must be above 0; None has it follow the data type.')
+            raise SettingError(
+                'focus.saturation must be above 0; use None for the largest value of the data type.'
+            )
 
 
 ZSource = Literal['step', 'joint_states']
@@ -155,43 +162,51 @@ ZSource = Literal['step', 'joint_states']
 
 @dataclass(frozen=True)
 class StackSettings(Settings):
-    """How frames become a stack, and a stack a cloud in metres. A change takes effect with the next stack."""
+    """Settings that group frames into stacks and scale clouds to metres. A change applies to the next stack."""
 
     group: ClassVar[str] = 'stack'
 
     pitch_x: float = setting(
         0.0,
-        'Distance of two pixels along x on the part; must be set before a stack can become a cloud.',
+        'Distance of neighbouring pixels along x on the part. It must be set before a stack can become a cloud.',
         unit='m',
         minimum=0.0,
         maximum=1.0,
     )
     pitch_y: float = setting(
-        0.0, 'Distance of two pixels along y on the part; 0: as along x.', unit='m', minimum=0.0, maximum=1.0
+        0.0,
+        'Distance of neighbouring pixels along y on the part. 0: the same as pitch_x.',
+        unit='m',
+        minimum=0.0,
+        maximum=1.0,
     )
     z_source: ZSource = setting(
         'step',
-        "Where a frame's z comes from: 'step' counts from z_start, 'joint_states' interpolates the stage's"
-        " position at the frame's stamp.",
+        "Source of the z of each frame. 'step': z_start plus z_step for each frame. 'joint_states': the stage"
+        ' position, interpolated at the stamp of the frame.',
         choices=('step', 'joint_states'),
     )
-    z_start: float = setting(0.0, 'z of the first frame, for z_source step.', unit='m')
+    z_start: float = setting(0.0, 'z of the first frame, with z_source step.', unit='m')
     z_step: float = setting(
-        0.0, 'z from frame to frame, negative downward; must be set for z_source step.', unit='m'
+        0.0,
+        'Change of z from frame to frame, negative for a downward scan. It must be set with z_source step.',
+        unit='m',
     )
-    joint: str = setting('', 'Name of the joint whose position is z, for z_source joint_states; empty: the first.')
+    joint: str = setting(
+        '', 'Name of the joint whose position is z, with z_source joint_states. Empty: the first joint.'
+    )
     frames: int = setting(
-        0, 'A stack ends after so many frames; 0: not by their number.', unit='frames', minimum=0, maximum=30000
+        0, 'Number of frames after which a stack ends. 0: no limit.', unit='frames', minimum=0, maximum=30000
     )
     timeout: float = setting(
-        1.0, 'A stack ends after so long without a frame; 0: never.', unit='s', minimum=0.0, maximum=3600.0
+        1.0, 'Time without a frame after which a stack ends. 0: no limit.', unit='s', minimum=0.0, maximum=3600.0
     )
     end_at_turn: bool = setting(
-        False, 'Whether a stack ends when z turns round; the frame behind the turn begins the next one.'
+        False, 'Whether a stack ends when z reverses. The first frame after the reversal begins the next stack.'
     )
     preview: int = setting(
         0,
-        'Every so many frames the cloud so far is published on stack/preview; 0: never.',
+        'Number of frames between two clouds of the unfinished stack on stack/preview. 0: none are published.',
         unit='frames',
         minimum=0,
         maximum=30000,
@@ -203,34 +218,34 @@ RepairMethod = Literal['biharmonic', 'spline']
 
 @dataclass(frozen=True)
 class RepairSettings(Settings):
-    """Filling the holes that the filter leaves (section 4.2, and a better way)."""
+    """Settings of the repair: how holes of outliers are filled (section 4.2 of the paper)."""
 
     group: ClassVar[str] = 'repair'
 
     method: RepairMethod = setting(
         'biharmonic',
-        "How heights are found: 'biharmonic' is the smoothest surface through the points round the hole, with"
-        " steps kept sharp; 'spline' is the paper's cubic B-spline along rows and columns.",
+        "How heights are found. 'biharmonic': the smoothest surface through the points round the hole, with steps"
+        " kept sharp. 'spline': the paper's cubic B-spline along rows and columns.",
         choices=('biharmonic', 'spline'),
     )
     largest: int = setting(
         1000,
-        'Largest hole that is filled; points that touch only at a corner belong to two holes.',
+        'Size of the largest hole that is filled. Points that touch only at a corner belong to different holes.',
         unit='points',
         minimum=1,
         maximum=10000,
     )
     sides: int = setting(
         3,
-        'On how many of its four sides (left, right, above, below) a point must have the measured rim of its'
-        ' hole; two of them are always opposite, so that nothing is extrapolated.',
+        'Number of sides (left, right, above, below) on which a point must have a measured rim of its hole. Two'
+        ' of these sides are always opposite, so nothing is extrapolated.',
         minimum=2,
         maximum=4,
     )
     heights_agree: float = setting(
         0.0,
-        'A hole is filled only if the measured heights that touch it differ by no more than this, in the unit'
-        ' of the cloud; 0: whatever they are.',
+        'Largest difference between the measured heights round a hole that is filled, in the unit of the cloud.'
+        ' 0: no limit.',
         unit='cloud',
         minimum=0.0,
     )
@@ -238,40 +253,42 @@ class RepairSettings(Settings):
 
 @dataclass(frozen=True)
 class OutputSettings(Settings):
-    """What the node publishes beside the filtered cloud."""
+    """Settings that select what is published beside the filtered cloud."""
 
     group: ClassVar[str] = 'output'
 
     mask: bool = setting(True, 'Whether outlier_mask is published with each filtered cloud.')
     score: bool = setting(
         False,
-        "Whether outlier_score is published with each filtered cloud, where circle.mode is 'adaptive': 0 to 1,"
-        ' above 0.5 for outliers.',
+        'Whether outlier_score is published with each filtered cloud: 0 to 1, above 0.5 for outliers. Only the'
+        ' adaptive mode computes it.',
     )
     repaired: bool = setting(
-        False, 'Whether points_repaired is published: the filtered cloud with the holes of its outliers filled.'
+        False, 'Whether points_repaired is published: the filtered cloud with the holes of outliers filled.'
     )
 
 
 @dataclass(frozen=True)
 class NodeSettings(Settings):
-    """How the node behaves."""
+    """Settings of the node itself."""
 
     autostart: bool = setting(
         True,
-        'Whether the node configures and activates itself at the start, without a lifecycle manager.',
+        'Whether the node configures and activates itself at start, without a lifecycle manager.',
         read_only=True,
     )
     reprocess_last: bool = setting(
         True,
-        'Whether a change of parameters filters and publishes the last cloud again, to tune on a pause.',
+        'Whether a change of parameters filters and publishes the last cloud again, for tuning while no new cloud'
+        ' arrives.',
     )
     parameters_file: str = setting(
-        '', 'Where ~/save_parameters writes; empty: a file named after the node, in ~/.ros/socialcircle.'
+        '',
+        'File that ~/save_parameters writes. Empty: a file in ~/.ros/socialcircle that is named after the node.',
     )
     silence: float = setting(
         5.0,
-        'Time without a cloud from a publisher that is there, after which diagnostics say so; 0: never.',
+        'Time without a cloud from a connected publisher after which /diagnostics warns. 0: never.',
         unit='s',
         minimum=0.0,
         maximum=86400.0,
@@ -286,10 +303,10 @@ GROUPS: tuple[type[Settings], ...] = (
     OutputSettings,
     NodeSettings,
 )
-"""The groups that the node has, in the order in which they are shown."""
+"""The groups of the node, in the order in which they are shown."""
 
 PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in group.parameters()}
-"""Every parameter of the node by its full name."""
+"""Every parameter of the node, by its full name."""
 
 
 AnyPipelineSettings = TypeVar('AnyPipelineSettings', bound='PipelineSettings')
@@ -297,7 +314,7 @@ AnyPipelineSettings = TypeVar('AnyPipelineSettings', bound='PipelineSettings')
 
 @dataclass(frozen=True)
 class PipelineSettings:
-    """With what clouds and stacks are filtered, live and offline."""
+    """All settings that clouds and stacks are processed with, live and offline."""
 
     circle: CircleSettings = dataclasses.field(default_factory=CircleSettings)
     focus: FocusSettings = dataclasses.field(default_factory=FocusSettings)
@@ -307,10 +324,10 @@ class PipelineSettings:
 
     @classmethod
     def from_ros(cls: type[AnyPipelineSettings], values: Mapping[str, Any]) -> AnyPipelineSettings:  # noqa: PYI019 - not in Python 3.10
-        """Settings from full ROS names to values.
+        """Make settings from values under full ROS names; missing names get their defaults.
 
         Raises:
-            SettingError: a value that cannot be, or values that do not go together.
+            SettingError: A value is not allowed, or values contradict each other.
         """
         groups: dict[str, Any] = {each.name: each.default_factory for each in dataclasses.fields(cls)}
         return cls(**{name: group.from_ros(values) for name, group in groups.items()})

@@ -1,6 +1,6 @@
-"""What a parameter is: name, type, default, unit, range and sentence, declared as fields of frozen dataclasses.
+"""How parameters are declared and checked: as fields of frozen dataclasses with unit, range and sentence.
 
-A settings object is valid once it exists: its creation checks each value, then the values together.
+Creating a settings object checks each value, then the values together, so that every settings object is valid.
 """
 
 import dataclasses
@@ -16,14 +16,14 @@ from typing import Any, ClassVar, Literal, TypeVar
 from socialcircle_ros.errors import SettingError
 
 RosValue = bool | int | float | str | list[int]
-"""What a ROS parameter can hold, of the kinds that are used here."""
+"""The types of ROS parameters that are used here."""
 
 _OWN = 'socialcircle'
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a value may be, beside its type."""
+    """Restrictions on a value beyond its type."""
 
     minimum: float | None = None
     maximum: float | None = None
@@ -33,12 +33,12 @@ class Limits:
 
 @dataclass(frozen=True)
 class _Column:
-    """What a dataclass field cannot say by itself."""
+    """What is declared of a parameter beyond the name, type and default of its dataclass field."""
 
     sentence: str
     unit: str
     limits: Limits
-    empty: RosValue | None  # what stands for None on ROS's side, where a parameter cannot be None
+    empty: RosValue | None  # the ROS value that stands for None; a ROS parameter cannot be None
     read_only: bool
 
 
@@ -54,17 +54,37 @@ def setting(
     empty: RosValue | None = None,
     read_only: bool = False,
 ) -> Any:
-    """A row of the table: a dataclass field with its default and all that is to be said of it."""
+    """Declare a parameter: a dataclass field with its default and its description.
+
+    Args:
+        default: In Python; None where `empty` stands for it in ROS.
+        sentence: What the parameter does, for people.
+        unit: Of the value; 'cloud' stands for the unit of the cloud.
+        minimum: Smallest allowed value.
+        maximum: Largest allowed value.
+        odd: Whether the value must be odd.
+        choices: The allowed texts; none: any.
+        empty: The ROS value that stands for None.
+        read_only: Whether the value is fixed once the node has started.
+    """
     column = _Column(sentence, unit, Limits(minimum, maximum, odd, choices), empty, read_only)
     return dataclasses.field(default=default, metadata={_OWN: column})
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter as the outside sees it: ROS, YAML and the README.
+    """One parameter as ROS, parameter files and the documents show it.
 
-    `kind` is the type of `default`, and the type that ROS declares; `default` is on ROS's side,
-    where None is written as `empty` (0: chosen).
+    Attributes:
+        group: Prefix of the name; '' for parameters of the node itself.
+        field: Name of the field of the settings class.
+        kind: Type of `default`, which is also the declared ROS type.
+        default: As a ROS value; None in Python is `empty` here.
+        unit: Of the value; '' if it has none, 'cloud' for the unit of the cloud.
+        limits: Which values are allowed.
+        sentence: What the parameter does.
+        read_only: Whether the value is fixed once the node has started.
+        empty: The ROS value that stands for None in Python; None if there is no such value.
     """
 
     group: str
@@ -79,12 +99,12 @@ class Parameter:
 
     @property
     def name(self) -> str:
-        """The full name, `group.field`; without a group the field alone."""
+        """The full name: `group.field`, or `field` without a group."""
         return f'{self.group}.{self.field}' if self.group else self.field
 
     @property
     def allowed(self) -> str:
-        """In words, which values are accepted."""
+        """The allowed values, in words."""
         limits = self.limits
         if limits.choices:
             return ', '.join(limits.choices)
@@ -101,11 +121,15 @@ class Parameter:
 
     @property
     def description(self) -> str:
-        """Sentence and unit, as ROS's descriptor holds them; `sentence_and_unit` takes them apart."""
+        """Sentence and unit as the ROS descriptor holds them; `sentence_and_unit` separates them."""
         return f'{self.sentence} [{self.unit}]' if self.unit else self.sentence
 
     def to_ros(self, value: Any) -> RosValue:
-        """The Python value as ROS holds it."""
+        """Convert a Python value to the ROS value.
+
+        Raises:
+            SettingError: The value is None, and the parameter cannot be None.
+        """
         if value is None:
             if self.empty is None:
                 raise SettingError(f'{self.name} needs a value.')
@@ -114,7 +138,7 @@ class Parameter:
         return ros
 
     def from_ros(self, value: Any) -> Any:
-        """The ROS value as Python holds it; `empty` becomes None."""
+        """Convert a ROS value to the Python value; `empty` becomes None."""
         if isinstance(value, Sequence) and not isinstance(value, str):
             value = tuple(value)
             return None if self.empty is not None and list(value) == self.empty else value
@@ -124,7 +148,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of the groups of settings: checks values on creation, converts from and to ROS's side."""
+    """Base of the groups of settings: checks values on creation, converts from and to ROS values."""
 
     group: ClassVar[str] = ''
 
@@ -132,7 +156,7 @@ class Settings:
         """Check every value.
 
         Raises:
-            SettingError: a value is of a wrong type or out of its range; says which would do.
+            SettingError: A value has a wrong type or is out of range; the message says what is allowed.
         """
         hints = typing.get_type_hints(type(self))
         for field in dataclasses.fields(self):
@@ -143,11 +167,11 @@ class Settings:
         self._check_together()
 
     def _check_together(self) -> None:
-        """Check what single values cannot tell; groups that have such a rule override this."""
+        """Check rules on several values, or on None; groups with such rules override this."""
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
-        """This group's rows of the table."""
+        """The parameters of this group, in the order of their declaration."""
         rows = []
         for field in dataclasses.fields(cls):
             column: _Column = field.metadata[_OWN]
@@ -171,15 +195,17 @@ class Settings:
 
     @classmethod
     def from_ros(cls: type['Self'], values: Mapping[str, Any]) -> 'Self':
-        """Settings from full ROS names to values; names of other groups are passed over.
+        """Make settings from values under full ROS names.
+
+        Names of other groups are ignored; missing names get their defaults.
 
         Raises:
-            SettingError: as on creation.
+            SettingError: As on creation.
         """
         return cls(**{row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values})
 
     def to_ros(self) -> dict[str, RosValue]:
-        """These settings under their full ROS names."""
+        """These settings as ROS values under full ROS names."""
         return {row.name: row.to_ros(getattr(self, row.field)) for row in self.parameters()}
 
 
@@ -187,7 +213,11 @@ Self = TypeVar('Self', bound=Settings)
 
 
 def _checked(name: str, value: Any, hint: Any, column: _Column) -> Any:
-    """`value` in its exact Python type, or a SettingError that says what would do."""
+    """`value` in the exact Python type of the field.
+
+    Raises:
+        SettingError: The value is not allowed; the message says what is.
+    """
     options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     if value is None and type(None) in options:
         return None
@@ -203,7 +233,7 @@ def _checked(name: str, value: Any, hint: Any, column: _Column) -> Any:
         return value
     if kind is str:
         if not isinstance(value, str):
-            raise SettingError(f'{name} must be a text, not {value!r}.')
+            raise SettingError(f'{name} must be text, not {value!r}.')
         return value
     if typing.get_origin(kind) is tuple:
         length = len(typing.get_args(kind))
@@ -221,8 +251,9 @@ def _whole(name: str, value: Any, limits: Limits) -> int:
     except TypeError:
         raise SettingError(f'{name} must be a whole number, not {value!r}.') from None
     if limits.odd and number % 2 == 0:
-        near = max(number - 1, int(limits.minimum or 1))
-        raise SettingError(f'{name} must be odd, not {number}; {near} or {number + 1} would do.')
+        low, high = limits.minimum or 1, limits.maximum or math.inf
+        nearest = sorted({int(min(max(near, low), high)) for near in (number - 1, number + 1)})
+        raise SettingError(f'{name} must be odd, not {number}; use {" or ".join(map(str, nearest))}.')
     return int(_within(name, number, limits))
 
 
@@ -252,11 +283,11 @@ def _within(name: str, number: float, limits: Limits) -> float:
 
 
 def sentence_and_unit(description: str) -> tuple[str, str]:
-    """The sentence and the unit of `Parameter.description`; a description without a unit gives ''."""
+    """Split `Parameter.description` into sentence and unit; the unit is '' if there is none."""
     match = re.fullmatch(r'(.*) \[([^\[\]]+)\]', description, re.DOTALL)
     return (match[1], match[2]) if match else (description, '')
 
 
 def choices_in(allowed: str) -> tuple[str, ...]:
-    """The choices of a text that `Parameter.allowed` lists; none where any text is allowed."""
+    """The choices that `Parameter.allowed` lists for a text; none if any text is allowed."""
     return () if allowed in ('any', '') else tuple(allowed.split(', '))

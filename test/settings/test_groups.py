@@ -1,4 +1,4 @@
-"""The table of parameters and what is made from it."""
+"""The table of parameters: defaults, checks, and conversion to and from ROS values."""
 
 import dataclasses
 import runpy
@@ -21,17 +21,17 @@ from socialcircle_ros.settings import (
     yaml_text,
 )
 
-TOP = Path(__file__).resolve().parents[1]
+TOP = Path(__file__).resolve().parents[2]
 
 
-def test_the_contract_names_the_parameters():
+def test_the_parameters_that_users_rely_on_exist():
     assert {'circle.mode', 'circle.window', 'circle.vote_region', 'circle.radius', 'circle.radius_scale'} <= set(
         PARAMETERS
     )
     assert {'reprocess_last', 'autostart'} <= set(PARAMETERS)
 
 
-def test_defaults_are_the_paper_s():
+def test_the_defaults_are_those_of_the_paper():
     assert CircleSettings() == CircleSettings(
         mode='paper', window=3, vote_region=None, radius=None, radius_scale=1.0
     )
@@ -46,7 +46,9 @@ def test_settings_are_frozen():
     ('values', 'sentence'),
     [
         ({'mode': 'fast'}, "circle.mode cannot be 'fast'; use one of: paper"),
-        ({'window': 4}, 'circle.window must be odd, not 4; 3 or 5 would do'),
+        ({'window': 4}, 'circle.window must be odd, not 4; use 3 or 5'),
+        ({'window': 32}, 'circle.window must be odd, not 32; use 31'),
+        ({'window': 0}, 'circle.window must be odd, not 0; use 3'),
         ({'window': 1}, 'circle.window is 1, which is out of range: it must be between 3 and 31'),
         ({'window': 3.0}, 'circle.window must be a whole number, not 3.0'),
         ({'window': True}, 'circle.window must be a whole number, not True'),
@@ -63,29 +65,29 @@ def test_settings_are_frozen():
         ({'vote_region': (0, 0, 300, 300)}, 'has 90000 points; at most 40000 can vote'),
     ],
 )
-def test_a_value_that_cannot_be_is_refused_with_what_would_do(values, sentence):
+def test_a_value_that_is_not_allowed_is_refused_with_what_is(values, sentence):
     with pytest.raises(SocialCircleError, match=sentence):
         CircleSettings(**values)
 
 
 @pytest.mark.parametrize('wrong', [1, 'yes', None])
-def test_a_switch_is_true_or_false(wrong):
+def test_a_bool_parameter_takes_only_true_or_false(wrong):
     with pytest.raises(SocialCircleError, match='output.mask must be true or false'):
         OutputSettings(mask=wrong)
 
 
-def test_a_text_is_a_text():
-    with pytest.raises(SocialCircleError, match='parameters_file must be a text, not 7'):
+def test_a_text_parameter_takes_only_text():
+    with pytest.raises(SocialCircleError, match='parameters_file must be text, not 7'):
         NodeSettings(parameters_file=7)
 
 
-def test_whole_numbers_serve_as_real_ones_and_numpy_s_as_python_s():
+def test_numbers_are_converted_to_the_python_type_of_the_parameter():
     settings = CircleSettings(radius=1, window=np.int64(5), radius_scale=np.float32(2))
     assert (settings.radius, settings.window, settings.radius_scale) == (1.0, 5, 2.0)
     assert [type(value) for value in (settings.radius, settings.window)] == [float, int]
 
 
-def test_zeros_on_ros_s_side_mean_chosen():
+def test_zeros_in_ros_stand_for_none():
     values = {'circle.radius': 0.0, 'circle.vote_region': [0, 0, 0, 0]}
     assert CircleSettings.from_ros(values) == CircleSettings(radius=None, vote_region=None)
     assert CircleSettings().to_ros() | values == CircleSettings().to_ros()
@@ -97,7 +99,7 @@ def test_zeros_on_ros_s_side_mean_chosen():
     radius=st.none() | st.floats(1e-12, 1e12),
     scale=st.floats(0.01, 100),
 )
-def test_settings_survive_ros_and_yaml(window, region, radius, scale):
+def test_settings_are_the_same_after_a_round_trip_through_ros_and_yaml(window, region, radius, scale):
     settings = CircleSettings(window=window, vote_region=region, radius=radius, radius_scale=scale)
     text = yaml_text(settings.to_ros())
     values = yaml.safe_load(text)['/**']['ros__parameters']
@@ -110,7 +112,7 @@ def test_every_parameter_has_a_sentence_and_a_default_of_its_type():
         assert isinstance(row.default, row.kind), name
 
 
-def test_what_ros_is_told_can_be_taken_apart_again():
+def test_a_description_splits_into_sentence_and_unit():
     for row in PARAMETERS.values():
         assert sentence_and_unit(row.description) == (row.sentence, row.unit)
         assert row.kind is not str or choices_in(row.allowed) == row.limits.choices
