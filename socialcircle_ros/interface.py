@@ -1,7 +1,7 @@
-"""The node's interface, once: its topics, its services, and the keys of its measurement and of its diagnostics.
+"""The interface of the node: its topics, its services, and the keys of `~/measurement` and `/diagnostics`.
 
-The node's publishers, what `socialcircle filter` writes, the tables of the documents, and the tests of the shipped
-viewer layouts read it from here. Parameters are in `settings`.
+The node, `socialcircle filter`, `docs/topics.md` and the tests of the viewer layouts read it from here. The
+parameters are declared in `settings`.
 """
 
 import dataclasses
@@ -20,15 +20,16 @@ _COLUMN = 'socialcircle'
 
 @dataclass(frozen=True)
 class NodeTopic:
-    """A topic of the node. QoS is reliable, keep last `depth`; `qos_overrides` change it.
+    """A topic of the node. Its QoS is reliable, keep last `depth`; the `qos_overrides` parameters change it.
 
     Attributes:
-        name: relative to the node's namespace; `~/` stands for the node's own name, `/` for the whole graph.
-        type: of the messages.
-        direction: as the node sees it.
-        depth: how many messages the middleware keeps.
-        when: when a message comes.
-        sentence: what it is.
+        name: Relative to the namespace of the node. A leading `~/` stands for the name of the node, a leading `/`
+            for a topic outside the namespace.
+        type: Of the messages.
+        direction: 'in': the node subscribes; 'out': the node publishes.
+        depth: Number of messages that the middleware keeps.
+        when: When a message is published.
+        sentence: What a message holds.
     """
 
     name: str
@@ -42,15 +43,15 @@ class NodeTopic:
         """The full name in a namespace, such as `/cell1/points`.
 
         Args:
-            namespace: such as `/cell1`; '' or '/': the root.
-            node: the node's name, which `~/` stands for.
+            namespace: Such as `/cell1`; '' or '/' for the root.
+            node: Name of the node, for topics with `~/`.
         """
         if self.name.startswith('/'):
             return self.name
         return f'{namespace.rstrip("/")}/{self.name.replace("~", node, 1)}'
 
     def namespace_of(self, topic: str) -> str | None:
-        """The namespace in which a full name is this topic of a node of the usual name; None: it is another."""
+        """The namespace of a full name that is this topic of a node of the default name; None for other topics."""
         suffix = self.within('')
         return topic[: -len(suffix)] if topic.endswith(suffix) else None
 
@@ -68,7 +69,7 @@ POINTS = NodeTopic(
     point_cloud.TYPE,
     'in',
     1,
-    'as the sensor sends it',
+    'published by the sensor',
     'Organized cloud; x, y, z float32 or float64.',
 )
 STACK_FRAMES = NodeTopic(
@@ -76,7 +77,7 @@ STACK_FRAMES = NodeTopic(
     image.TYPE,
     'in',
     50,
-    'as the camera sends it',
+    'published by the camera',
     'One frame of a focus stack: mono8, mono16, rgb8, bgr8, bayer_*8.',
 )
 STACK_JOINT_STATES = NodeTopic(
@@ -84,8 +85,8 @@ STACK_JOINT_STATES = NodeTopic(
     joint_state.TYPE,
     'in',
     500,
-    'with stack.z_source joint_states',
-    'Position of the stage in m, interpolated at the stamp of each frame.',
+    'published by the stage; used if stack.z_source is joint_states',
+    'Position of the stage, in m; it is interpolated at the stamp of each frame.',
 )
 FILTERED = NodeTopic(
     'points_filtered',
@@ -93,14 +94,14 @@ FILTERED = NodeTopic(
     'out',
     1,
     'per cloud',
-    'The cloud with x, y and z of outliers NaN; every other byte as it came.',
+    'The input cloud with x, y and z of outliers set to NaN and is_dense set to match; no other byte changes.',
 )
 MASK = NodeTopic(
     'outlier_mask',
     image.TYPE,
     'out',
     1,
-    'per cloud, with output.mask',
+    'per cloud, if output.mask is true',
     f'mono8, (H, W): {image.KEPT} kept, {image.OUTLIER} outlier, {image.NOT_MEASURED} not measured.',
 )
 SCORE = NodeTopic(
@@ -108,7 +109,7 @@ SCORE = NodeTopic(
     image.TYPE,
     'out',
     1,
-    'per cloud, with output.score in the adaptive mode',
+    'per cloud, if output.score is true and circle.mode is adaptive',
     '32FC1, (H, W): 0 to 1, above 0.5 for outliers, NaN where not measured.',
 )
 REPAIRED = NodeTopic(
@@ -116,7 +117,7 @@ REPAIRED = NodeTopic(
     point_cloud.TYPE,
     'out',
     1,
-    'per cloud, with output.repaired',
+    'per cloud, if output.repaired is true',
     'The filtered cloud with the holes of outliers filled.',
 )
 MEASUREMENT = NodeTopic(
@@ -125,10 +126,15 @@ MEASUREMENT = NodeTopic(
     'out',
     1,
     'per cloud',
-    'Counts, seed, radius, stage times, settings.',
+    'Counts, seed, radius, settings and times of the stages.',
 )
 LAST_POINTS = NodeTopic(
-    '~/last_points', point_cloud.TYPE, 'out', 1, 'when ~/publish_last is called', 'The last cloud as it came.'
+    '~/last_points',
+    point_cloud.TYPE,
+    'out',
+    1,
+    'when ~/publish_last is called',
+    'The last input cloud, unchanged.',
 )
 STACK_POINTS = NodeTopic(
     'stack/points',
@@ -136,18 +142,23 @@ STACK_POINTS = NodeTopic(
     'out',
     1,
     'per stack',
-    'The cloud of a stack before filtering, in m: x, y, z, intensity, quality.',
+    'The cloud of the stack before filtering: x, y and z in m, intensity, quality.',
 )
 STACK_IMAGE = NodeTopic(
-    'stack/image_in_focus', image.TYPE, 'out', 1, 'per stack', 'Every pixel from its sharpest frame.'
+    'stack/image_in_focus',
+    image.TYPE,
+    'out',
+    1,
+    'per stack',
+    'All-in-focus image: each pixel is taken from its sharpest frame.',
 )
 STACK_PREVIEW = NodeTopic(
     'stack/preview',
     point_cloud.TYPE,
     'out',
     1,
-    'every stack.preview frames',
-    'The cloud of the stack so far; it is not filtered.',
+    'every stack.preview frames of a stack',
+    'The cloud of the unfinished stack, not filtered.',
 )
 DIAGNOSTICS = NodeTopic(
     '/diagnostics',
@@ -155,7 +166,7 @@ DIAGNOSTICS = NodeTopic(
     'out',
     10,
     'once per second',
-    'Rates, latencies, counts of dropped and refused input, and the reason of the last refusal.',
+    'State, rate, latencies, counts of dropped and refused input, and the reason of the last refusal.',
 )
 
 TOPICS = (
@@ -175,25 +186,27 @@ TOPICS = (
 )
 
 CLOUD_OUTPUTS = (FILTERED, MASK, SCORE, REPAIRED, MEASUREMENT)
-"""What can come of a cloud."""
+"""The topics that may get a message for each filtered cloud."""
 
 STACK_OUTPUTS = (STACK_POINTS, STACK_IMAGE)
-"""What comes of a finished stack, before its cloud is filtered."""
+"""The topics that get a message for each finished stack."""
 
-FINISH_STACK = NodeService('~/finish_stack', 'Closes the running stack and makes its cloud.')
-RESET = NodeService('~/reset', 'Forgets the last cloud and the running stack, and sets all counts to 0.')
-SAVE_PARAMETERS = NodeService('~/save_parameters', 'Writes a parameter file that a node can start from.')
-PUBLISH_LAST = NodeService('~/publish_last', 'Publishes the last cloud on ~/last_points, then filters it again.')
+FINISH_STACK = NodeService('~/finish_stack', 'Ends the current stack and publishes its cloud.')
+RESET = NodeService('~/reset', 'Discards the last cloud and the current stack, and sets all counts to 0.')
+SAVE_PARAMETERS = NodeService('~/save_parameters', 'Writes the parameters to a file that a node can start from.')
+PUBLISH_LAST = NodeService(
+    '~/publish_last', 'Publishes the last cloud on ~/last_points, then filters it and publishes its results again.'
+)
 
 SERVICES = (FINISH_STACK, RESET, SAVE_PARAMETERS, PUBLISH_LAST)
 
 
 def outputs_of(mode: Mode, output: OutputSettings) -> tuple[NodeTopic, ...]:
-    """Which topics get a message for each filtered cloud, live and offline.
+    """The topics that get a message for each filtered cloud, live and offline.
 
     Args:
-        mode: the mode of the filter; only the adaptive mode gives scores.
-        output: which outputs are wanted.
+        mode: Mode of the filter; only the adaptive mode computes scores.
+        output: The outputs that are switched on.
     """
     wanted = {
         FILTERED: True,
@@ -207,7 +220,7 @@ def outputs_of(mode: Mode, output: OutputSettings) -> tuple[NodeTopic, ...]:
 
 @dataclass(frozen=True)
 class StatusKey:
-    """A key of a status, as the documents show it."""
+    """A key of a DiagnosticStatus, with its unit and its description."""
 
     name: str
     unit: str
@@ -223,16 +236,16 @@ Values = TypeVar('Values', bound='StatusValues')
 
 @dataclass(frozen=True)
 class StatusValues:
-    """Base of the two tables of keys: each field is a key, and its value is written as text."""
+    """Base of the two tables of keys: each field is a key, and its value is sent as text."""
 
     @classmethod
     def keys(cls) -> tuple[StatusKey, ...]:
-        """The keys of the table, in the order in which they are written."""
+        """The keys, in the order in which they are sent."""
         rows = [(each.name, each.metadata[_COLUMN]) for each in dataclasses.fields(cls)]
         return tuple(StatusKey(name, row.unit, row.sentence) for name, row in rows)
 
     def to_text(self) -> dict[str, str]:
-        """Keys to values as a DiagnosticStatus holds them; what is not known is left out."""
+        """Keys and values as a DiagnosticStatus holds them; unknown values are left out."""
         named = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
         return {name: _text(name, value) for name, value in named.items() if value is not None}
 
@@ -247,28 +260,28 @@ def _text(name: str, value: float | str) -> str:
 
 @dataclass(frozen=True)
 class MeasurementValues(StatusValues):
-    """What `~/measurement` says of a cloud. The settings in force and the stage times follow these keys."""
+    """The keys of `~/measurement`. The circle parameters and the times of the stages follow them."""
 
     stamp: str = field(metadata=_key('Stamp of the cloud.', 's'))
-    points: int = field(metadata=_key('Points of the cloud, measured or not.', 'points'))
+    points: int = field(metadata=_key('Points of the cloud, including those that are not measured.', 'points'))
     measured: int = field(metadata=_key('Measured points.', 'points'))
-    kept: int = field(metadata=_key('Points that were kept.', 'points'))
-    outliers: int = field(metadata=_key('Points that were removed.', 'points'))
-    repaired: int = field(metadata=_key('Points that the repair filled.', 'points'))
+    kept: int = field(metadata=_key('Measured points that are kept.', 'points'))
+    outliers: int = field(metadata=_key('Measured points that are outliers.', 'points'))
+    repaired: int = field(metadata=_key('Points filled by the repair.', 'points'))
     seed_row: int = field(metadata=_key('Row of the seed.'))
     seed_column: int = field(metadata=_key('Column of the seed.'))
-    radius: float = field(metadata=_key('Radius in force.', 'cloud'))
+    radius: float = field(metadata=_key('Radius of the social circle.', 'cloud'))
     stack_depth_of_field: float | None = field(
         default=None,
-        metadata=_key('Depth of field, from the frames of a stack; absent for other clouds.', 'm'),
+        metadata=_key('Depth of field, read from the focus curves of a stack; absent for other clouds.', 'm'),
     )
 
     @classmethod
     def from_text(cls, values: Mapping[str, str]) -> 'MeasurementValues':
-        """Read the values of a status.
+        """Read the values of a DiagnosticStatus.
 
         Raises:
-            MessageError: a key is missing, or its value is not of its kind.
+            MessageError: A key is missing, or its value has a wrong type.
         """
         found: dict[str, str | int | float | None] = {}
         for each in dataclasses.fields(cls):
@@ -277,48 +290,61 @@ class MeasurementValues(StatusValues):
                 if text is None and each.default is not dataclasses.MISSING:
                     continue
                 if text is None:
-                    raise KeyError(each.name)  # noqa: TRY301 - one sentence for both
+                    raise KeyError(each.name)  # noqa: TRY301 - one message for both
                 found[each.name] = text if each.type is str else int(text) if each.type is int else float(text)
             except (KeyError, ValueError):
                 raise MessageError(
-                    f'It is not a measurement of the node: its key {each.name!r} is {text!r}.'
+                    f'The message is not a measurement of the node: its key {each.name!r} is {text!r}.'
                 ) from None
         return cls(**found)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
 class HealthValues(StatusValues):
-    """What `/diagnostics` says of the node. The bad pixels of the last stack follow, one key for each reason."""
+    """The keys of `/diagnostics`. Counts of bad pixels of the last stack follow them, one key per reason."""
 
-    state: str = field(metadata=_key('State of the lifecycle.'))
-    clouds_received: int = field(metadata=_key('Clouds that came on points.', 'clouds'))
-    clouds_published: int = field(metadata=_key('Clouds that were filtered and published.', 'clouds'))
-    clouds_dropped: int = field(metadata=_key('Clouds that a newer one replaced while they waited.', 'clouds'))
-    clouds_refused: int = field(metadata=_key('Clouds that could not be used.', 'clouds'))
-    clouds_failed: int = field(metadata=_key('Clouds and frames that met a fault of the node.', 'clouds'))
-    frames_received: int = field(metadata=_key('Frames that came on stack/image.', 'frames'))
-    frames_dropped: int = field(metadata=_key('Frames that came faster than they could be measured.', 'frames'))
-    stack_refusals: int = field(metadata=_key('Frames, joint states and stacks that could not be used.'))
-    stacks_finished: int = field(metadata=_key('Stacks that became clouds.', 'stacks'))
-    last_reason: str = field(metadata=_key('Why the last input was dropped or refused.'))
-    rate_hz: float = field(metadata=_key('Clouds received per second, over the last 10 s.', 'Hz'))
+    state: str = field(metadata=_key('Lifecycle state.'))
+    clouds_received: int = field(metadata=_key('Clouds received on points.', 'clouds'))
+    clouds_published: int = field(
+        metadata=_key('Clouds filtered and published, including clouds of stacks.', 'clouds')
+    )
+    clouds_dropped: int = field(
+        metadata=_key('Clouds that were replaced by a newer one before they were filtered.', 'clouds')
+    )
+    clouds_refused: int = field(metadata=_key('Clouds that cannot be filtered.', 'clouds'))
+    clouds_failed: int = field(
+        metadata=_key('Clouds and frames that caused an unexpected error in the node.', 'clouds')
+    )
+    frames_received: int = field(metadata=_key('Frames received on stack/image.', 'frames'))
+    frames_dropped: int = field(
+        metadata=_key('Frames that arrived faster than the node can process them.', 'frames')
+    )
+    stack_refusals: int = field(metadata=_key('Frames, joint states and stacks that cannot be used.'))
+    stacks_finished: int = field(metadata=_key('Stacks that gave a cloud.', 'stacks'))
+    last_reason: str = field(metadata=_key('Reason of the last drop, refusal or error.'))
+    rate_hz: float = field(metadata=_key('Clouds received per second, mean of the last 10 s.', 'Hz'))
     latency_median_ms: float | None = field(
-        default=None, metadata=_key('From arrival to publication, over the last 10 s: median.', 'ms')
+        default=None, metadata=_key('Time from arrival to publication, median of the last 10 s.', 'ms')
     )
     latency_max_ms: float | None = field(
-        default=None, metadata=_key('From arrival to publication, over the last 10 s: maximum.', 'ms')
+        default=None, metadata=_key('Time from arrival to publication, maximum of the last 10 s.', 'ms')
     )
     stack_latency_ms: float | None = field(
-        default=None, metadata=_key('From the last frame of the last stack to its cloud.', 'ms')
+        default=None, metadata=_key('Time from the last frame of the last stack to its cloud.', 'ms')
     )
-    publishers: int | None = field(default=None, metadata=_key('Publishers on points; only while active.'))
+    publishers: int | None = field(
+        default=None, metadata=_key('Publishers on points; present while the node is active.')
+    )
     connections: str | None = field(
-        default=None, metadata=_key('Publishers that cannot be heard, and what to change; only while active.')
+        default=None,
+        metadata=_key(
+            'Publishers that the node cannot receive from, and what to change; present while the node is active.'
+        ),
     )
 
 
 STAGE_TIME = 'time_{stage}_ms'
-"""Key of a stage time in a measurement; `total` is their sum."""
+"""Key of the time of a stage in `~/measurement`; the stage `total` is their sum."""
 
 BAD_PIXELS = 'stack_pixels_{reason}'
-"""Key of the number of pixels of the last stack that are bad for a reason."""
+"""Key of the number of bad pixels of the last stack, by reason."""
