@@ -11,7 +11,7 @@ from typing import Literal, TypeVar
 
 from .errors import MessageError
 from .messages import diagnostics, image, joint_state, point_cloud
-from .settings import Mode, OutputSettings
+from .settings import Mode, OutputSettings, markdown_table
 
 NODE_NAME = 'social_circle'
 
@@ -348,3 +348,30 @@ STAGE_TIME = 'time_{stage}_ms'
 
 BAD_PIXELS = 'stack_pixels_{reason}'
 """Key of the number of bad pixels of the last stack, by reason."""
+
+
+def interface_tables() -> dict[str, str]:
+    """The Markdown tables of `docs/topics.md`, by name."""
+    return {
+        'subscribed topics': _topic_table('in'),
+        'published topics': _topic_table('out'),
+        'services': markdown_table(
+            ('service', 'effect'), [(f'`{each.name}`', each.sentence) for each in SERVICES]
+        ),
+        'measurement keys': _key_table(MeasurementValues),
+        'diagnostics keys': _key_table(HealthValues),
+    }
+
+
+def _topic_table(direction: Literal['in', 'out']) -> str:
+    rows = [
+        (f'`{each.name}`', each.type, each.sentence, each.when, str(each.depth))
+        for each in TOPICS
+        if each.direction == direction
+    ]
+    return markdown_table(('topic', 'type', 'message', 'when', 'depth'), rows)
+
+
+def _key_table(values: type[StatusValues]) -> str:
+    keys = values.keys()
+    return markdown_table(('key', 'unit', 'value'), [(f'`{key.name}`', key.unit, key.sentence) for key in keys])

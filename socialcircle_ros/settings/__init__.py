@@ -5,6 +5,7 @@ Nothing here needs ROS; how a running node declares and changes its parameters i
 
 from .documents import (
     markdown_table,
+    parameter_table,
     yaml_text,
 )
 from .groups import (
@@ -54,6 +55,7 @@ __all__ = [
     'ZSource',
     'choices_in',
     'markdown_table',
+    'parameter_table',
     'sentence_and_unit',
     'setting',
     'yaml_text',

@@ -1,22 +1,25 @@
-"""What is generated from the table of parameters: parameter files and the table of the documents."""
+"""Renders the table of parameters: as parameter files, and as Markdown tables for the documents."""
 
 import json
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from .groups import PARAMETERS
-from .schema import RosValue
+from .schema import RosValue, Settings
 
 
 def yaml_text(values: Mapping[str, RosValue], *, whole: bool = True) -> str:
-    """A parameter file that a node starts from, each parameter of the table under its sentence.
+    """Write a parameter file, with the description of each parameter as a comment above it.
 
-    It applies to a node of any name in any namespace.
+    The file applies to nodes of any name in any namespace.
 
     Args:
-        values: full names to values; names beyond the table are passed over.
-        whole: whether the parameters that are not among them follow at their defaults.
+        values: Values by full name; names of other parameters than ours are ignored.
+        whole: Whether the file also holds the other parameters, at their defaults.
+
+    Returns:
+        YAML text.
     """
     lines = ['/**:', '  ros__parameters:']
     for name, row in PARAMETERS.items():
@@ -29,15 +32,21 @@ def yaml_text(values: Mapping[str, RosValue], *, whole: bool = True) -> str:
     return '\n'.join(lines).rstrip() + '\n'
 
 
-def markdown_table() -> str:
-    """The table of parameters for the README."""
-    lines = ['| parameter | default | allowed | unit | |', '|---|---|---|---|---|']
-    for name, row in PARAMETERS.items():
-        cells = (f'`{name}`', f'`{_yaml_value(row.default)}`', row.allowed, row.unit, row.sentence)
-        lines.append('| ' + ' | '.join(cell.replace('|', '/') for cell in cells) + ' |')
-    return '\n'.join(lines) + '\n'
+def parameter_table(group: type[Settings]) -> str:
+    """The Markdown table of the parameters of a group."""
+    rows = [
+        (f'`{row.name}`', f'`{_yaml_value(row.default)}`', row.allowed, row.unit, row.sentence)
+        for row in group.parameters()
+    ]
+    return markdown_table(('parameter', 'default', 'allowed', 'unit', 'description'), rows)
+
+
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; each row has one cell per column."""
+    lines = [columns, ['---'] * len(columns), *rows]
+    return ''.join('| ' + ' | '.join(cell.replace('|', '\\|') for cell in line) + ' |\n' for line in lines)
 
 
 def _yaml_value(value: RosValue) -> str:
-    """One value as YAML; a float keeps its point, without which YAML 1.1 takes 1e-12 for a text."""
+    """One value as YAML; a float keeps its decimal point, because YAML 1.1 reads 1e-12 as text."""
     return re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(value))

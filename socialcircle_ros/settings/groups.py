@@ -237,8 +237,8 @@ class RepairSettings(Settings):
     )
     sides: int = setting(
         3,
-        'Number of sides (left, right, above, below) on which a point must have a measured rim of its hole. Two'
-        ' of these sides are always opposite, so nothing is extrapolated.',
+        'Number of sides (left, right, above, below) on which a point must have a measured rim of its hole to be'
+        ' filled. Two of these sides are always opposite, so nothing is extrapolated.',
         minimum=2,
         maximum=4,
     )
