@@ -1,51 +1,85 @@
-"""What is shipped for Foxglove and RViz names topics that the node has."""
+"""The layouts for Foxglove and RViz show the topics of the node."""
 
 import json
 from pathlib import Path
 
+import pytest
 import yaml
 
-from socialcircle_ros.recording import offline
+from socialcircle_ros import interface
+from socialcircle_ros.messages import image, point_cloud
 from socialcircle_ros.recording.stacks import FRAME_ID
 
 VIEWERS = Path(__file__).resolve().parents[1] / 'viewers'
-CLOUDS = {offline.INPUT, offline.FILTERED, offline.REPAIRED, offline.STACK_POINTS}
-IMAGES = {offline.MASK, offline.STACK_IMAGE}
+SHOWN = (interface.POINTS, *interface.CLOUD_OUTPUTS, *interface.STACK_OUTPUTS)
+CLOUDS = {topic for topic in SHOWN if topic.type == point_cloud.TYPE}
+IMAGES = {topic for topic in SHOWN if topic.type == image.TYPE}
+AT_START = {interface.FILTERED, interface.MASK}
+"""The topics that RViz shows when it opens the configuration."""
 
 
-def panels_in(tree):
-    """The panels of a layout of Foxglove: a split has two halves, a leaf is a panel's name."""
-    if isinstance(tree, str):
-        return [tree]
-    assert tree['direction'] in ('row', 'column')
-    assert 0 < tree['splitPercentage'] < 100
-    return panels_in(tree['first']) + panels_in(tree['second'])
+@pytest.fixture
+def foxglove():
+    return json.loads((VIEWERS / 'foxglove.json').read_text(encoding='utf-8'))
 
 
-def test_the_layout_for_foxglove_shows_every_panel_once_and_topics_of_the_node():
-    layout = json.loads((VIEWERS / 'foxglove.json').read_text())
-    assert set(layout) == {'configById', 'globalVariables', 'userNodes', 'playbackConfig', 'layout'}
-    panels = layout['configById']
-    assert sorted(panels_in(layout['layout'])) == sorted(panels)
+@pytest.fixture
+def rviz():
+    return yaml.safe_load((VIEWERS / 'social_circle.rviz').read_text(encoding='utf-8'))['Visualization Manager']
+
+
+def panels_in(tree, panels):
+    """The panels of a Foxglove layout: a split has two halves, a Tab panel has tabs, a leaf is a panel's name."""
+    if not isinstance(tree, str):
+        assert tree['direction'] in ('row', 'column')
+        assert 0 < tree['splitPercentage'] < 100
+        return panels_in(tree['first'], panels) + panels_in(tree['second'], panels)
+    tabs = panels[tree]['tabs'] if tree.startswith('Tab!') else []
+    return [tree, *(name for tab in tabs for name in panels_in(tab['layout'], panels))]
+
+
+def test_the_foxglove_layout_shows_each_of_its_panels_once(foxglove):
+    assert set(foxglove) == {'configById', 'globalVariables', 'userNodes', 'playbackConfig', 'layout'}
+    panels = foxglove['configById']
+    assert sorted(panels_in(foxglove['layout'], panels)) == sorted(panels)
     assert all('!' in name for name in panels)
-    assert {name.removeprefix('/') for name in panels['3D!cleaned']['topics']} == CLOUDS
+
+
+def test_the_foxglove_layout_shows_the_topics_of_the_node(foxglove):
+    panels = foxglove['configById']
+    clouds = panels['3D!cleaned']['topics']
+    assert set(clouds) == {topic.within('') for topic in CLOUDS}
+    assert {name for name, style in clouds.items() if style['visible']} == {interface.FILTERED.within('')}
     assert panels['3D!cleaned']['followTf'] == FRAME_ID
     images = {panel['imageMode']['imageTopic'] for name, panel in panels.items() if name.startswith('Image!')}
-    assert images == {f'/{name}' for name in IMAGES}
-    assert panels['RawMessages!measurement']['topicPath'] == f'/{offline.MEASUREMENT}'
-    assert panels['DiagnosticSummary!health']['topicToRender'] == '/diagnostics'
+    assert images == {topic.within('') for topic in IMAGES}
+    assert panels['RawMessages!measurement']['topicPath'] == interface.MEASUREMENT.within('')
+    assert panels['DiagnosticSummary!health']['topicToRender'] == interface.DIAGNOSTICS.within('')
 
 
-def test_the_configuration_for_rviz_shows_topics_of_the_node_in_whatever_namespace_it_runs():
-    content = yaml.safe_load((VIEWERS / 'social_circle.rviz').read_text())
-    manager = content['Visualization Manager']
+def test_the_foxglove_layout_shows_the_score_in_a_tab_behind_the_mask(foxglove):
+    tabs = foxglove['configById']['Tab!outliers']
+    shown = [foxglove['configById'][tab['layout']]['imageMode']['imageTopic'] for tab in tabs['tabs']]
+    assert shown == [interface.MASK.within(''), interface.SCORE.within('')]
+    assert tabs['activeTabIdx'] == 0
+
+
+def test_the_rviz_configuration_shows_the_topics_of_the_node_relative_to_its_namespace(rviz):
     shown = {'PointCloud2': set(), 'Image': set()}
-    for display in manager['Displays']:
+    enabled = set()
+    for display in rviz['Displays']:
         library, _, kind = display['Class'].partition('/')
         assert library == 'rviz_default_plugins'
         assert display['Enabled'] == display['Value']
         assert display['Topic']['Reliability Policy'] == 'Reliable'
         shown[kind].add(display['Topic']['Value'])
-    assert shown == {'PointCloud2': CLOUDS, 'Image': IMAGES}
-    assert manager['Global Options']['Fixed Frame'] == FRAME_ID
-    assert manager['Views']['Current']['Near Clip Distance'] < manager['Views']['Current']['Distance'] / 10
+        if display['Enabled']:
+            enabled.add(display['Topic']['Value'])
+    assert shown['PointCloud2'] == {topic.name for topic in CLOUDS}
+    assert shown['Image'] == {topic.name for topic in IMAGES}
+    assert enabled == {topic.name for topic in AT_START}
+
+
+def test_the_rviz_configuration_looks_at_a_part_of_a_millimetre_in_the_frame_of_the_sensor(rviz):
+    assert rviz['Global Options']['Fixed Frame'] == FRAME_ID
+    assert rviz['Views']['Current']['Near Clip Distance'] < rviz['Views']['Current']['Distance'] / 10
