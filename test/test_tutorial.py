@@ -1,4 +1,4 @@
-"""docs/tutorial.md: every command in it is run, in its order, in one shell."""
+"""docs/tutorial.md: its commands run, one after the other, in one shell."""
 
 import os
 import re
@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 from launching.stand_in import commands
 
-from socialcircle_ros.commands.main import COMMANDS
+from socialcircle_ros.interface import NODE_NAME
 
 TOP = Path(__file__).resolve().parents[1]
 BLOCKS = re.findall(
     r'^```(\w+)(?: (\w+))?\n(.*?)^```$', (TOP / 'docs/tutorial.md').read_text(), re.MULTILINE | re.DOTALL
 )
 
-PAGES_THAT_STAY_OPEN = ('tune',)
-"""Commands that serve until Ctrl-C: their help is asked for, where they are there."""
+SERVING = ('tune',)
+"""Commands that run until Ctrl-C; the test runs them with --help."""
 
 
 def lines(language, mark=''):
@@ -30,16 +30,14 @@ def lines(language, mark=''):
 
 def runnable(line):
     words = shlex.split(line)
-    if words[0] == 'socialcircle' and words[1] in PAGES_THAT_STAY_OPEN:
-        return f'{line} --help' if words[1] in COMMANDS else ': not there yet'
-    return line
+    return f'{line} --help' if words[0] == 'socialcircle' and words[1] in SERVING else line
 
 
-def test_every_block_is_of_a_kind_that_is_run():
+def test_every_block_is_of_a_kind_that_a_test_runs():
     assert {(language, mark) for language, mark, _ in BLOCKS} == {('sh', 'install'), ('sh', ''), ('ros', '')}
 
 
-def test_what_installs_is_there():
+def test_the_commands_that_install_exist():
     make, activate = lines('sh', 'install')
     assert make == 'make'
     assert activate == '. .venv/bin/activate'
@@ -49,21 +47,24 @@ def test_what_installs_is_there():
     assert '-m venv --clear  .venv' in done.stdout.replace('--system-site-packages', '')
 
 
-def test_the_launch_files_take_these_arguments():
+def test_the_launch_files_take_the_arguments():
     for line in lines('ros'):
-        (
-            *ros2,
-            file,
-        ) = shlex.split(line)[:4]
-        assert ros2 == ['ros2', 'launch', 'socialcircle_ros']
-        given = dict(argument.split(':=') for argument in shlex.split(line)[4:])
+        ros2, launch, package, file, *arguments = shlex.split(line)
+        assert (ros2, launch, package) == ('ros2', 'launch', 'socialcircle_ros')
+        given = dict(argument.split(':=') for argument in arguments)
         declared = re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", (TOP / 'launch' / file).read_text())
         assert set(given) <= set(declared)
         assert commands(TOP / 'launch' / file, given)
 
 
+def test_the_tuning_page_connects_to_the_node_that_the_tutorial_starts():
+    commands_of = {words[1]: words for words in map(shlex.split, lines('sh')) if words[0] == 'socialcircle'}
+    namespace = next(word.removeprefix('__ns:=') for word in commands_of['node'] if word.startswith('__ns:='))
+    assert commands_of['tune'][2:] == ['--node', f'{namespace}/{NODE_NAME}']
+
+
 @pytest.mark.live
-def test_the_commands_work_one_after_the_other(tmp_path):
+def test_the_commands_run_one_after_the_other(tmp_path):
     pytest.importorskip('rclpy', reason='the tutorial needs ROS 2')
     pytest.importorskip('optuna')
     pytest.importorskip('matplotlib')
