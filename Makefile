@@ -1,9 +1,10 @@
-# make demo   run the main job live: node, replayed recording, table, picture
+# make        create the environment in .venv
+# make demo   start the node, play recordings into it, print a table, write pictures
 # make test   run every test
-# make lint   ruff and mypy
-# make clean  remove what make made
+# make lint   run ruff and mypy
+# make clean  remove everything that make and the tests created
 #
-# With a sourced Jazzy (ROS_DISTRO=jazzy) the environment uses that; otherwise ROS 2 comes from PyPI. Never both.
+# If Jazzy is sourced (ROS_DISTRO=jazzy), the environment uses it. Otherwise ROS 2 is installed from PyPI.
 
 PYTHON ?= python3
 VENV := .venv
@@ -25,7 +26,7 @@ READY := $(VENV)/.ready-$(EXTRAS)
 environment: $(READY)
 
 $(READY): setup.py
-	@echo "Making the environment in $(VENV) (once; downloads about 400 MB) ..."
+	@echo "Creating the environment in $(VENV) (once; downloads about 400 MB) ..."
 	@$(PYTHON) -m venv --clear $(VENV_OPTIONS) $(VENV)
 	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
 	@touch $@

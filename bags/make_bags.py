@@ -1,10 +1,10 @@
-"""Makes the recordings in this folder; the same program makes the same bytes.
+"""Makes the recordings in this folder, always with the same bytes.
 
     python bags/make_bags.py
 
-The clouds are simulated, so that the outliers are known: each cloud on /points has its truth beside it on
-/truth/outlier_mask (0 surface, 255 outlier, 127 not measured or too close to call). The stack has the surface
-that it was made from on /truth/surface.
+The clouds are simulated, so their outliers are known: each cloud on /points has its truth on
+/truth/outlier_mask (0 surface, 255 outlier, 127 not measured or ambiguous). The stack has the true surface on
+/truth/surface.
 """
 
 from pathlib import Path
@@ -21,13 +21,13 @@ from socialcircle_ros.settings import yaml_text
 from socialcircle_ros.simulation import Scene, Simulation, make_scene, simulate
 
 HERE = Path(__file__).resolve().parent
-START = 1_700_000_000_000_000_000  # ns; any fixed time
+START = 1_700_000_000_000_000_000  # ns; an arbitrary fixed time
 PERIOD = 500_000_000  # ns between two clouds
-GRAIN = 1 / 64  # µm: heights are rounded to this, as instruments do; it also halves the files
+RESOLUTION = 1 / 64  # µm: heights are rounded to this, as instruments do; it halves the size of the files
 
 
 def main() -> None:
-    """Write every recording."""
+    """Write all recordings."""
     write('metal_groove', [groove(0, 480, 640)])
     write('parts', [groove(seed, 120, 160) for seed in range(1, 9)])
     write('padded', [composite(seed) for seed in range(2)], padded=True)
@@ -35,17 +35,17 @@ def main() -> None:
 
 
 def groove(seed: int, rows: int, columns: int) -> Scene:
-    """A milled metal groove with isolated outliers and dense clusters, most of them on its walls."""
+    """A milled metal groove with isolated outliers and dense clusters of them, mostly on its walls."""
     return make_scene('metal_groove', rows, columns, seed=seed)
 
 
 def composite(seed: int) -> Scene:
-    """Woven fibres, the pitch along y twice that along x."""
+    """Woven fibres; the pitch along y is twice the pitch along x."""
     return make_scene('composite', 90, 120, seed=seed, pitch=(1.0, 2.0))
 
 
 def write(name: str, scenes: list[Scene], *, padded: bool = False) -> None:
-    """Write one recording, one cloud after the other."""
+    """Write one recording with one cloud per scene; `padded` clouds have gaps, padding and more fields."""
     with RecordingWriter(HERE / f'{name}.mcap', compression='zstd', overwrite=True) as writer:
         writer.add_topic(ros_topic('/points', point_cloud.TYPE))
         writer.add_topic(ros_topic('/truth/outlier_mask', image.TYPE))
@@ -53,7 +53,7 @@ def write(name: str, scenes: list[Scene], *, padded: bool = False) -> None:
             time = START + number * PERIOD
             header = Header.at(time, 'microscope')
             points = scene.points.copy()
-            points[..., 2] = np.round(points[..., 2] / GRAIN) * GRAIN
+            points[..., 2] = np.round(points[..., 2] / RESOLUTION) * RESOLUTION
             if padded:
                 points[holes(points.shape[:2], number)] = np.nan
             measured = np.isfinite(points).all(axis=2)
@@ -65,7 +65,7 @@ def write(name: str, scenes: list[Scene], *, padded: bool = False) -> None:
 
 
 def write_stack(name: str, simulation: Simulation) -> None:
-    """Write a focus stack with joint states and truth, and the parameters that measure it."""
+    """Write a focus stack with joint states and truth, and the parameters that turn it into a cloud."""
     with RecordingWriter(HERE / f'{name}.mcap', compression='zstd', overwrite=True) as writer:
         write_simulation(simulation, writer)
     parameters = node_parameters(len(simulation), *pitch_of(simulation))
@@ -73,14 +73,14 @@ def write_stack(name: str, simulation: Simulation) -> None:
 
 
 def holes(shape: tuple[int, ...], seed: int) -> npt.NDArray[np.bool_]:
-    """Points that were not measured: a sliver along one side, and one in fifty anywhere."""
+    """Points that are not measured, (H, W) bool: the first columns, and 2 % of all points at random."""
     mask = np.random.default_rng(seed).random(shape) < 0.02
     mask[:, : 3 + seed] = True
     return mask
 
 
 def padded_cloud(header: Header, points: npt.NDArray[np.float32]) -> bytes:
-    """A cloud as awkward as drivers make them: more fields, gaps in each point, and bytes behind each row."""
+    """A cloud with a layout that drivers use: more fields, gaps within a point, padding behind each row."""
     rows, columns = points.shape[:2]
     layout = np.dtype(
         {

@@ -1,8 +1,8 @@
-"""Several cells on one machine: a node for each, in a namespace, with its own parameter file where there is one.
+"""Starts several cells on one machine: one node per cell, in the namespace of the cell.
 
 ros2 launch socialcircle_ros cells.launch.py cells:=cell1,cell2 params_folder:=/etc/cells
 
-The parameters of cell1 are those of /etc/cells/cell1.yaml; a cell without a file has the defaults.
+The node of cell1 gets the parameters of /etc/cells/cell1.yaml, or the defaults if that file does not exist.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ from launch import LaunchDescription
 
 
 def include(context: LaunchContext) -> list[IncludeLaunchDescription]:
-    """One cell for each name."""
+    """The launch files of the cells."""
     share = FindPackageShare('socialcircle_ros')
     cell = PathJoinSubstitution([share, 'launch', 'social_circle.launch.py'])
     names = [name.strip() for name in LaunchConfiguration('cells').perform(context).split(',')]
@@ -36,9 +36,11 @@ def generate_launch_description() -> LaunchDescription:
     """The cells and their arguments."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument('cells', default_value='cell1,cell2', description='Their names, with commas.'),
             DeclareLaunchArgument(
-                'params_folder', default_value='', description='Where NAME.yaml is for a cell; empty: nowhere.'
+                'cells', default_value='cell1,cell2', description='Names of the cells, with commas.'
+            ),
+            DeclareLaunchArgument(
+                'params_folder', default_value='', description='Folder with NAME.yaml for a cell; empty: none.'
             ),
             OpaqueFunction(function=include),
         ]

@@ -1,4 +1,4 @@
-"""A recording played into a cell of its own; the node stays when it has ended, to be tuned on the last cloud.
+"""Starts a cell and plays a recording into it. The node keeps running at the end, for tuning on the last cloud.
 
 ros2 launch socialcircle_ros replay.launch.py recording:=night.mcap rate:=0.5 loop:=true rviz:=true
 """
@@ -15,7 +15,7 @@ PASSED_ON = ('namespace', 'params_file', 'rviz')
 
 
 def play(context: LaunchContext) -> list[ExecuteProcess]:
-    """The player, with the options that were given."""
+    """The player, with the given arguments."""
     given = {
         name: LaunchConfiguration(name).perform(context) for name in ('recording', 'namespace', 'rate', 'loop')
     }
@@ -34,11 +34,13 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument('recording', description='An MCAP file or a rosbag2 directory.'),
-            DeclareLaunchArgument('namespace', default_value='replay', description='Put before every topic.'),
+            DeclareLaunchArgument('namespace', default_value='replay', description='Namespace of the cell.'),
             DeclareLaunchArgument('params_file', default_value=defaults, description='Parameters of the node.'),
-            DeclareLaunchArgument('rviz', default_value='false', description='Whether to show it in RViz.'),
-            DeclareLaunchArgument('rate', default_value='1.0', description='2: twice as fast as recorded.'),
-            DeclareLaunchArgument('loop', default_value='false', description='Whether to begin again at the end.'),
+            DeclareLaunchArgument('rviz', default_value='false', description='Whether to start RViz.'),
+            DeclareLaunchArgument(
+                'rate', default_value='1.0', description='Speed; 2.0 is twice as fast as recorded.'
+            ),
+            DeclareLaunchArgument('loop', default_value='false', description='Whether to repeat the recording.'),
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(cell),
                 launch_arguments=[(name, LaunchConfiguration(name)) for name in PASSED_ON],

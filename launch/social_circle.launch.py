@@ -1,4 +1,4 @@
-"""One cell: the node with a parameter file, in a namespace, and RViz where it is wanted.
+"""Starts one cell: the node with a parameter file, in a namespace, and RViz on request.
 
 ros2 launch socialcircle_ros social_circle.launch.py namespace:=cell1 params_file:=tuned.yaml rviz:=true
 """
@@ -18,10 +18,10 @@ def generate_launch_description() -> LaunchDescription:
     defaults = PathJoinSubstitution([share, 'config', 'social_circle.yaml'])
     return LaunchDescription(
         [
-            DeclareLaunchArgument('namespace', default_value='', description='The cell: put before every topic.'),
+            DeclareLaunchArgument('namespace', default_value='', description='Namespace of the cell.'),
             DeclareLaunchArgument('params_file', default_value=defaults, description='Parameters of the node.'),
-            DeclareLaunchArgument('points', default_value='points', description='The topic of the clouds.'),
-            DeclareLaunchArgument('rviz', default_value='false', description='Whether to show the cell in RViz.'),
+            DeclareLaunchArgument('points', default_value='points', description='Topic of the clouds.'),
+            DeclareLaunchArgument('rviz', default_value='false', description='Whether to start RViz.'),
             Node(
                 package='socialcircle_ros',
                 executable='social_circle_node',
@@ -33,7 +33,7 @@ def generate_launch_description() -> LaunchDescription:
             Node(
                 package='rviz2',
                 executable='rviz2',
-                # The topics of the configuration are relative: they are those of the cell.
+                # The configuration has relative topics, so RViz runs in the namespace of the cell.
                 namespace=LaunchConfiguration('namespace'),
                 arguments=['-d', PathJoinSubstitution([share, 'viewers', 'social_circle.rviz'])],
                 condition=IfCondition(LaunchConfiguration('rviz')),

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from test_layers import LEVELS
 
 from socialcircle_ros.interface import SERVICES, TOPICS, HealthValues, MeasurementValues
 from socialcircle_ros.settings import PARAMETERS
@@ -82,3 +83,10 @@ def test_examples_in_python_run(page, tmp_path, monkeypatch):
     script = tmp_path / 'examples.py'
     script.write_text('\n'.join(python_examples(page)), encoding='utf-8')
     runpy.run_path(str(script), init_globals=names)
+
+
+def test_the_rooms_are_described_in_the_order_of_their_levels():
+    rows = re.findall(
+        r'^\| ((?:`\w+`(?:, )?)+) \|', (TOP / 'CONTRIBUTING.md').read_text(encoding='utf-8'), re.MULTILINE
+    )
+    assert [set(re.findall(r'\w+', row)) for row in rows] == LEVELS

@@ -1,4 +1,4 @@
-"""The shipped recordings are what the program beside them makes."""
+"""The shipped recordings: make_bags.py reproduces them, and they hold what the demo and other tests need."""
 
 import runpy
 from pathlib import Path
@@ -28,8 +28,8 @@ def messages(path):
 
 
 @pytest.mark.parametrize('name', ['metal_groove.mcap', 'parts.mcap', 'padded.mcap'])
-def test_the_program_makes_them_again(made, name):
-    """Heights may differ in the last rounding where another NumPy adds in another order."""
+def test_the_program_reproduces_the_recordings(made, name):
+    """Heights may differ by the rounding step, because versions of NumPy add in different orders."""
     for new, shipped in zip(messages(made / name), messages(BAGS / name), strict=True):
         assert (new.topic, new.log_time, len(new.data)) == (shipped.topic, shipped.log_time, len(shipped.data))
         if new.topic == '/points':
@@ -40,11 +40,11 @@ def test_the_program_makes_them_again(made, name):
             assert np.count_nonzero(different) <= 0.001 * different.size
 
 
-def test_together_they_are_small():
+def test_the_recordings_are_small():
     assert sum(path.stat().st_size for path in BAGS.glob('*.mcap')) < 8e6
 
 
-def test_the_groove_is_large_and_has_outliers_alone_and_in_clusters():
+def test_the_groove_is_large_and_has_isolated_outliers_and_clusters():
     points, truth = messages(BAGS / 'metal_groove.mcap')
     cloud = PointCloud.decode(points.data)
     assert cloud.height >= 480
@@ -60,7 +60,7 @@ def test_the_parts_have_several_clouds():
     assert sum(message.topic == '/points' for message in messages(BAGS / 'parts.mcap')) == 8
 
 
-def test_the_padded_one_has_padding_more_fields_and_holes():
+def test_the_padded_clouds_have_padding_more_fields_and_holes():
     points, truth = messages(BAGS / 'padded.mcap')[:2]
     cloud = PointCloud.decode(points.data)
     assert cloud.row_step > cloud.width * cloud.point_step
@@ -69,7 +69,7 @@ def test_the_padded_one_has_padding_more_fields_and_holes():
     assert np.any(decode_mono8(truth.data) == NOT_MEASURED)
 
 
-def test_the_stack_is_what_the_simulator_makes(made):
+def test_the_simulator_reproduces_the_stack(made):
     new, shipped = messages(made / 'stack.mcap'), messages(BAGS / 'stack.mcap')
     assert [message.topic for message in new] == [message.topic for message in shipped]
     for here, there in zip(new, shipped, strict=True):

@@ -1,4 +1,4 @@
-"""Starts a launch file as `ros2 launch` does, or with the stand-in where there is no launch; ends with Ctrl-C.
+"""Starts a launch file as `ros2 launch` does, or with the stand-in if `launch` is not installed; ends with Ctrl-C.
 
 python run.py FILE name:=value ...
 """

@@ -1,7 +1,7 @@
-"""What of `launch` and `launch_ros` our launch files use, for a machine without them: it gives the commands.
+"""A stand-in for the parts of `launch` and `launch_ros` that our launch files use, for machines without them.
 
-Names and arguments are those of the real packages (Jazzy), and what is not among them fails as it does there. It
-only expands a description; it has no events, and is no way to launch anything but our own files.
+Names and arguments are those of the real packages (Jazzy); others fail, as they do there. The stand-in expands a
+launch file into commands. It has no events, and supports no other launch files.
 """
 
 import runpy
@@ -21,7 +21,7 @@ class LaunchContext:
 
 
 def perform(context, value):
-    """Text, a substitution, or a list of both, which are joined."""
+    """The text of a value: text, a substitution, or a list of both, which is joined."""
     if isinstance(value, (list, tuple)):
         return ''.join(perform(context, part) for part in value)
     return value if isinstance(value, str) else value.perform(context)
@@ -48,7 +48,7 @@ class FindPackageShare:
         self.package = package
 
     def perform(self, context):
-        # setup.py installs the folders of the checkout under share/, by their names.
+        # setup.py installs the folders of the checkout under share/, with the same names.
         assert perform(context, self.package) == 'socialcircle_ros'
         return str(TOP)
 
@@ -105,7 +105,7 @@ class DeclareLaunchArgument(Action):
 
 
 class ExecuteProcess(Action):
-    def __init__(self, *, cmd, output='log', **options):  # noqa: ARG002 - where it is shown
+    def __init__(self, *, cmd, output='log', **options):  # noqa: ARG002 - the stand-in shows no output
         super().__init__(**options)
         self.cmd = cmd
 
@@ -173,7 +173,7 @@ MODULES = {
 
 
 def commands(file, arguments):
-    """The commands that a launch file starts, in their order: lists of texts, our own executables as modules."""
+    """The commands that a launch file starts, in order; our own executables are run as Python modules."""
     before = {name: sys.modules.get(name) for name in MODULES}
     for name, classes in MODULES.items():
         module = sys.modules[name] = types.ModuleType(name)

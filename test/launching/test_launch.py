@@ -1,4 +1,4 @@
-"""The launch files: what they start, and that it works."""
+"""The launch files: the commands that they start, and live runs of them."""
 
 import contextlib
 import importlib.util
@@ -23,21 +23,21 @@ def cell(namespace, parameters=DEFAULTS):
     return [*NODE, '-r', f'__ns:=/{namespace}', '--params-file', str(parameters), *POINTS]
 
 
-def test_one_cell_is_a_node_in_its_namespace():
+def test_the_launch_file_of_one_cell_starts_a_node_in_its_namespace():
     assert commands(LAUNCH / 'social_circle.launch.py', {'namespace': 'cell1'}) == [cell('cell1')]
     given = {'params_file': 'tuned.yaml', 'points': '/camera/points'}
     (command,) = commands(LAUNCH / 'social_circle.launch.py', given)
     assert command == [*cell('', 'tuned.yaml')[:-1], 'points:=/camera/points']
 
 
-def test_rviz_shows_the_cell_of_its_namespace():
+def test_rviz_runs_in_the_namespace_of_the_cell():
     *_, rviz = commands(LAUNCH / 'social_circle.launch.py', {'namespace': 'cell1', 'rviz': 'true'})
     assert rviz[:2] == ['rviz2', '-d']
     assert Path(rviz[2]).is_file()
     assert rviz[3:] == ['--ros-args', '-r', '__ns:=/cell1']
 
 
-def test_a_replay_is_a_cell_and_a_player():
+def test_a_replay_starts_a_cell_and_a_player():
     given = {'recording': 'night.mcap', 'rate': '0.5', 'loop': 'true', 'params_file': 'tuned.yaml'}
     node, player = commands(LAUNCH / 'replay.launch.py', given)
     assert node == cell('replay', 'tuned.yaml')
@@ -49,7 +49,7 @@ def test_a_replay_is_a_cell_and_a_player():
         commands(LAUNCH / 'replay.launch.py', {})
 
 
-def test_each_cell_has_its_own_parameters_where_there_are_some(tmp_path):
+def test_each_cell_has_its_own_parameters_or_the_defaults(tmp_path):
     (tmp_path / 'left.yaml').touch()
     given = {'cells': 'left, right', 'params_folder': str(tmp_path)}
     found = commands(LAUNCH / 'cells.launch.py', given)
@@ -59,7 +59,7 @@ def test_each_cell_has_its_own_parameters_where_there_are_some(tmp_path):
 
 @contextlib.contextmanager
 def launched(tmp_path, file, **arguments):
-    """A launch file that runs, ended with Ctrl-C, which must end it cleanly."""
+    """A running launch file; Ctrl-C ends it, and its exit code must be 0."""
     given = [f'{name}:={value}' for name, value in arguments.items()]
     log = tmp_path / 'launch.log'
     with log.open('w') as output:
@@ -68,7 +68,7 @@ def launched(tmp_path, file, **arguments):
     try:
         yield SimpleNamespace(process=process, log=log)
     finally:
-        # To all, as the terminal does.
+        # To the whole process group, as a terminal does.
         os.killpg(process.pid, signal.SIGINT)
         process.wait(60)
     assert process.returncode == 0, log.read_text()
@@ -124,9 +124,9 @@ class TestStarted:
             assert reader.message_count > 0
 
 
-def test_the_real_launch_reads_these_files_too():
+def test_the_real_launch_package_reads_the_launch_files():
     if importlib.util.find_spec('launch_ros') is None:
-        pytest.skip('launch is not installed, and not on PyPI: a stand-in ran the launch files')
+        pytest.skip('launch is not installed (it is not on PyPI); the other tests use a stand-in')
     from launch.launch_description_sources import PythonLaunchDescriptionSource
 
     from launch import LaunchContext
