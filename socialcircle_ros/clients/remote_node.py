@@ -31,7 +31,7 @@ from socialcircle_ros.errors import MessageError, SettingError
 from socialcircle_ros.messages.diagnostics import OK, WARN, Status
 from socialcircle_ros.messages.header import stamp_of
 from socialcircle_ros.messages.image import Image, decode_mono8
-from socialcircle_ros.panel.link import Answer, Descriptor, Event, Kind, Presence, Snapshot
+from socialcircle_ros.panel.link import Descriptor, LogEntry, ParameterKind, Presence, ShownCloud, Snapshot
 from socialcircle_ros.settings import RosValue, choices_in, sentence_and_unit
 
 _HEARTBEAT_LOST = 3.5  # s; the node's comes each second
@@ -48,11 +48,11 @@ _CLOUD_BYTES = 512 << 20
 _EVENTS = 100
 
 _KINDS = {
-    ParameterType.PARAMETER_BOOL: Kind.BOOLEAN,
-    ParameterType.PARAMETER_INTEGER: Kind.WHOLE,
-    ParameterType.PARAMETER_DOUBLE: Kind.REAL,
-    ParameterType.PARAMETER_STRING: Kind.TEXT,
-    ParameterType.PARAMETER_INTEGER_ARRAY: Kind.WHOLES,
+    ParameterType.PARAMETER_BOOL: ParameterKind.BOOLEAN,
+    ParameterType.PARAMETER_INTEGER: ParameterKind.INTEGER,
+    ParameterType.PARAMETER_DOUBLE: ParameterKind.REAL,
+    ParameterType.PARAMETER_STRING: ParameterKind.TEXT,
+    ParameterType.PARAMETER_INTEGER_ARRAY: ParameterKind.INTEGERS,
 }
 
 
@@ -83,7 +83,7 @@ class RemoteNode:
         self._namespace = self._name.rpartition('/')[0]
         self._changed = threading.Condition()
         self._snapshot = Snapshot(sentence=self._absent())
-        self._events: deque[Event] = deque(maxlen=_EVENTS)
+        self._events: deque[LogEntry] = deque(maxlen=_EVENTS)
         self._event_count = 0
         self._asked: Mapping[str, RosValue] = {}
         self._heartbeat = float('-inf')
@@ -129,7 +129,7 @@ class RemoteNode:
             return f'{self._name} is not there to be changed.'
         kinds = {row.name: row.kind for row in self._snapshot.descriptors}
         wanted = {
-            name: float(value) if kinds.get(name) is Kind.REAL and type(value) is int else value
+            name: float(value) if kinds.get(name) is ParameterKind.REAL and type(value) is int else value
             for name, value in values.items()
         }
         messages = [Parameter(name, value=value) for name, value in wanted.items()]
@@ -231,13 +231,13 @@ class RemoteNode:
         stamp, mask = self._mask
         measured_stamp, measurement = self._measurement
         cloud = self._inputs.get(stamp)
-        before = self._snapshot.answer
+        before = self._snapshot.shown_cloud
         if cloud is None or measured_stamp != stamp:
             return
         # A cloud that is filtered again has the stamp that it had, so that one of the two may be the last time's.
         if before and (before.mask is mask or before.measurement is measurement):
             return
-        self._update(answer=Answer(before.number + 1 if before else 1, cloud, mask, measurement))
+        self._update(shown_cloud=ShownCloud(before.number + 1 if before else 1, cloud, mask, measurement))
 
     def _diagnosed(self, array: DiagnosticArray) -> None:
         for status in array.status:
@@ -289,7 +289,7 @@ class RemoteNode:
     def _ask_for_the_last_cloud(self) -> None:
         """See the cloud that came before this page; again where it was lost while we were being discovered."""
         due = self._asks_left and time.monotonic() - self._asked_at > _ASKING
-        if self._snapshot.answer is None and due and self._showing.service_is_ready():
+        if self._snapshot.shown_cloud is None and due and self._showing.service_is_ready():
             self._asked_at = time.monotonic()
             response = self._call(lambda: self._showing.call_async(Trigger.Request()))
             told = response is not None and not response.success  # that there is none
@@ -345,7 +345,7 @@ class RemoteNode:
             row, plain = descriptor_of(message, value.type), _plain(value)
             if row is not None and plain is not None:
                 rows.append(row)
-                values[row.name] = float(plain) if row.kind is Kind.REAL else plain  # type: ignore[arg-type]
+                values[row.name] = float(plain) if row.kind is ParameterKind.REAL else plain  # type: ignore[arg-type]
         with self._changed:
             if not self._snapshot.values:
                 self._update(descriptors=tuple(rows), values=values)
@@ -362,7 +362,7 @@ class RemoteNode:
             for name, value in values.items():
                 if name not in kinds:
                     continue
-                taken = float(value) if kinds[name] is Kind.REAL else value  # type: ignore[arg-type]
+                taken = float(value) if kinds[name] is ParameterKind.REAL else value  # type: ignore[arg-type]
                 if known.get(name) != taken:
                     who = 'this page' if self._asked.get(name) == value else 'elsewhere'
                     self._happened(f'{name}: {known.get(name)} → {taken} ({who})')
@@ -391,9 +391,9 @@ class RemoteNode:
 
     def _happened(self, text: str, *, bad: bool = False) -> None:
         with self._changed:
-            self._events.append(Event(time.time(), text, bad))
+            self._events.append(LogEntry(time.time(), text, bad))
             self._event_count += 1
-            self._update(events=tuple(self._events), event_count=self._event_count)
+            self._update(log=tuple(self._events), log_total=self._event_count)
 
     def _update(self, **changes: Any) -> None:
         with self._changed:
@@ -417,7 +417,7 @@ def descriptor_of(message: ParameterDescriptor, kind: int) -> Descriptor | None:
     allowed = message.additional_constraints
     return Descriptor(
         name=message.name,
-        kind=Kind.REAL if real else _KINDS[kind],
+        kind=ParameterKind.REAL if real else _KINDS[kind],
         sentence=sentence,
         unit=unit,
         allowed=allowed,

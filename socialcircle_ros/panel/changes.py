@@ -16,7 +16,7 @@ _MOST_STEPS = 100
 
 
 @dataclass(frozen=True)
-class _Step:
+class _Change:
     """What a change replaced."""
 
     before: Mapping[str, RosValue]
@@ -49,7 +49,7 @@ class Changes:
         self._asking = threading.Lock()  # one change at a time, so that each knows what it replaces
         self._waiting: dict[str, tuple[RosValue | SettingError, float]] = {}  # and when it is due
         self._touched: dict[str, float] = {}
-        self._steps: list[_Step] = []
+        self._steps: list[_Change] = []
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name='changes')
         self._thread.start()
@@ -128,9 +128,9 @@ class Changes:
             and last.before.keys() == before.keys()
             and now - last.at < _ONE_GESTURE
         ):
-            self._steps[-1] = _Step(last.before, now, gesture=True)
+            self._steps[-1] = _Change(last.before, now, gesture=True)
             return
-        self._steps.append(_Step(before, now, gesture))
+        self._steps.append(_Change(before, now, gesture))
         del self._steps[:-_MOST_STEPS]
 
     def _run(self) -> None:

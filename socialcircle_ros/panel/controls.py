@@ -11,7 +11,7 @@ from socialcircle_ros.settings import RosValue
 
 from . import markup
 from .changes import Changes
-from .link import Descriptor, Kind
+from .link import Descriptor, ParameterKind
 
 _DRAGGED, _TYPED = 0.05, 0.7  # s in which a newer value replaces one that was dragged to, or typed
 _MOST_STEPS = 200  # of a slider; beyond, a number is typed
@@ -101,17 +101,22 @@ def _widget(gui: Any, row: Descriptor, value: RosValue, asked: Asked) -> _Widget
     if row.unit:
         label += f' [{row.unit}]'
     hint = f'{row.sentence} Allowed: {row.allowed}.' if row.allowed else row.sentence
-    if row.kind is Kind.BOOLEAN:
+    if row.kind is ParameterKind.BOOLEAN:
         return _Plain(gui.add_checkbox(label, bool(value), hint=hint), asked, _DRAGGED)
     if row.choices:
         choices = list(dict.fromkeys([*row.choices, str(value)]))
         return _Plain(gui.add_dropdown(label, choices, initial_value=str(value), hint=hint), asked, _DRAGGED)
-    if row.kind is Kind.WHOLE and isinstance(value, int) and row.low is not None and row.high is not None:
+    if (
+        row.kind is ParameterKind.INTEGER
+        and isinstance(value, int)
+        and row.low is not None
+        and row.high is not None
+    ):
         step = int(row.step) or 1
         if (row.high - row.low) / step <= _MOST_STEPS and row.low <= value <= row.high:
             slider = gui.add_slider(label, int(row.low), int(row.high), step, value, hint=hint)
             return _Plain(slider, asked, _DRAGGED)
-    if row.kind is Kind.TEXT:
+    if row.kind is ParameterKind.TEXT:
         return _Plain(gui.add_text(label, str(value), hint=hint), asked, _TYPED)
     return NumberWidget(gui, row, label, hint, value, asked)
 
@@ -165,7 +170,7 @@ class NumberWidget:
         self._logarithmic = False
         self._text = gui.add_text(label, text_of(value), hint=hint)
         low, high = row.low, row.high
-        if row.kind is Kind.REAL and not row.unit and low is not None and high is not None and high > low:
+        if row.kind is ParameterKind.REAL and not row.unit and low is not None and high is not None and high > low:
             self._logarithmic = low > 0 and high / low >= 10**_DECADES
             first, last = self._place(low), self._place(high)
             # Without a label, page.css hides the slider's own number, which would be a power of ten.
@@ -244,13 +249,13 @@ def value_of(text: str, row: Descriptor) -> RosValue:
         SettingError: it is none.
     """
     try:
-        if row.kind is Kind.REAL:
+        if row.kind is ParameterKind.REAL:
             return float(text)
-        if row.kind is Kind.WHOLE:
+        if row.kind is ParameterKind.INTEGER:
             return int(text)
         items = yaml.safe_load(f'[{text.strip().strip("[]")}]')
     except (ValueError, yaml.YAMLError):
         items = [None]
-    if row.kind is Kind.WHOLES and all(type(item) is int for item in items):
+    if row.kind is ParameterKind.INTEGERS and all(type(item) is int for item in items):
         return list(items)
     raise SettingError(f'{row.name} must be {row.kind.value}, not {text!r}.')

@@ -12,14 +12,14 @@ from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.settings import RosValue
 
 
-class Kind(Enum):
+class ParameterKind(Enum):
     """What a parameter holds."""
 
     BOOLEAN = 'true or false'
-    WHOLE = 'a whole number'
+    INTEGER = 'a whole number'
     REAL = 'a number'
     TEXT = 'a text'
-    WHOLES = 'whole numbers'
+    INTEGERS = 'whole numbers'
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Descriptor:
     """A parameter as its node describes it."""
 
     name: str
-    kind: Kind
+    kind: ParameterKind
     sentence: str
     unit: str = ''
     allowed: str = ''
@@ -51,7 +51,7 @@ class Presence(Enum):
 
 
 @dataclass(frozen=True)
-class Answer:
+class ShownCloud:
     """A cloud and what the node made of it."""
 
     number: int
@@ -71,7 +71,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Event:
+class LogEntry:
     """A line of the log."""
 
     time: float
@@ -94,10 +94,10 @@ class Snapshot:
     descriptors: tuple[Descriptor, ...] = ()
     """Of every parameter, in the node's order; kept while the node is away."""
     values: Mapping[str, RosValue] = field(default_factory=dict)
-    answer: Answer | None = None
-    events: tuple[Event, ...] = ()
+    shown_cloud: ShownCloud | None = None
+    log: tuple[LogEntry, ...] = ()
     """The newest ones, oldest first."""
-    event_count: int = 0
+    log_total: int = 0
     """How many events there were in all."""
 
 

@@ -9,7 +9,7 @@ from socialcircle_ros.messages.diagnostics import Status
 
 from . import colours
 from .comparison import Comparison
-from .link import Event, Presence, Snapshot
+from .link import LogEntry, Presence, Snapshot
 from .view import View
 
 STYLE = f'<style>{Path(__file__).with_name("page.css").read_text(encoding="utf-8")}</style>'
@@ -103,7 +103,7 @@ def legend(view: View | None, far: int) -> str:
     )
 
 
-def log(events: Iterable[Event]) -> str:
+def log(events: Iterable[LogEntry]) -> str:
     """What happened, the newest first."""
     lines = ''.join(
         f'<div{" style=color:#e8590c" if event.bad else ""}><span class="sc-dim sc-num">'

@@ -22,7 +22,7 @@ from .changes import Changes
 from .clouds import RecordedClouds
 from .comparison import Comparison, compare
 from .controls import Controls, NumberWidget
-from .link import Answer, Descriptor, Event, Kind, Link, Presence, Snapshot
+from .link import Descriptor, Link, LogEntry, ParameterKind, Presence, ShownCloud, Snapshot
 from .presets import Presets
 from .view import SIDE, View, height_picture, mask_picture, stretched, view
 
@@ -34,7 +34,7 @@ _IN_FORCE = 'in force now'
 _NO_PRESET = 'none saved yet'
 _PREVIOUS, _NEXT = '◀ previous', 'next ▶'
 _LOG_LINES = 60
-_STRETCH = Descriptor('z scale', Kind.REAL, 'How many times heights are stretched.', low=1.0, high=1e5)
+_STRETCH = Descriptor('z scale', ParameterKind.REAL, 'How many times heights are stretched.', low=1.0, high=1e5)
 _EMPTY = np.zeros((24, 32, 3), np.uint8)
 
 
@@ -50,10 +50,10 @@ class Page:
     def __init__(self, server: 'viser.ViserServer', link: Link, presets: Presets) -> None:
         self._server, self._link, self._presets = server, link, presets
         self._snapshot = Snapshot()
-        self._log: deque[Event] = deque(maxlen=_LOG_LINES)
+        self._log: deque[LogEntry] = deque(maxlen=_LOG_LINES)
         self._logged = 0
         self._drawing = threading.RLock()
-        self._shown: Answer | None = None
+        self._shown: ShownCloud | None = None
         self._view: View | None = None
         self._stretch = 1.0
         self._clouds: RecordedClouds | None = None
@@ -87,8 +87,12 @@ class Page:
             self._controls.show(snapshot.values, there)
             self._waiting.visible = False
         self._undo.disabled = not self._changes.undoable
-        if snapshot.answer is not None and snapshot.answer is not self._shown and self._server.get_clients():
-            self._show_answer(snapshot.answer)
+        if (
+            snapshot.shown_cloud is not None
+            and snapshot.shown_cloud is not self._shown
+            and self._server.get_clients()
+        ):
+            self._show_answer(snapshot.shown_cloud)
         if before.values.keys() != snapshot.values.keys():
             self._list_presets()
         if snapshot.presence is Presence.ACTIVE and before.presence is not Presence.ACTIVE:
@@ -229,7 +233,7 @@ class Page:
 
     # Showing
 
-    def _show_answer(self, answer: Answer) -> None:
+    def _show_answer(self, answer: ShownCloud) -> None:
         with self._drawing:
             self._shown = answer
             try:
@@ -300,15 +304,15 @@ class Page:
         )  # fmt: skip
 
     def _take_log(self, snapshot: Snapshot) -> None:
-        new = snapshot.event_count - self._logged
+        new = snapshot.log_total - self._logged
         if new > 0:
-            self._logged = snapshot.event_count
-            self._log.extend(snapshot.events[-new:])
+            self._logged = snapshot.log_total
+            self._log.extend(snapshot.log[-new:])
             self._lines.content = markup.log(reversed(self._log))
 
     def _note(self, text: str, *, bad: bool = False) -> None:
         """A line for the log."""
-        self._log.append(Event(time.time(), text, bad))
+        self._log.append(LogEntry(time.time(), text, bad))
         self._lines.content = markup.log(reversed(self._log))
 
     def _tell(self, text: str, *, bad: bool = False) -> None:

@@ -13,7 +13,7 @@ from examples import cloud
 from socialcircle_ros.clients.process import NodeProcess
 from socialcircle_ros.clients.remote_node import RemoteNode
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
-from socialcircle_ros.panel.link import Kind, Presence
+from socialcircle_ros.panel.link import ParameterKind, Presence
 from socialcircle_ros.settings import PARAMETERS
 
 pytestmark = pytest.mark.live
@@ -48,7 +48,7 @@ def bench(cell):
 
 
 def texts(snapshot):
-    return [event.text for event in snapshot.events]
+    return [event.text for event in snapshot.log]
 
 
 def test_the_node_s_parameters_are_known_as_it_describes_them(bench):
@@ -58,7 +58,13 @@ def test_the_node_s_parameters_are_known_as_it_describes_them(bench):
         row = rows[name]
         assert (row.sentence, row.unit, row.read_only) == (expected.sentence, expected.unit, expected.read_only)
         assert row.choices == expected.limits.choices
-    kinds = {bool: Kind.BOOLEAN, int: Kind.WHOLE, float: Kind.REAL, str: Kind.TEXT, list: Kind.WHOLES}
+    kinds = {
+        bool: ParameterKind.BOOLEAN,
+        int: ParameterKind.INTEGER,
+        float: ParameterKind.REAL,
+        str: ParameterKind.TEXT,
+        list: ParameterKind.INTEGERS,
+    }
     assert {name: rows[name].kind for name in PARAMETERS} == {
         name: kinds[row.kind] for name, row in PARAMETERS.items()
     }
@@ -69,27 +75,27 @@ def test_the_node_s_parameters_are_known_as_it_describes_them(bench):
 def test_a_cloud_that_is_sent_comes_back_with_mask_and_measurement(bench):
     bench.until_active()
     assert bench.link.publish(cloud(stamp=5_000_000_007)) == ''
-    answer = bench.until(lambda snapshot: snapshot.answer).answer
-    assert answer.cloud == cloud(stamp=5_000_000_007)
-    assert (answer.mask == OUTLIER).sum() == 26
-    assert answer.measurement.values['outliers'] == '26'
+    shown = bench.until(lambda snapshot: snapshot.shown_cloud).shown_cloud
+    assert shown.cloud == cloud(stamp=5_000_000_007)
+    assert (shown.mask == OUTLIER).sum() == 26
+    assert shown.measurement.values['outliers'] == '26'
 
 
 def test_a_cloud_of_somebody_else_is_shown_too(bench):
     bench.until_active()
     bench.cell.wait_for(lambda: bench.cell.clouds.get_subscription_count() == 2)
     bench.cell.publish(cloud(stamp=6_000_000_000))
-    answer = bench.until(lambda snapshot: snapshot.answer).answer
-    assert answer.measurement.values['stamp'] == '6.000000000'
+    shown = bench.until(lambda snapshot: snapshot.shown_cloud).shown_cloud
+    assert shown.measurement.values['stamp'] == '6.000000000'
 
 
 def test_the_last_cloud_is_seen_by_a_page_that_came_after_it(cell):
     cell.clean(cloud(stamp=8_000_000_000))
     bench = Bench(cell)
     try:
-        answer = bench.until(lambda snapshot: snapshot.answer).answer
-        assert answer.cloud == cloud(stamp=8_000_000_000)
-        assert (answer.mask == OUTLIER).sum() == 26
+        shown = bench.until(lambda snapshot: snapshot.shown_cloud).shown_cloud
+        assert shown.cloud == cloud(stamp=8_000_000_000)
+        assert (shown.mask == OUTLIER).sum() == 26
     finally:
         bench.link.close()
 
@@ -97,12 +103,16 @@ def test_the_last_cloud_is_seen_by_a_page_that_came_after_it(cell):
 def test_a_change_is_answered_with_the_cloud_filtered_again(bench):
     bench.until_active()
     bench.link.publish(cloud())
-    bench.until(lambda snapshot: snapshot.answer)
+    bench.until(lambda snapshot: snapshot.shown_cloud)
     assert bench.link.change({SCALE: 100, 'circle.window': 5}) == ''
     snapshot = bench.until(
-        lambda snapshot: snapshot.answer.measurement.values[SCALE] == '100.0' and len(texts(snapshot)) >= 3
+        lambda snapshot: snapshot.shown_cloud.measurement.values[SCALE] == '100.0' and len(texts(snapshot)) >= 3
     )
-    assert (snapshot.answer.mask == OUTLIER).sum() == int(snapshot.answer.measurement.values['outliers']) == 0
+    assert (
+        (snapshot.shown_cloud.mask == OUTLIER).sum()
+        == int(snapshot.shown_cloud.measurement.values['outliers'])
+        == 0
+    )
     assert f'{SCALE}: 1.0 → 100.0 (this page)' in texts(snapshot)
 
 

@@ -6,11 +6,17 @@ import time
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages.image import decode_mono8
-from socialcircle_ros.panel.link import Answer, Descriptor, Event, Kind, Presence, Snapshot
+from socialcircle_ros.panel.link import Descriptor, LogEntry, ParameterKind, Presence, ShownCloud, Snapshot
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.settings import GROUPS, PARAMETERS, CircleSettings
 
-KINDS = {bool: Kind.BOOLEAN, int: Kind.WHOLE, float: Kind.REAL, str: Kind.TEXT, list: Kind.WHOLES}
+KINDS = {
+    bool: ParameterKind.BOOLEAN,
+    int: ParameterKind.INTEGER,
+    float: ParameterKind.REAL,
+    str: ParameterKind.TEXT,
+    list: ParameterKind.INTEGERS,
+}
 
 
 def descriptors():
@@ -41,8 +47,8 @@ class FakeLink:
     def update(self, **changes):
         with self.changed:
             self.snapshot = dataclasses.replace(
-                self.snapshot, revision=self.snapshot.revision + 1, events=tuple(self.events),
-                event_count=len(self.events), **changes,
+                self.snapshot, revision=self.snapshot.revision + 1, log=tuple(self.events),
+                log_total=len(self.events), **changes,
             )  # fmt: skip
             self.changed.notify_all()
 
@@ -60,7 +66,9 @@ class FakeLink:
         except SocialCircleError as error:
             return str(error)
         for name, value in values.items():
-            self.events.append(Event(time.time(), f'{name}: {self.snapshot.values[name]} → {value} (this page)'))
+            self.events.append(
+                LogEntry(time.time(), f'{name}: {self.snapshot.values[name]} → {value} (this page)')
+            )
         self.update(values=wanted)
         if self.published:
             self.filter(self.published[-1])
@@ -76,8 +84,8 @@ class FakeLink:
 
     def filter(self, cloud):
         cleaned = filter_cloud(cloud, CircleSettings.from_ros(self.snapshot.values))
-        number = self.snapshot.answer.number + 1 if self.snapshot.answer else 1
-        self.update(answer=Answer(number, cloud, decode_mono8(cleaned.mask), cleaned.measurement))
+        number = self.snapshot.shown_cloud.number + 1 if self.snapshot.shown_cloud else 1
+        self.update(shown_cloud=ShownCloud(number, cloud, decode_mono8(cleaned.mask), cleaned.measurement))
 
     def wait_for(self, condition):
         """Wait until the values in force meet a condition."""

@@ -8,7 +8,7 @@ from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.panel import colours
 from socialcircle_ros.panel.comparison import compare
-from socialcircle_ros.panel.link import Answer
+from socialcircle_ros.panel.link import ShownCloud
 from socialcircle_ros.settings import PARAMETERS
 
 DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
@@ -34,7 +34,7 @@ def test_a_stack_s_depth_of_field_counts_for_both():
 
 def test_the_depth_of_field_of_an_answer_is_the_stack_s_not_a_parameter_s():
     def answer(values):
-        return Answer(1, cloud(), np.zeros((1, 1), np.uint8), Status(b'\0', 'name', 'message', '', values))
+        return ShownCloud(1, cloud(), np.zeros((1, 1), np.uint8), Status(b'\0', 'name', 'message', '', values))
 
     assert answer({'circle.depth_of_field': '100.0'}).depth_of_field is None
     told = answer({'circle.depth_of_field': '100.0', 'stack_depth_of_field': '6e-06'})

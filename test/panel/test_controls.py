@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.panel.controls import text_of, value_of
-from socialcircle_ros.panel.link import Descriptor, Kind
+from socialcircle_ros.panel.link import Descriptor, ParameterKind
 
-ROWS = {kind: Descriptor('some.name', kind, 'A sentence.') for kind in Kind}
+ROWS = {kind: Descriptor('some.name', kind, 'A sentence.') for kind in ParameterKind}
 
 
 @given(value=st.one_of(st.floats(allow_nan=False), st.integers(), st.lists(st.integers(), min_size=1)))
 def test_what_is_shown_can_be_typed(value):
-    kind = {float: Kind.REAL, int: Kind.WHOLE, list: Kind.WHOLES}[type(value)]
+    kind = {float: ParameterKind.REAL, int: ParameterKind.INTEGER, list: ParameterKind.INTEGERS}[type(value)]
     typed = value_of(text_of(value), ROWS[kind])
     assert typed == value
     assert type(typed) is type(value)
@@ -24,11 +24,11 @@ def test_what_is_shown_can_be_typed(value):
 @pytest.mark.parametrize(
     ('kind', 'text', 'value'),
     [
-        (Kind.REAL, '1e-6', 1e-6),
-        (Kind.REAL, ' 2 ', 2.0),
-        (Kind.WHOLE, '-3', -3),
-        (Kind.WHOLES, '[1, 2, 3, 4]', [1, 2, 3, 4]),
-        (Kind.WHOLES, '1,2', [1, 2]),
+        (ParameterKind.REAL, '1e-6', 1e-6),
+        (ParameterKind.REAL, ' 2 ', 2.0),
+        (ParameterKind.INTEGER, '-3', -3),
+        (ParameterKind.INTEGERS, '[1, 2, 3, 4]', [1, 2, 3, 4]),
+        (ParameterKind.INTEGERS, '1,2', [1, 2]),
     ],
 )
 def test_numbers_may_be_written_in_several_ways(kind, text, value):
@@ -38,13 +38,13 @@ def test_numbers_may_be_written_in_several_ways(kind, text, value):
 @pytest.mark.parametrize(
     ('kind', 'text', 'wanted'),
     [
-        (Kind.REAL, 'wide', 'a number'),
-        (Kind.REAL, '', 'a number'),
-        (Kind.WHOLE, '3.5', 'a whole number'),
-        (Kind.WHOLES, '1, x', 'whole numbers'),
-        (Kind.WHOLES, '1, 2.5', 'whole numbers'),
-        (Kind.WHOLES, '1: [', 'whole numbers'),
-        (Kind.WHOLES, '1, true', 'whole numbers'),
+        (ParameterKind.REAL, 'wide', 'a number'),
+        (ParameterKind.REAL, '', 'a number'),
+        (ParameterKind.INTEGER, '3.5', 'a whole number'),
+        (ParameterKind.INTEGERS, '1, x', 'whole numbers'),
+        (ParameterKind.INTEGERS, '1, 2.5', 'whole numbers'),
+        (ParameterKind.INTEGERS, '1: [', 'whole numbers'),
+        (ParameterKind.INTEGERS, '1, true', 'whole numbers'),
     ],
 )
 def test_what_is_no_number_is_told(kind, text, wanted):

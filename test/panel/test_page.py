@@ -12,7 +12,7 @@ from socialcircle_ros import remove_outliers
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.panel.clouds import RecordedClouds
-from socialcircle_ros.panel.link import Descriptor, Kind, Presence
+from socialcircle_ros.panel.link import Descriptor, ParameterKind, Presence
 from socialcircle_ros.panel.page import Page
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
@@ -32,7 +32,7 @@ def test_it_shows_counts_colours_pictures_and_times_of_the_last_answer(tuning):
 def test_controls_come_from_what_the_node_says_of_its_parameters(tuning):
     told = [dataclasses.replace(row, choices=('paper', 'bold')) if row.name == 'circle.mode' else row
             for row in descriptors()]  # fmt: skip
-    flank = Descriptor('circle.flank', Kind.REAL, 'How steep.', '', '0 to 1', (), 0.0, 1.0)
+    flank = Descriptor('circle.flank', ParameterKind.REAL, 'How steep.', '', '0 to 1', (), 0.0, 1.0)
     tuning.link.update(descriptors=(*told[:5], flank, *told[5:]),
                        values={**tuning.link.snapshot.values, 'circle.flank': 0.25})  # fmt: skip
     visitor = tuning.visitor
