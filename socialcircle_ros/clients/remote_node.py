@@ -117,10 +117,10 @@ class RemoteNode:
         """The node's full name."""
         return self._name
 
-    def wait(self, revision: int, timeout: float) -> Snapshot:
-        """The newest snapshot, as soon as it is newer than `revision`, or after `timeout` seconds."""
+    def wait(self, revision: int, timeout_s: float) -> Snapshot:
+        """The newest snapshot, as soon as it is newer than `revision`, or after `timeout_s`."""
         with self._changed:
-            self._changed.wait_for(lambda: self._snapshot.revision > revision, timeout)
+            self._changed.wait_for(lambda: self._snapshot.revision > revision, timeout_s)
             return self._snapshot
 
     def change(self, values: Mapping[str, RosValue]) -> str:

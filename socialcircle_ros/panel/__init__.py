@@ -1,1 +1,4 @@
-"""The tuning page: what it shows and how it asks; no rclpy, which lives behind the `Link` in node/remote.py."""
+"""The tuning page: what it shows, and which changes it asks of the node.
+
+No rclpy: the page sees the node through the protocol `Link` only. `clients.remote_node` provides it over ROS.
+"""

@@ -1,4 +1,4 @@
-"""Changes that the page asks for: the newest wins while someone types or drags, and each can be undone."""
+"""Changes of parameters that the page asks for: rapid changes are merged, and each change can be undone."""
 
 import threading
 import time
@@ -10,26 +10,32 @@ from socialcircle_ros.settings import RosValue
 
 from .link import Link
 
-_ONE_GESTURE = 2.0  # s between two changes of one parameter that are undone as one, such as a slider's way
-_SETTLING = 1.0  # s after a change in which the node's answer does not move the control under the hand
-_MOST_STEPS = 100
+_GESTURE_S = 2.0  # changes of one parameter that follow within this time are undone as one
+_SETTLING_S = 1.0  # after a change, in which the node's values do not move the control
+_MOST_UNDOABLE = 100
 
 
 @dataclass(frozen=True)
 class _Change:
-    """What a change replaced."""
+    """A change that can be undone.
+
+    Attributes:
+        before: the values that it replaced.
+        at_s: when it was made, on the monotonic clock.
+        gesture: whether it may be merged with the next change of the same parameters.
+    """
 
     before: Mapping[str, RosValue]
-    at: float
+    at_s: float
     gesture: bool
 
 
 class Changes:
-    """Asks the node for changes, one after the other, on a thread of its own.
+    """Asks the node for changes, one after the other, in a thread of its own.
 
     Args:
         link: to the node.
-        current: gives the values in force.
+        current: returns the current values.
         refused: called with the names and the reason of a change that was refused.
         accepted: called with the names of a change that was accepted.
     """
@@ -47,35 +53,36 @@ class Changes:
         self._accepted = accepted
         self._changed = threading.Condition()
         self._asking = threading.Lock()  # one change at a time, so that each knows what it replaces
-        self._waiting: dict[str, tuple[RosValue | SettingError, float]] = {}  # and when it is due
-        self._touched: dict[str, float] = {}
-        self._steps: list[_Change] = []
+        self._waiting: dict[str, tuple[RosValue | SettingError, float]] = {}  # value, and when it is due
+        self._touched: dict[str, float] = {}  # when each parameter was changed last
+        self._history: list[_Change] = []
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name='changes')
         self._thread.start()
 
-    def ask(self, name: str, value: RosValue | SettingError, pause: float) -> None:
-        """Set one parameter, unless a newer value for it comes within `pause` seconds.
+    def ask(self, name: str, value: RosValue | SettingError, pause_s: float) -> None:
+        """Set one parameter, unless a newer value for it comes within `pause_s`.
 
-        What is typed passes through much that is no value, such as 1e on the way to 1e-6: that comes as the
-        error, and is a refusal only if it stays.
+        An unfinished text is often no value, such as 1e on the way to 1e-6. It comes as the error, which counts
+        as a refusal only if no newer value replaces it in time.
         """
         with self._changed:
-            self._waiting[name] = (value, time.monotonic() + pause)
-            self._touched[name] = time.monotonic() + pause
+            self._waiting[name] = (value, time.monotonic() + pause_s)
+            self._touched[name] = time.monotonic() + pause_s
             self._changed.notify_all()
 
     def settling(self, name: str) -> bool:
-        """Whether the parameter is being moved from this page just now."""
+        """Whether this page is changing the parameter now, or changed it a moment ago."""
         with self._changed:
-            return name in self._waiting or time.monotonic() - self._touched.get(name, float('-inf')) < _SETTLING
+            elapsed_s = time.monotonic() - self._touched.get(name, float('-inf'))
+            return name in self._waiting or elapsed_s < _SETTLING_S
 
     def apply(self, values: Mapping[str, RosValue], *, gesture: bool = False) -> str:
-        """Set parameters together, now; '' or the reason of the refusal.
+        """Set parameters together, now; return '' or the reason of the refusal.
 
         Args:
-            values: what to set; what is in force already is left out.
-            gesture: whether changes of the same parameters in quick succession are undone as one.
+            values: what to set; values that are already current are not sent.
+            gesture: whether rapid changes of the same parameters are undone as one.
         """
         with self._asking:
             current = self._current()
@@ -90,21 +97,21 @@ class Changes:
     @property
     def undoable(self) -> int:
         """How many changes can be undone."""
-        return len(self._steps)
+        return len(self._history)
 
     def undo(self) -> tuple[Mapping[str, RosValue], str]:
-        """Take the last change back; what is in force again, and '' or the reason of a refusal."""
+        """Undo the last change; return the restored values, and '' or the reason of a refusal."""
         with self._asking:
-            if not self._steps:
-                return {}, 'Nothing was changed from this page yet.'
-            step = self._steps[-1]
-            reason = self._ask_node(step.before)
+            if not self._history:
+                return {}, 'There is no change of this page to undo.'
+            change = self._history[-1]
+            reason = self._ask_node(change.before)
             if not reason:
-                self._steps.pop()
-            return step.before, reason
+                self._history.pop()
+            return change.before, reason
 
     def stop(self) -> None:
-        """End the thread; what waits is dropped."""
+        """End the thread; changes that are still waiting are dropped."""
         with self._changed:
             self._stopping = True
             self._changed.notify_all()
@@ -120,18 +127,18 @@ class Changes:
 
     def _remember(self, before: Mapping[str, RosValue], gesture: bool) -> None:
         now = time.monotonic()
-        last = self._steps[-1] if self._steps else None
+        last = self._history[-1] if self._history else None
         if (
             last
             and gesture
             and last.gesture
             and last.before.keys() == before.keys()
-            and now - last.at < _ONE_GESTURE
+            and now - last.at_s < _GESTURE_S
         ):
-            self._steps[-1] = _Change(last.before, now, gesture=True)
+            self._history[-1] = _Change(last.before, now, gesture=True)
             return
-        self._steps.append(_Change(before, now, gesture))
-        del self._steps[:-_MOST_STEPS]
+        self._history.append(_Change(before, now, gesture))
+        del self._history[:-_MOST_UNDOABLE]
 
     def _run(self) -> None:
         while True:
@@ -142,16 +149,16 @@ class Changes:
                 if due is None:
                     self._changed.wait()
                     continue
-                value, at = self._waiting[due]
-                remaining = at - time.monotonic()
-                if remaining > 0:
-                    self._changed.wait(remaining)
+                value, due_at = self._waiting[due]
+                remaining_s = due_at - time.monotonic()
+                if remaining_s > 0:
+                    self._changed.wait(remaining_s)
                     continue
             if isinstance(value, SettingError):
                 self._refused((due,), str(value))
             else:
                 self.apply({due: value}, gesture=True)
             with self._changed:
-                if self._waiting.get(due) == (value, at):
+                if self._waiting.get(due) == (value, due_at):
                     del self._waiting[due]
                 self._touched[due] = time.monotonic()

@@ -1,4 +1,4 @@
-"""The clouds of a recording, one at a time, forward and back."""
+"""Random access to the clouds of a recording."""
 
 from contextlib import ExitStack
 from itertools import islice
@@ -12,16 +12,16 @@ from socialcircle_ros.recording.offline import clouds_of
 
 
 class RecordedClouds:
-    """An opened recording as a list of clouds; a context manager that closes it.
+    """An open recording as a sequence of clouds; a context manager that closes it.
 
-    Only the cloud that is asked for is kept in memory. Opening reads the recording through once, because a
-    recording does not say where its clouds are.
+    One cloud at a time is read into memory. Opening reads the whole recording once to find its clouds.
 
     Args:
         path: an MCAP file or a rosbag2 directory.
 
     Attributes:
-        damage: None, or one sentence that says where the recording breaks off.
+        path: of the recording.
+        damage: one sentence that says where the recording breaks off; None: it is complete.
 
     Raises:
         RecordingError: it cannot be read, or has no clouds.
@@ -33,15 +33,15 @@ class RecordedClouds:
             self._reader = closing.enter_context(open_recording(path))
             self._topics = clouds_of(self._reader)
             if not self._topics:
-                there = ', '.join(sorted(self._reader.topics)) or 'no topics'
+                topics = ', '.join(sorted(self._reader.topics)) or 'no topics'
                 raise RecordingError(
-                    f'{path} has no clouds ({point_cloud.TYPE}) to step through; it has: {there}. Frames of a'
-                    ' stack become clouds with `socialcircle filter`.'
+                    f'{path} has no clouds ({point_cloud.TYPE}) to step through; it has: {topics}. Convert the'
+                    ' frames of a stack to clouds with `socialcircle filter`.'
                 )
-            self._places: list[tuple[int, int]] = []  # log time, and which of the clouds of that time
+            self._places: list[tuple[int, int]] = []  # log time, and index among the clouds of that time
             for message in self._reader.messages(self._topics):
-                same = bool(self._places) and self._places[-1][0] == message.log_time
-                self._places.append((message.log_time, self._places[-1][1] + 1 if same else 0))
+                same_time = bool(self._places) and self._places[-1][0] == message.log_time
+                self._places.append((message.log_time, self._places[-1][1] + 1 if same_time else 0))
             if not self._places:
                 raise RecordingError(f'{path} has no message on {", ".join(self._topics)}.')
             self.damage = self._reader.damage
@@ -51,14 +51,14 @@ class RecordedClouds:
         return len(self._places)
 
     def __getitem__(self, number: int) -> Message:
-        """The cloud of a number, from 0 on.
+        """Read one cloud, counted from 0.
 
         Raises:
-            IndexError: there is none.
+            IndexError: there is no such cloud.
             RecordingError: the recording can no longer be read.
         """
-        time, place = self._places[number]
-        found = next(islice(self._reader.messages(self._topics, since=time), place, None), None)
+        log_time, place = self._places[number]
+        found = next(islice(self._reader.messages(self._topics, since=log_time), place, None), None)
         if found is None:
             raise RecordingError(f'{self.path} has changed since it was opened; open it again.')
         return found

@@ -1,4 +1,4 @@
-"""Two settings on one cloud, filtered here as the node would."""
+"""Two settings on one cloud, filtered in this process in the same way as in the node."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,31 +17,47 @@ from .view import PIXELS
 
 @dataclass(frozen=True)
 class Side:
-    """What one of the two settings makes of the cloud."""
+    """The result of one of the two settings.
+
+    Attributes:
+        name: of the setting.
+        outputs: of the filter.
+        mask: (H, W) uint8, with the values of `outlier_mask`.
+    """
 
     name: str
-    cleaned: CloudOutputs
+    outputs: CloudOutputs
     mask: npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Both answers, and where they differ."""
+    """Both results, and how the settings differ.
+
+    Attributes:
+        cloud: the serialized PointCloud2.
+        a: the result of the one setting.
+        b: the result of the other.
+        differing: name, value in A and value in B of each parameter that differs.
+    """
 
     cloud: bytes
     a: Side
     b: Side
     differing: tuple[tuple[str, RosValue, RosValue], ...]
-    """Name, value in A, value in B, of the parameters that differ."""
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """Outliers of both, of A only, and of B only."""
+        """How many points are outliers of both, of A only, and of B only."""
         a, b = self.a.mask == OUTLIER, self.b.mask == OUTLIER
-        return tuple(int(np.count_nonzero(where)) for where in (a & b, a & ~b, b & ~a))  # type: ignore[return-value]
+        return int(np.count_nonzero(a & b)), int(np.count_nonzero(a & ~b)), int(np.count_nonzero(b & ~a))
 
     def picture(self) -> npt.NDArray[np.uint8]:
-        """(h, w, 3): where both, only A, or only B found outliers; of a pixel's points, what differs wins."""
+        """Where both settings, only A, or only B find outliers.
+
+        Returns:
+            (h, w, 3) uint8. A pixel that stands for several points shows a difference rather than agreement.
+        """
         a, b = self.a.mask == OUTLIER, self.b.mask == OUTLIER
         small = thinned(self.a.mask, PIXELS)
         picture = np.full((*small.shape, 3), colours.KEPT, np.uint8)
@@ -61,17 +77,17 @@ def compare(
 
     Args:
         cloud: a serialized PointCloud2.
-        a: name and values of the one setting, of every parameter.
-        b: the same of the other.
-        depth_of_field: of the stack that the cloud was.
+        a: name of the one setting, and the value of every parameter.
+        b: the same for the other.
+        depth_of_field: of the stack that gave the cloud, in the cloud's unit; None: it is unknown.
 
     Raises:
-        SocialCircleError: a setting cannot be, or the cloud cannot be filtered.
+        SocialCircleError: a setting is invalid, or the cloud cannot be filtered.
     """
     sides = []
     for name, values in (a, b):
         circle = CircleSettings.from_ros(values).of_a_stack(depth_of_field)
-        cleaned = filter_cloud(cloud, circle, OutputSettings(mask=True))
-        sides.append(Side(name, cleaned, decode_mono8(cleaned.mask or b'')))
+        outputs = filter_cloud(cloud, circle, OutputSettings(mask=True))
+        sides.append(Side(name, outputs, decode_mono8(outputs.mask or b'')))
     differing = tuple((key, value, b[1][key]) for key, value in a[1].items() if value != b[1].get(key, value))
     return Comparison(cloud, sides[0], sides[1], differing)

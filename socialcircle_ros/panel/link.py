@@ -1,4 +1,4 @@
-"""What the page needs of a node, whoever provides it: over ROS it is `node.remote.RemoteNode`."""
+"""What the page needs of a node, whatever the transport; `clients.remote_node.RemoteNode` provides it over ROS."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from socialcircle_ros.settings import RosValue
 
 
 class ParameterKind(Enum):
-    """What a parameter holds."""
+    """What a parameter holds, in the words of an error message."""
 
     BOOLEAN = 'true or false'
     INTEGER = 'a whole number'
@@ -24,81 +24,110 @@ class ParameterKind(Enum):
 
 @dataclass(frozen=True)
 class Descriptor:
-    """A parameter as its node describes it."""
+    """A parameter as its node describes it.
+
+    Attributes:
+        name: with its group, such as `circle.window`.
+        kind: what it holds.
+        sentence: what it does.
+        unit: '' where it has none.
+        allowed: the accepted values, in words.
+        choices: the accepted texts; () where any text is accepted, or it holds no text.
+        low: the smallest accepted number; None: there is none.
+        high: the largest accepted number; None: there is none.
+        step: distance between two accepted numbers from `low` on; 0: any distance.
+        read_only: whether it is fixed at the start of the node.
+    """
 
     name: str
     kind: ParameterKind
     sentence: str
     unit: str = ''
     allowed: str = ''
-    """In words, which values are accepted."""
     choices: tuple[str, ...] = ()
     low: float | None = None
     high: float | None = None
     step: float = 0.0
-    """Distance of two allowed values from `low` on; 0: none."""
     read_only: bool = False
 
 
 class Presence(Enum):
-    """How far the node can be reached."""
+    """Whether the node can be reached, and its state if it can."""
 
     ABSENT = 'absent'
     SILENT = 'silent'
-    """It is in the graph, but does not answer: it starts, hangs, or was killed."""
+    """It is in the graph but does not respond: it is starting, hangs, or was killed."""
     INACTIVE = 'inactive'
     ACTIVE = 'active'
 
 
 @dataclass(frozen=True)
 class ShownCloud:
-    """A cloud and what the node made of it."""
+    """A cloud and what the node made of it.
+
+    Attributes:
+        number: counts the clouds, from 1 on.
+        cloud: the PointCloud2 that the node filtered, serialized.
+        mask: (H, W) uint8, with the values of `outlier_mask`.
+        measurement: the node's measurement; None where it has not come yet.
+    """
 
     number: int
-    """Counts the answers."""
     cloud: bytes
-    """The PointCloud2 that came in."""
     mask: npt.NDArray[np.uint8]
-    """(H, W) as on outlier_mask."""
     measurement: Status | None
-    """None where it has not come yet."""
 
     @property
     def depth_of_field(self) -> float | None:
-        """Of the stack that the cloud was; None for other clouds."""
+        """Depth of field in m of the stack that gave the cloud; None for other clouds."""
         told = self.measurement.values.get('stack_depth_of_field') if self.measurement else None
         return None if told is None else float(told)
 
 
 @dataclass(frozen=True)
 class LogEntry:
-    """A line of the log."""
+    """A line of the log.
+
+    Attributes:
+        time: in s since the epoch.
+        text: what happened.
+        bad: whether it needs attention.
+    """
 
     time: float
-    """Seconds since the epoch."""
     text: str
     bad: bool = False
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that is known of the node at one moment."""
+    """All that is known of the node at one moment.
+
+    Attributes:
+        revision: higher than that of every earlier snapshot.
+        presence: whether the node can be reached.
+        sentence: the state of the node, or what the link waits for.
+        level: 0 good, 1 warning, 2 error, as in diagnostics.
+        descriptors: of all parameters, in the order of the node; kept while the node is away.
+        values: the current values of the parameters, by name; kept while the node is away.
+        shown_cloud: the last cloud; None: none has come.
+        log: the newest entries, oldest first.
+        log_total: how many entries there have been.
+    """
 
     revision: int = 0
-    """Higher than that of any snapshot before."""
     presence: Presence = Presence.ABSENT
     sentence: str = ''
-    """How the node is, or what is waited for."""
     level: int = 0
-    """0 good, 1 warning, 2 error, as in diagnostics."""
     descriptors: tuple[Descriptor, ...] = ()
-    """Of every parameter, in the node's order; kept while the node is away."""
     values: Mapping[str, RosValue] = field(default_factory=dict)
     shown_cloud: ShownCloud | None = None
     log: tuple[LogEntry, ...] = ()
-    """The newest ones, oldest first."""
     log_total: int = 0
-    """How many events there were in all."""
+
+    def writable(self) -> set[str]:
+        """Names of the parameters that can be changed while the node runs."""
+        return {row.name for row in self.descriptors if not row.read_only}
 
 
 class Link(Protocol):
@@ -108,14 +137,14 @@ class Link(Protocol):
     def name(self) -> str:
         """The node's full name."""
 
-    def wait(self, revision: int, timeout: float) -> Snapshot:
-        """The newest snapshot, as soon as it is newer than `revision`, or after `timeout` seconds."""
+    def wait(self, revision: int, timeout_s: float) -> Snapshot:
+        """Return the newest snapshot, as soon as it is newer than `revision`, or after `timeout_s`."""
 
     def change(self, values: Mapping[str, RosValue]) -> str:
-        """Set parameters, all or none; '' where they were accepted, else the reason of the refusal."""
+        """Set parameters, all or none; return '' if they were accepted, else the reason of the refusal."""
 
     def publish(self, cloud: bytes) -> str:
-        """Send a serialized PointCloud2 to the node; '' where it was delivered, else what was in the way."""
+        """Send a serialized PointCloud2 to the node; return '' if it was delivered, else why it was not."""
 
     def save(self) -> str:
-        """Have the node write its parameters to its file; its answer in words."""
+        """Make the node write its parameters to its file; return its response in words."""

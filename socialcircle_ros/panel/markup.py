@@ -1,4 +1,4 @@
-"""The pieces of the page that are text, as HTML; all that comes from outside is escaped."""
+"""The texts and tables of the page as HTML. Text from outside this module is escaped."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -16,9 +16,9 @@ STYLE = f'<style>{Path(__file__).with_name("page.css").read_text(encoding="utf-8
 
 _LEVELS = ('good', 'warn', 'bad')
 _PRESENCE = {
-    Presence.ABSENT: 'not there',
-    Presence.SILENT: 'does not answer',
-    Presence.INACTIVE: 'not active',
+    Presence.ABSENT: 'not found',
+    Presence.SILENT: 'does not respond',
+    Presence.INACTIVE: 'inactive',
     Presence.ACTIVE: 'active',
 }
 
@@ -28,9 +28,9 @@ def _box(content: str, kind: str = '') -> str:
 
 
 def node_card(name: str, snapshot: Snapshot) -> str:
-    """Which node this is, and how it is."""
-    there = snapshot.presence in (Presence.ACTIVE, Presence.INACTIVE)
-    level = _LEVELS[min(snapshot.level, 2)] if there else 'idle'
+    """The name and the state of the node."""
+    present = snapshot.presence in (Presence.ACTIVE, Presence.INACTIVE)
+    level = _LEVELS[min(snapshot.level, 2)] if present else 'idle'
     return _box(
         f'<div class="sc-card sc-{level}"><span class="sc-title">{escape(name)}</span>'
         f' <span class="sc-dim">· {_PRESENCE[snapshot.presence]}</span>'
@@ -49,7 +49,7 @@ def note(text: str, *, bad: bool = False) -> str:
 
 
 def measurement(status: Status | None) -> str:
-    """The counts of the last measurement, and what the node says of it where that is more than the counts."""
+    """The counts of the last measurement, and the warning of the node where there is one."""
     if status is None:
         return _box('<span class="sc-dim">No measurement yet.</span>')
     values = status.values
@@ -61,7 +61,7 @@ def measurement(status: Status | None) -> str:
 
 
 def details(status: Status | None) -> str:
-    """The stage times of the last measurement, each with a bar, and what else it says."""
+    """The stage times of the last measurement as bars, and its other values."""
     if status is None:
         return ''
     values = status.values
@@ -87,13 +87,13 @@ def details(status: Status | None) -> str:
 
 
 def legend(view: View | None, far: int) -> str:
-    """What the colours mean, and what of the cloud is drawn."""
+    """The meaning of the colours, and how many points are drawn."""
     if view is None:
         return _box('<span class="sc-dim">No cloud yet.</span>')
     low, high = view.span
     table = colours.height_table()
     stops = ','.join(_rgb(tuple(table[index])) for index in range(0, 256, 15))
-    beyond = f' {far:,} outliers lie beyond the scene; they are drawn at its edge.' if far else ''
+    beyond = f' {far:,} outliers are outside the scene and are drawn at its edge.' if far else ''
     return _box(
         f'<span class="sc-dot" style="background:{_rgb(colours.OUTLIER)}"></span>outlier'
         f'<span class="sc-dot" style="background:{_rgb(colours.NOT_MEASURED)}"></span>not measured'
@@ -103,25 +103,25 @@ def legend(view: View | None, far: int) -> str:
     )
 
 
-def log(events: Iterable[LogEntry]) -> str:
-    """What happened, the newest first."""
+def log(entries: Iterable[LogEntry]) -> str:
+    """The lines of the log, in the given order."""
     lines = ''.join(
-        f'<div{" style=color:#e8590c" if event.bad else ""}><span class="sc-dim sc-num">'
-        f'{time.strftime("%H:%M:%S", time.localtime(event.time))}</span> {escape(event.text)}</div>'
-        for event in events
+        f'<div{" style=color:#e8590c" if entry.bad else ""}><span class="sc-dim sc-num">'
+        f'{time.strftime("%H:%M:%S", time.localtime(entry.time))}</span> {escape(entry.text)}</div>'
+        for entry in entries
     )
-    return _box(lines or '<span class="sc-dim">Nothing has happened yet.</span>', 'sc-log')
+    return _box(lines or '<span class="sc-dim">No entries yet.</span>', 'sc-log')
 
 
-def compared(comparison: Comparison) -> str:
+def comparison(compared: Comparison) -> str:
     """Both settings in numbers."""
-    a, b = comparison.a, comparison.b
-    both, only_a, only_b = comparison.counts
+    a, b = compared.a, compared.b
+    both, only_a, only_b = compared.counts
     rows = (
-        ('outliers', f'{a.cleaned.outliers:,}', f'{b.cleaned.outliers:,}'),
-        ('radius', f'{a.cleaned.radius:.4g}', f'{b.cleaned.radius:.4g}'),
-        ('time', f'{a.cleaned.times["total"]:.1f} ms', f'{b.cleaned.times["total"]:.1f} ms'),
-        *((name, str(one), str(other)) for name, one, other in comparison.differing),
+        ('outliers', f'{a.outputs.outliers:,}', f'{b.outputs.outliers:,}'),
+        ('radius', f'{a.outputs.radius:.4g}', f'{b.outputs.radius:.4g}'),
+        ('time', f'{a.outputs.times["total"]:.1f} ms', f'{b.outputs.times["total"]:.1f} ms'),
+        *((name, str(one), str(other)) for name, one, other in compared.differing),
     )
     body = ''.join(
         f'<tr><td>{escape(name)}</td><td class="sc-num">{escape(one)}</td>'
@@ -136,7 +136,7 @@ def compared(comparison: Comparison) -> str:
             (colours.BOTH, 'both', both),
         )
     )
-    same = '' if comparison.differing else '<div class="sc-dim">The two settings are the same.</div>'
+    same = '' if compared.differing else '<div class="sc-dim">The two settings are identical.</div>'
     return _box(
         f'<table><tr><td></td><td class="sc-num"><b>A: {escape(a.name)}</b></td>'
         f'<td class="sc-num"><b>B: {escape(b.name)}</b></td></tr>{body}</table>{same}<div>{dots}</div>'
@@ -144,7 +144,7 @@ def compared(comparison: Comparison) -> str:
 
 
 def _times(status: Status) -> dict[str, float]:
-    """Milliseconds by stage, in the order of the stages; what is no number is left out."""
+    """Times in ms by stage, in the order of the stages; a time that is no number is left out."""
     found = {}
     for key, text in status.values.items():
         if key.startswith('time_') and key.endswith('_ms'):

@@ -1,4 +1,4 @@
-"""Presets: named settings in files that a node starts from."""
+"""Presets: named settings, each in a parameter file from which a node can also start."""
 
 import os
 import re
@@ -11,24 +11,27 @@ from socialcircle_ros.settings.files import read_parameter_file
 
 
 class Presets:
-    """A folder of parameter files, each a preset of its name.
+    """A folder of presets; the name of a file is the name of its preset.
 
     Args:
-        folder: made when the first preset is saved.
+        folder: created when the first preset is saved.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def names(self) -> list[str]:
-        """Every preset, by name."""
+        """The names of all presets, sorted."""
         return sorted(path.stem for path in self.folder.glob('*.yaml') if path.is_file())
 
     def save(self, name: str, values: Mapping[str, RosValue]) -> Path:
-        """Write a preset, over one of the same name.
+        """Write a preset; one of the same name is replaced.
+
+        Returns:
+            Its file.
 
         Raises:
-            SettingError: the name is not one of a file.
+            SettingError: the name is not suitable for a file.
             SocialCircleError: the file cannot be written.
         """
         path = self._path(name)
@@ -42,10 +45,10 @@ class Presets:
         return path
 
     def load(self, name: str) -> dict[str, RosValue]:
-        """The values of a preset.
+        """Read the values of a preset.
 
         Raises:
-            SocialCircleError: there is no such preset, or its file makes no sense.
+            SocialCircleError: there is no such preset, or its file is no parameter file.
         """
         return read_parameter_file(self._path(name))
 
@@ -59,5 +62,5 @@ class Presets:
 
 
 def default_folder() -> Path:
-    """Where presets are kept unless told otherwise: beside what ~/save_parameters writes."""
+    """The default folder of the presets: beside the files that ~/save_parameters writes."""
     return Path(os.environ.get('ROS_HOME') or Path.home() / '.ros') / 'socialcircle' / 'presets'

@@ -52,9 +52,9 @@ class FakeLink:
             )  # fmt: skip
             self.changed.notify_all()
 
-    def wait(self, revision, timeout):
+    def wait(self, revision, timeout_s):
         with self.changed:
-            self.changed.wait_for(lambda: self.snapshot.revision > revision, timeout)
+            self.changed.wait_for(lambda: self.snapshot.revision > revision, timeout_s)
             return self.snapshot
 
     def change(self, values):

@@ -52,7 +52,7 @@ def test_a_gesture_is_undone_as_one_and_a_preset_as_a_whole(desk):
     assert desk.changes.undo() == ({SCALE: 3.0, 'circle.window': 3}, '')
     assert desk.changes.undo() == ({SCALE: 1.0}, '')
     assert desk.link.snapshot.values[SCALE] == 1.0
-    assert desk.changes.undo() == ({}, 'Nothing was changed from this page yet.')
+    assert desk.changes.undo() == ({}, 'There is no change of this page to undo.')
 
 
 def test_a_refusal_is_told_with_its_reason_and_leaves_nothing_to_undo(desk):

@@ -16,8 +16,8 @@ DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
 
 def test_the_two_answers_and_their_difference():
     found = compare(cloud(), ('strict', DEFAULTS), ('gentle', DEFAULTS | {'circle.radius_scale': 100.0}))
-    assert found.a.cleaned.outliers == 26
-    assert found.b.cleaned.outliers == 0
+    assert found.a.outputs.outliers == 26
+    assert found.b.outputs.outliers == 0
     assert found.counts == (0, 26, 0)
     assert found.differing == (('circle.radius_scale', 1.0, 100.0),)
     picture = found.picture()
@@ -28,8 +28,8 @@ def test_a_stack_s_depth_of_field_counts_for_both():
     known = {'circle.mode': 'adaptive'}
     given = known | {'circle.depth_of_field': 0.001}
     found = compare(cloud(), ('a', DEFAULTS | known), ('b', DEFAULTS | given), 1e9)
-    assert found.a.cleaned.outliers == 0
-    assert found.b.cleaned.outliers > 0
+    assert found.a.outputs.outliers == 0
+    assert found.b.outputs.outliers > 0
 
 
 def test_the_depth_of_field_of_an_answer_is_the_stack_s_not_a_parameter_s():

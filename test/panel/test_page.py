@@ -13,7 +13,7 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.panel.clouds import RecordedClouds
 from socialcircle_ros.panel.link import Descriptor, ParameterKind, Presence
-from socialcircle_ros.panel.page import Page
+from socialcircle_ros.panel.result_tab import ResultTab
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 SCALE = 'circle.radius_scale'
@@ -91,7 +91,7 @@ def test_it_says_what_it_waits_for_and_goes_on(tuning):
     visitor, link = tuning.visitor, tuning.link
     link.update(presence=Presence.ABSENT, sentence='Waiting for /cell1/social_circle; start it with: x.')
     assert visitor.sees('Waiting for /cell1/social_circle; start it with: x.')
-    assert visitor.sees('not there')
+    assert visitor.sees('not found')
     visitor.page.wait_for_function('input => input.disabled', arg=visitor.field('radius scale').element_handle())
     link.update(presence=Presence.ACTIVE, sentence='Clouds are filtered as they come.')
     assert visitor.sees('Clouds are filtered as they come.')
@@ -104,14 +104,14 @@ def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
     visitor.open_tab('Presets')
     visitor.field('name').fill('wide')
     link.wait_for(lambda values: values[SCALE] == 3.0)
-    visitor.press('Save the settings in force')
+    visitor.press('Save current settings')
     assert visitor.sees('wide.yaml.')
     saved = tuning.presets.load('wide')
     assert saved[SCALE] == 3.0
     assert 'autostart' not in saved  # read-only: nothing that can be set
     assert link.change({SCALE: 0.5}) == ''
-    visitor.press('Load it into the node')
-    assert visitor.sees('wide is in force.')
+    visitor.press('Load preset into the node')
+    assert visitor.sees('Loaded the preset wide.')
     assert link.snapshot.values[SCALE] == 3.0
     visitor.open_tab('Tune')
     visitor.press('Undo')
@@ -120,26 +120,26 @@ def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
 
 def test_a_preset_that_the_node_refuses_says_why(tuning):
     tuning.presets.save('bad', {'circle.window': 4})
-    tuning.page._list_presets()
+    tuning.page._preset_tab.refresh()
     tuning.visitor.open_tab('Presets')
-    tuning.visitor.press('Load it into the node')
-    assert tuning.visitor.sees('bad was refused: circle.window must be odd')
+    tuning.visitor.press('Load preset into the node')
+    assert tuning.visitor.sees('The node refused the preset bad: circle.window must be odd')
 
 
 def test_two_settings_are_compared_side_by_side_on_the_same_cloud(tuning):
     visitor = tuning.visitor
     tuning.presets.save('gentle', {SCALE: 100.0})
-    tuning.page._list_presets()
+    tuning.page._preset_tab.refresh()
     tuning.link.publish(cloud())
     assert visitor.sees('all 26 outliers')
     visitor.open_tab('Presets')
     visitor.choose('B', 'gentle')
     visitor.press('Compare on this cloud')
     assert visitor.sees('only A 26')
-    assert visitor.sees('A: in force now')
+    assert visitor.sees('A: current settings')
     assert visitor.sees('B: gentle')
     assert tuning.link.asked == []
-    visitor.press('Back to the node')
+    visitor.press('Close the comparison')
     assert visitor.no_longer_sees('B: gentle')
 
 
@@ -170,12 +170,12 @@ def test_a_recording_waits_for_the_node_and_is_sent_again_to_one_that_comes_back
     visitor.open_tab('Recording')
     visitor.field('path').fill(str(BAGS / 'parts.mcap'))
     visitor.press('Open')
-    assert visitor.sees('It is sent once the node is active.')
+    assert visitor.sees('It will be sent when the node is active.')
     visitor.press('next ▶')
     assert visitor.sees('Cloud 2 of 8')
     assert link.published == []
     link.update(presence=Presence.ACTIVE, sentence='Here it is.')
-    assert visitor.no_longer_sees('It is sent once the node is active.')
+    assert visitor.no_longer_sees('It will be sent when the node is active.')
     with RecordedClouds(BAGS / 'parts.mcap') as clouds:
         assert link.published == [clouds[1].data]
 
@@ -191,10 +191,8 @@ def test_a_million_points_are_thinned_which_it_says_but_no_outlier_is(tuning):
 
 def test_of_answers_that_come_faster_than_they_are_drawn_the_newest_wins(tuning, monkeypatch):
     drawn = []
-    draw = Page._show_answer
-    monkeypatch.setattr(
-        Page, '_show_answer', lambda page, answer: (drawn.append(answer.number), draw(page, answer))
-    )
+    draw = ResultTab.show
+    monkeypatch.setattr(ResultTab, 'show', lambda tab, shown: (drawn.append(shown.number), draw(tab, shown)))
     for number in range(60):
         tuning.link.publish(cloud(stamp=number + 1))
     assert tuning.visitor.sees('0.000000060')
@@ -220,7 +218,7 @@ def test_nothing_is_cut_off_on_usual_screens(tuning, width, height):
         'radius scale',
         'of measured',
         'height of kept points',
-        'heights that are kept',
+        'heights of kept points',
     ):
         visitor.sees(text)
         box = visitor.page.get_by_text(text).locator('visible=true').first.bounding_box()

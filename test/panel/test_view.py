@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.messages.image import KEPT, NOT_MEASURED, OUTLIER
 from socialcircle_ros.panel import colours
-from socialcircle_ros.panel.view import SIDE, height_picture, mask_picture, view
+from socialcircle_ros.panel.view import SIDE, height_picture, mask_picture, view_of
 
 
 def masked(xyz, outliers=()):
@@ -32,7 +32,7 @@ def test_outliers_are_never_thinned_and_the_rest_is_bounded(rows, columns, share
     )  # fmt: skip
     mask = masked(xyz)
     mask[(np.random.default_rng(seed).random(mask.shape) < share) & (mask == KEPT)] = OUTLIER
-    drawn = view(xyz, mask, most)
+    drawn = view_of(xyz, mask, most)
     outliers = np.count_nonzero(mask == OUTLIER)
     assert len(drawn.outliers) == outliers
     assert drawn.kept_total == np.count_nonzero(mask == KEPT)
@@ -43,7 +43,7 @@ def test_outliers_are_never_thinned_and_the_rest_is_bounded(rows, columns, share
 
 def test_a_million_points_are_thinned_and_the_caption_says_how():
     xyz = np.dstack([*np.mgrid[:960, :1280].astype(np.float32)[::-1], np.zeros((960, 1280), np.float32)])
-    drawn = view(xyz, masked(xyz, [(1, 1), (501, 77), (959, 1279)]))
+    drawn = view_of(xyz, masked(xyz, [(1, 1), (501, 77), (959, 1279)]))
     assert len(drawn.kept) <= 150_000
     assert len(drawn.outliers) == 3
     assert drawn.caption == (
@@ -53,7 +53,7 @@ def test_a_million_points_are_thinned_and_the_caption_says_how():
 
 def test_a_small_cloud_is_drawn_whole():
     xyz = surface()
-    drawn = view(xyz, masked(xyz, [(10, 12)]))
+    drawn = view_of(xyz, masked(xyz, [(10, 12)]))
     assert drawn.step == 1
     assert drawn.caption == 'Showing all 5,593 kept points and all 1 outliers.'
 
@@ -62,7 +62,7 @@ def test_a_small_cloud_is_drawn_whole():
 def test_the_scene_is_the_same_in_every_unit(unit):
     xyz = surface().astype(np.float64)
     mask = masked(xyz, [(10, 12)])
-    drawn, scaled = view(xyz, mask), view(xyz * unit, mask)
+    drawn, scaled = view_of(xyz, mask), view_of(xyz * unit, mask)
     np.testing.assert_allclose(scaled.kept, drawn.kept, atol=1e-4)
     np.testing.assert_allclose(scaled.outliers, drawn.outliers, atol=1e-4)
     assert scaled.stretch() == drawn.stretch()
@@ -71,18 +71,18 @@ def test_the_scene_is_the_same_in_every_unit(unit):
 
 def test_flat_surfaces_are_stretched_until_their_heights_show():
     xyz = surface().astype(np.float64)
-    assert view(xyz, masked(xyz)).stretch() > 1
+    assert view_of(xyz, masked(xyz)).stretch() > 1
     xyz[..., 2] *= 1e-3
-    flat = view(xyz, masked(xyz))
+    flat = view_of(xyz, masked(xyz))
     assert 0.05 < flat.stretch() * flat.height / min(flat.size) <= 0.25
     xyz[..., 2] = 0
-    assert view(xyz, masked(xyz)).stretch() == 1
+    assert view_of(xyz, masked(xyz)).stretch() == 1
 
 
 def test_an_outlier_beyond_the_scene_is_drawn_at_its_edge_and_counted():
     xyz = surface().astype(np.float64)
     xyz[3, 4, 2] = 1e9
-    drawn = view(xyz, masked(xyz, [(3, 4), (10, 12)]))
+    drawn = view_of(xyz, masked(xyz, [(3, 4), (10, 12)]))
     points, far = drawn.stretched_outliers(1.0)
     assert far == 1
     assert points[:, 2].max() == SIDE
@@ -90,32 +90,32 @@ def test_an_outlier_beyond_the_scene_is_drawn_at_its_edge_and_counted():
 
 def test_single_outliers_are_marked_larger_than_thousands():
     xyz = surface(200, 300)
-    few = view(xyz, masked(xyz, [(1, 1)]))
-    many = view(xyz, masked(xyz, [(row, column) for row in range(50) for column in range(50)]))
+    few = view_of(xyz, masked(xyz, [(1, 1)]))
+    many = view_of(xyz, masked(xyz, [(row, column) for row in range(50) for column in range(50)]))
     assert few.outlier_size > many.outlier_size >= many.pitch
 
 
 def test_a_single_measured_point_is_drawn_in_the_middle():
     xyz = np.full((4, 5, 3), np.nan)
     xyz[1, 2] = 7, 8, 9
-    assert view(xyz, masked(xyz)).kept.tolist() == [[0, 0, 0]]
+    assert view_of(xyz, masked(xyz)).kept.tolist() == [[0, 0, 0]]
 
 
 def test_a_mask_of_another_cloud_is_refused():
-    with pytest.raises(CloudError, match='not of one measurement'):
-        view(surface(), np.zeros((3, 4), np.uint8))
+    with pytest.raises(CloudError, match='must be of one measurement'):
+        view_of(surface(), np.zeros((3, 4), np.uint8))
 
 
 def test_a_cloud_without_a_measured_point_is_refused():
     xyz = np.full((4, 5, 3), np.nan)
-    with pytest.raises(CloudError, match='No point'):
-        view(xyz, masked(xyz))
+    with pytest.raises(CloudError, match='no measured point'):
+        view_of(xyz, masked(xyz))
 
 
 def test_where_everything_fell_the_outliers_are_still_drawn():
     xyz = surface(20, 60)[:10]
     mask = np.full(xyz.shape[:2], OUTLIER, np.uint8)
-    drawn = view(xyz, mask)
+    drawn = view_of(xyz, mask)
     assert len(drawn.outliers) == np.isfinite(xyz).all(axis=2).sum()
     assert len(drawn.kept) == 0
 

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.panel.controls import text_of, value_of
 from socialcircle_ros.panel.link import Descriptor, ParameterKind
+from socialcircle_ros.panel.widgets import text_of, value_of
 
 ROWS = {kind: Descriptor('some.name', kind, 'A sentence.') for kind in ParameterKind}
 
