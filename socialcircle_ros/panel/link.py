@@ -8,6 +8,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.errors import MessageError
+from socialcircle_ros.interface import MeasurementValues
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.settings import RosValue
 
@@ -78,10 +80,17 @@ class ShownCloud:
     measurement: Status | None
 
     @property
+    def numbers(self) -> MeasurementValues | None:
+        """The numbers of the measurement; None where it has not come yet, or cannot be read."""
+        try:
+            return MeasurementValues.from_text(self.measurement.values) if self.measurement else None
+        except MessageError:
+            return None
+
+    @property
     def depth_of_field(self) -> float | None:
         """Depth of field in m of the stack that gave the cloud; None for other clouds."""
-        told = self.measurement.values.get('stack_depth_of_field') if self.measurement else None
-        return None if told is None else float(told)
+        return self.numbers.stack_depth_of_field if self.numbers else None
 
 
 @dataclass(frozen=True)

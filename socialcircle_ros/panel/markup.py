@@ -2,14 +2,16 @@
 
 import time
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from html import escape
 from pathlib import Path
 
+from socialcircle_ros.interface import STAGE_TIME
 from socialcircle_ros.messages.diagnostics import Status
 
 from . import colours
 from .comparison import Comparison
-from .link import LogEntry, Presence, Snapshot
+from .link import LogEntry, Presence, ShownCloud, Snapshot
 from .view import View
 
 STYLE = f'<style>{Path(__file__).with_name("page.css").read_text(encoding="utf-8")}</style>'
@@ -48,40 +50,42 @@ def note(text: str, *, bad: bool = False) -> str:
     return _box(f'<div class="sc-card sc-{"bad" if bad else "idle"}">{escape(text)}</div>')
 
 
-def measurement(status: Status | None) -> str:
+def measurement(shown: ShownCloud | None) -> str:
     """The counts of the last measurement, and the warning of the node where there is one."""
-    if status is None:
+    if shown is None or shown.measurement is None:
         return _box('<span class="sc-dim">No measurement yet.</span>')
-    values = status.values
-    measured, outliers = _whole(values, 'measured'), _whole(values, 'outliers')
-    share = f'{100 * outliers / measured:.2f} %' if measured else '–'
-    counts = {'kept': f'{_whole(values, "kept"):,}', 'outliers': f'{outliers:,}', 'of measured': share}
+    numbers, status = shown.numbers, shown.measurement
+    if numbers is None:
+        return note('The measurement cannot be read. Check that the node has the version of this page.', bad=True)
+    share = f'{100 * numbers.outliers / numbers.measured:.2f} %' if numbers.measured else '–'
+    counts = {'kept': f'{numbers.kept:,}', 'outliers': f'{numbers.outliers:,}', 'of measured': share}
     big = ''.join(f'<div>{title}<b>{count}</b></div>' for title, count in counts.items())
     return _box(f'<div class="sc-big">{big}</div>') + (note(status.message, bad=True) if status.level else '')
 
 
-def details(status: Status | None) -> str:
+def details(shown: ShownCloud | None) -> str:
     """The stage times of the last measurement as bars, and its other values."""
-    if status is None:
+    if shown is None or shown.measurement is None or shown.numbers is None:
         return ''
-    values = status.values
-    stages = _times(status)
-    total = stages.pop('total', sum(stages.values()))
-    longest = max([*stages.values(), 1e-9])
+    numbers, status = shown.numbers, shown.measurement
+    stages_ms = _stage_times_ms(status)
+    total_ms = stages_ms.pop('total', sum(stages_ms.values()))
+    longest_ms = max([*stages_ms.values(), 1e-9])
     bars = ''.join(
-        f'<tr><td>{escape(stage)}</td><td style="width:50%"><div class="sc-bar"'
-        f' style="width:{100 * value / longest:.1f}%"></div></td><td class="sc-num">{value:.1f} ms</td></tr>'
-        for stage, value in stages.items()
+        f'<tr><td>{escape(stage)}</td><td style="width:50%">'
+        f'<div class="sc-bar" style="width:{100 * time_ms / longest_ms:.1f}%"></div></td>'
+        f'<td class="sc-num">{time_ms:.1f} ms</td></tr>'
+        for stage, time_ms in stages_ms.items()
     )
-    end = f'<tr><td><b>total</b></td><td></td><td class="sc-num"><b>{total:.1f} ms</b></td></tr>'
+    end = f'<tr><td><b>total</b></td><td></td><td class="sc-num"><b>{total_ms:.1f} ms</b></td></tr>'
     rows = {
-        'points': f'{_whole(values, "points"):,}',
-        'measured': f'{_whole(values, "measured"):,}',
-        'repaired': f'{_whole(values, "repaired"):,}',
-        'seed (row, column)': f'{values.get("seed_row", "–")}, {values.get("seed_column", "–")}',
-        'radius': _short(values.get('radius', '–')),
+        'points': f'{numbers.points:,}',
+        'measured': f'{numbers.measured:,}',
+        'repaired': f'{numbers.repaired:,}',
+        'seed (row, column)': f'{numbers.seed_row}, {numbers.seed_column}',
+        'radius': f'{numbers.radius:.5g}',
         'frame': status.hardware_id or '–',
-        'stamp': values.get('stamp', '–'),
+        'stamp': numbers.stamp,
     }
     return _box(f'<table>{bars}{end}</table>') + _box(_table(rows))
 
@@ -143,15 +147,14 @@ def comparison(compared: Comparison) -> str:
     )
 
 
-def _times(status: Status) -> dict[str, float]:
+def _stage_times_ms(status: Status) -> dict[str, float]:
     """Times in ms by stage, in the order of the stages; a time that is no number is left out."""
     found = {}
+    prefix, suffix = STAGE_TIME.split('{stage}')
     for key, text in status.values.items():
-        if key.startswith('time_') and key.endswith('_ms'):
-            try:
-                found[key[5:-3]] = float(text)
-            except ValueError:
-                continue
+        if key.startswith(prefix) and key.endswith(suffix):
+            with suppress(ValueError):
+                found[key.removeprefix(prefix).removesuffix(suffix)] = float(text)
     return found
 
 
@@ -161,18 +164,6 @@ def _table(rows: Mapping[str, str]) -> str:
         for name, value in rows.items()
     )
     return f'<table>{cells}</table>'
-
-
-def _whole(values: Mapping[str, str], name: str) -> int:
-    text = values.get(name, '0')
-    return int(text) if text.isdecimal() else 0
-
-
-def _short(text: str) -> str:
-    try:
-        return f'{float(text):.5g}'
-    except ValueError:
-        return text
 
 
 def _rgb(colour: Iterable[int]) -> str:

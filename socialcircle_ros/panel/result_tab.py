@@ -52,8 +52,8 @@ class ResultTab:
             self._log.add(str(error), bad=True)
             return
         with self.scene.update():
-            self._measurement.content = markup.measurement(shown.measurement)
-            self._details.content = markup.details(shown.measurement)
+            self._measurement.content = markup.measurement(shown)
+            self._details.content = markup.details(shown)
             self._heights.image = height_picture(xyz, shown.mask, view.span)
             self._mask.image = mask_picture(shown.mask)
             self.scene.show(view)

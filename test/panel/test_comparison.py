@@ -5,10 +5,8 @@ import pytest
 from examples import cloud
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.panel import colours
 from socialcircle_ros.panel.comparison import compare
-from socialcircle_ros.panel.link import ShownCloud
 from socialcircle_ros.settings import PARAMETERS
 
 DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
@@ -30,15 +28,6 @@ def test_a_stack_s_depth_of_field_counts_for_both():
     found = compare(cloud(), ('a', DEFAULTS | known), ('b', DEFAULTS | given), 1e9)
     assert found.a.outputs.outliers == 0
     assert found.b.outputs.outliers > 0
-
-
-def test_the_depth_of_field_of_an_answer_is_the_stack_s_not_a_parameter_s():
-    def answer(values):
-        return ShownCloud(1, cloud(), np.zeros((1, 1), np.uint8), Status(b'\0', 'name', 'message', '', values))
-
-    assert answer({'circle.depth_of_field': '100.0'}).depth_of_field is None
-    told = answer({'circle.depth_of_field': '100.0', 'stack_depth_of_field': '6e-06'})
-    assert told.depth_of_field == 6e-6
 
 
 def test_the_same_setting_twice_differs_nowhere():

@@ -29,6 +29,18 @@ def test_it_shows_counts_colours_pictures_and_times_of_the_last_answer(tuning):
     assert tuning.visitor.page.locator('img:visible').count() == 2
 
 
+def test_a_measurement_that_cannot_be_read_does_not_end_the_page(tuning):
+    tuning.link.publish(cloud())
+    assert tuning.visitor.sees('0.46 %')
+    shown = tuning.link.snapshot.shown_cloud
+    strange = dataclasses.replace(shown.measurement, values={**shown.measurement.values, 'kept': 'most'})
+    tuning.link.update(shown_cloud=dataclasses.replace(shown, number=2, measurement=strange))
+    assert tuning.visitor.sees('The measurement cannot be read.')
+    assert tuning.visitor.no_longer_sees('0.46 %')
+    tuning.link.publish(cloud())
+    assert tuning.visitor.sees('0.46 %')
+
+
 def test_controls_come_from_what_the_node_says_of_its_parameters(tuning):
     told = [dataclasses.replace(row, choices=('paper', 'bold')) if row.name == 'circle.mode' else row
             for row in descriptors()]  # fmt: skip
