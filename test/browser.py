@@ -1,4 +1,4 @@
-"""A real browser for the tests of the tuning page: Debian's Chromium, headless, with WebGL in software."""
+"""A real browser for the tests of the tuning page: headless Chromium with WebGL in software."""
 
 import atexit
 import contextlib
@@ -9,7 +9,7 @@ import pytest
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or shutil.which('google-chrome')
 SWITCHES = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist', '--no-sandbox']
-PATIENCE = 60_000  # ms: far longer than anything takes, also where a picture is drawn in software
+TIMEOUT_MS = 60_000  # far longer than any step takes, even with rendering in software
 
 
 @contextlib.contextmanager
@@ -28,25 +28,25 @@ def browser():
 
 @functools.cache
 def _driver(playwright):
-    """Playwright allows one at a time in a process, and fixtures of different files may overlap in one."""
+    """The driver of Playwright: one for the process, because fixtures of several files may use it at once."""
     driver = playwright.sync_playwright().start()
     atexit.register(driver.stop)
     return driver
 
 
 class Visitor:
-    """Somebody who looks at the page and moves what is on it."""
+    """A visitor of the page: reads its texts and uses its controls."""
 
     def __init__(self, chromium, address, width=1280, height=800):
         self.page = chromium.new_page(viewport={'width': width, 'height': height})
-        self.page.set_default_timeout(PATIENCE)
+        self.page.set_default_timeout(TIMEOUT_MS)
         self.errors = []
         self.page.on('pageerror', lambda error: self.errors.append(str(error)))
         self.page.goto(address)
         self.page.get_by_role('tab', name='Tune').wait_for()
 
     def sees(self, text):
-        """Wait until the page shows a text; True, so that it can be asserted."""
+        """Wait until the page shows a text; return True so that it can be asserted."""
         self.page.get_by_text(text).locator('visible=true').first.wait_for()
         return True
 
@@ -55,7 +55,7 @@ class Visitor:
         return True
 
     def row(self, label):
-        """The row of a control, by its label."""
+        """The row of the control with a label."""
         labels = self.page.locator('.mantine-Flex-root > div > p > label').get_by_text(label, exact=True)
         return labels.locator('xpath=ancestor::div[contains(@class, "mantine-Flex-root")][1]')
 
@@ -63,7 +63,7 @@ class Visitor:
         return self.row(label).locator('input:not([type=hidden])').first
 
     def slider(self, label):
-        """The slider in the row of a label, or in the row below it where a number is typed above."""
+        """The slider in the row of a label, or below it where the row holds a number that is typed."""
         own = self.row(label).locator('[role=slider]')
         below = self.row(label).locator('xpath=following::*[@role="slider"][1]')
         return own if own.count() else below

@@ -1,4 +1,4 @@
-"""The node `socialcircle_tune`: the tuning page, and behind it the connection to the node that is tuned."""
+"""The node `socialcircle_tune`: it serves the tuning page and connects it to the node that is tuned."""
 
 import signal
 import threading
@@ -24,16 +24,17 @@ def tune(
     """Serve the page until Ctrl-C or SIGTERM.
 
     Args:
-        target: the node that is tuned, absolute or relative to the namespace.
+        target: name of the node that is tuned, absolute or relative to the namespace.
         host: the address to listen on.
-        port: the first that is tried.
-        presets: their folder.
-        recording: one to begin with.
-        arguments: of ROS.
-        serving: called with the node's full name and the page's address, once it is there.
+        port: the port; where it is in use, the next free one is taken.
+        presets: folder of the presets.
+        recording: a recording to open at the start; None: none.
+        arguments: for ROS, as on the command line (--ros-args ...).
+        serving: called with the node's full name and the address of the page when the page can be opened.
 
     Raises:
-        SocialCircleError: viser is not installed.
+        SettingError: `target` is not the name of a node.
+        SocialCircleError: viser is not installed, or this machine has no such address.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

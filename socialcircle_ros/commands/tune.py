@@ -14,21 +14,23 @@ from .options import require_ros
     epilog='Example: socialcircle tune night.mcap --node /cell1/social_circle',
 )
 @click.argument('arguments', nargs=-1, type=click.UNPROCESSED, metavar='[RECORDING] [--ros-args ...]')
-@click.option('--node', default='social_circle', show_default=True, help='Name of the node that is tuned.')
-@click.option('--port', default=8080, show_default=True, help='Of the page; where it is taken, the next free one.')
+@click.option('--node', default='social_circle', show_default=True, help='Name of the node to tune.')
+@click.option(
+    '--port', default=8080, show_default=True, help='Port of the page; the next free one if it is in use.'
+)
 @click.option(
     '--host', default='127.0.0.1', show_default=True,
-    help='Address to listen on; 0.0.0.0 lets everybody in the network change the parameters.',
+    help='Address to listen on; with 0.0.0.0 everyone on the network can change the parameters.',
 )  # fmt: skip
 @click.option(
     '--presets', type=click.Path(path_type=Path, file_okay=False),
     help='Folder of the presets; default: ~/.ros/socialcircle/presets.',
 )  # fmt: skip
 def command(arguments: tuple[str, ...], node: str, port: int, host: str, presets: Path | None) -> None:
-    """Tune a running node from a page in the browser: see the cloud and its outliers change with each setting.
+    """Tune a running node on a page in the browser, and see how each setting changes the outliers.
 
-    The page listens on this machine only. With a RECORDING it steps through its clouds, each of which goes to the
-    node. It waits for the node where that is not there yet, and goes on when it was started again.
+    By default, only this machine can open the page. With a RECORDING, the page steps through its clouds and sends
+    each to the node. The page waits while the node is not running, and continues when the node is started again.
     """
     recording, ros_arguments = _split(arguments)
     require_ros()
@@ -43,30 +45,30 @@ def command(arguments: tuple[str, ...], node: str, port: int, host: str, presets
     from socialcircle_ros.clients.tune import tune
 
     def serving(name: str, address: str) -> None:
-        click.echo(f'Tuning {name} at {address}; Ctrl-C ends it.')
+        click.echo(f'Tuning {name} at {address}; press Ctrl-C to stop.')
         if host not in ('127.0.0.1', 'localhost', '::1'):
-            click.echo(f'Warning: whoever reaches {address} can change the parameters of {name}.', err=True)
+            click.echo(f'Warning: everyone who can open {address} can change the parameters of {name}.', err=True)
 
     try:
         tune(
             node, host=host, port=port, presets=presets or default_folder(), recording=recording,
             arguments=ros_arguments, serving=serving,
         )  # fmt: skip
-    except RuntimeError as error:  # what rclpy raises for arguments that it cannot read, on several lines
+    except RuntimeError as error:  # rclpy raises it for arguments that it cannot read; its text has several lines
         raise SocialCircleError(f'The page cannot start: {str(error).splitlines()[0]}') from None
 
 
 def _split(arguments: tuple[str, ...]) -> tuple[Path | None, list[str]]:
-    """The recording, if one is named, and what is for ROS."""
+    """Split the arguments into the recording, if there is one, and the arguments for ROS."""
     first = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
     own, ros = arguments[:first], list(arguments[first:])
     if len(own) > 1 or (own and own[0].startswith('-')):
-        raise click.UsageError(f'{own[-1]!r} is not for this command; it takes one RECORDING, and --ros-args.')
+        raise click.UsageError(f'{own[-1]!r} is not for this command; give one RECORDING at most, and --ros-args.')
     return (Path(own[0]) if own else None), ros
 
 
 def main() -> int:
-    """As `socialcircle tune`."""
+    """Run `socialcircle tune`."""
     from .main import main as socialcircle
 
     return socialcircle(['tune', *sys.argv[1:]])

@@ -54,7 +54,7 @@ class ComparisonFolder:
                 hint='Filters the cloud that is shown with both settings, on this machine and not in the node.',
             )  # fmt: skip
             start.on_click(lambda _: self._compare())
-            self._close = gui.add_button('Close the comparison', icon=icon('arrow-left'), visible=False)
+            self._close = gui.add_button('Close the comparison', icon=icon('x'), visible=False)
             self._close.on_click(lambda _: self._end())
             self._table = gui.add_html('', visible=False)
             self._picture = gui.add_image(

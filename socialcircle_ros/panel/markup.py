@@ -56,7 +56,7 @@ def measurement(shown: ShownCloud | None) -> str:
         return _box('<span class="sc-dim">No measurement yet.</span>')
     numbers, status = shown.numbers, shown.measurement
     if numbers is None:
-        return note('The measurement cannot be read. Check that the node has the version of this page.', bad=True)
+        return note('The measurement cannot be read. Check that node and page have the same version.', bad=True)
     share = f'{100 * numbers.outliers / numbers.measured:.2f} %' if numbers.measured else '–'
     counts = {'kept': f'{numbers.kept:,}', 'outliers': f'{numbers.outliers:,}', 'of measured': share}
     big = ''.join(f'<div>{title}<b>{count}</b></div>' for title, count in counts.items())

@@ -70,7 +70,7 @@ def widget_of(gui: 'viser.GuiApi', row: Descriptor, value: RosValue, choose: Cho
 
 
 class _ElementWidget(Generic[Value]):
-    """One element whose value is the parameter's.
+    """One element that holds the value of the parameter itself.
 
     A new value is compared with the value that was shown or chosen last, and not with the element's: the element
     may hold a choice that has not been handled yet.

@@ -14,7 +14,7 @@ def chromium():
 
 @pytest.fixture
 def tuning(chromium, tmp_path):
-    """The page of a node without ROS, and a visitor who has it open."""
+    """The page of a node without ROS, opened by a visitor."""
     from socialcircle_ros.panel.page import page_of
     from socialcircle_ros.panel.presets import Presets
 

@@ -1,4 +1,4 @@
-"""A node without ROS: filters by the pipeline, refuses by the settings, and can be taken away."""
+"""A node without ROS: it filters with the pipeline, checks with the settings, and can be made absent."""
 
 import dataclasses
 import threading
@@ -30,7 +30,7 @@ def descriptors():
 
 
 class FakeLink:
-    """A `Link` whose node is in this process."""
+    """A `Link` to a node in this process."""
 
     name = '/cell1/social_circle'
 
@@ -38,7 +38,7 @@ class FakeLink:
         self.changed = threading.Condition()
         self.published = []
         self.asked = []
-        self.events = []
+        self.entries = []
         self.snapshot = Snapshot(
             revision=1, presence=Presence.ACTIVE, sentence='Clouds are filtered as they come.',
             descriptors=descriptors(), values={name: row.default for name, row in PARAMETERS.items()},
@@ -47,8 +47,8 @@ class FakeLink:
     def update(self, **changes):
         with self.changed:
             self.snapshot = dataclasses.replace(
-                self.snapshot, revision=self.snapshot.revision + 1, log=tuple(self.events),
-                log_total=len(self.events), **changes,
+                self.snapshot, revision=self.snapshot.revision + 1, log=tuple(self.entries),
+                log_total=len(self.entries), **changes,
             )  # fmt: skip
             self.changed.notify_all()
 
@@ -66,7 +66,7 @@ class FakeLink:
         except SocialCircleError as error:
             return str(error)
         for name, value in values.items():
-            self.events.append(
+            self.entries.append(
                 LogEntry(time.time(), f'{name}: {self.snapshot.values[name]} → {value} (this page)')
             )
         self.update(values=wanted)
@@ -83,11 +83,11 @@ class FakeLink:
         return 'Saved to ~/.ros/socialcircle/cell1.social_circle.yaml.'
 
     def filter(self, cloud):
-        cleaned = filter_cloud(cloud, CircleSettings.from_ros(self.snapshot.values))
+        outputs = filter_cloud(cloud, CircleSettings.from_ros(self.snapshot.values))
         number = self.snapshot.shown_cloud.number + 1 if self.snapshot.shown_cloud else 1
-        self.update(shown_cloud=ShownCloud(number, cloud, decode_mono8(cleaned.mask), cleaned.measurement))
+        self.update(shown_cloud=ShownCloud(number, cloud, decode_mono8(outputs.mask), outputs.measurement))
 
     def wait_for(self, condition):
-        """Wait until the values in force meet a condition."""
+        """Wait until the current values meet a condition."""
         with self.changed:
             assert self.changed.wait_for(lambda: condition(self.snapshot.values), 60)

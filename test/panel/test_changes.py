@@ -1,4 +1,4 @@
-"""Changes: the newest wins, each can be undone, refusals change nothing."""
+"""Changes: rapid changes are merged, each change can be undone, refusals change nothing."""
 
 import pytest
 from panel.fake import FakeLink
@@ -28,7 +28,7 @@ def desk():
     desk.changes.stop()
 
 
-def test_of_values_in_quick_succession_the_newest_is_asked_for(desk):
+def test_only_the_newest_of_rapid_values_is_sent(desk):
     for value in (1.5, 2.5, 3.5):
         desk.changes.ask(SCALE, value, 0.2)
     assert desk.changes.settling(SCALE)
@@ -44,7 +44,7 @@ def test_parameters_do_not_wait_for_each_other(desk):
     assert not desk.changes.settling('circle.radius')
 
 
-def test_a_gesture_is_undone_as_one_and_a_preset_as_a_whole(desk):
+def test_a_gesture_and_a_preset_are_each_undone_in_one_step(desk):
     desk.changes.apply({SCALE: 2.0}, gesture=True)
     desk.changes.apply({SCALE: 3.0}, gesture=True)
     desk.changes.apply({SCALE: 4.0, 'circle.window': 5})
@@ -55,27 +55,27 @@ def test_a_gesture_is_undone_as_one_and_a_preset_as_a_whole(desk):
     assert desk.changes.undo() == ({}, 'There is no change of this page to undo.')
 
 
-def test_a_refusal_is_told_with_its_reason_and_leaves_nothing_to_undo(desk):
+def test_a_refusal_is_reported_with_its_reason_and_leaves_nothing_to_undo(desk):
     reason = desk.changes.apply({'circle.window': 4})
     assert 'must be odd' in reason
     assert desk.refusals == [(('circle.window',), reason)]
     assert desk.changes.undoable == 0
 
 
-def test_what_is_in_force_is_not_asked_for_again(desk):
+def test_a_value_that_is_already_current_is_not_sent(desk):
     assert desk.changes.apply({SCALE: 1.0}) == ''
     assert desk.link.asked == []
     assert desk.acceptances == []
 
 
-def test_a_step_that_cannot_be_undone_stays(desk):
+def test_a_change_stays_undoable_if_its_undo_is_refused(desk):
     desk.changes.apply({SCALE: 2.0})
     desk.link.change = lambda values: 'The node is away.'
     assert desk.changes.undo() == ({SCALE: 1.0}, 'The node is away.')
     assert desk.changes.undoable == 1
 
 
-def test_what_is_no_value_is_refused_only_if_it_stays(desk):
+def test_an_invalid_text_is_refused_only_if_it_is_not_replaced_in_time(desk):
     desk.changes.ask(SCALE, SettingError('1e is no number.'), 0.2)
     desk.changes.ask(SCALE, 1e-1, 0.2)
     desk.link.wait_for(lambda values: values[SCALE] == 1e-1)

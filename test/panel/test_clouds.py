@@ -14,7 +14,7 @@ from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topi
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 
 
-def test_clouds_come_in_any_order_as_they_were_recorded():
+def test_clouds_can_be_read_in_any_order():
     with open_recording(BAGS / 'parts.mcap') as reader:
         recorded = [message.data for message in reader.messages(['/points'])]
     with RecordedClouds(BAGS / 'parts.mcap') as clouds:
@@ -25,7 +25,7 @@ def test_clouds_come_in_any_order_as_they_were_recorded():
             clouds[8]
 
 
-def test_clouds_of_the_same_time_are_told_apart(tmp_path):
+def test_clouds_with_the_same_time_are_distinguished(tmp_path):
     with RecordingWriter(tmp_path / 'a.mcap') as writer:
         writer.add_topic(ros_topic('/points', CLOUD))
         for seed in range(3):
@@ -34,7 +34,7 @@ def test_clouds_of_the_same_time_are_told_apart(tmp_path):
         assert [clouds[number].data for number in (2, 0, 1)] == [cloud(9, 9 + seed) for seed in (2, 0, 1)]
 
 
-def test_what_lies_before_the_damage_can_be_stepped_through(tmp_path):
+def test_clouds_before_the_damage_can_be_read(tmp_path):
     whole = (BAGS / 'parts.mcap').read_bytes()
     (tmp_path / 'cut.mcap').write_bytes(whole[: len(whole) // 2])
     with RecordedClouds(tmp_path / 'cut.mcap') as clouds:
@@ -56,7 +56,7 @@ def test_a_recording_without_clouds_is_refused(tmp_path):
         RecordedClouds(tmp_path / 'empty.mcap')
 
 
-def test_a_recording_that_changed_meanwhile_is_told(tmp_path):
+def test_a_recording_that_changed_after_opening_is_reported(tmp_path):
     (tmp_path / 'a.mcap').write_bytes((BAGS / 'parts.mcap').read_bytes())
     with RecordedClouds(tmp_path / 'a.mcap') as clouds:
         with (tmp_path / 'a.mcap').open('r+b') as file:

@@ -1,12 +1,13 @@
-"""Colours that everybody can tell apart."""
+"""The colours can be told apart with every kind of colour vision."""
 
 import numpy as np
 import pytest
 
 from socialcircle_ros.panel import colours
 
-# Machado, Oliveira and Fernandes 2009, severity 1: what linear RGB becomes for each kind of colour blindness.
-SIGHT = {
+# Linear RGB as seen with each kind of colour blindness, severity 1: Machado, Oliveira and Fernandes 2009,
+# doi:10.1109/TVCG.2009.113.
+VISION = {
     'full': np.eye(3),
     'protanopia': [
         [0.152286, 1.052583, -0.204868],
@@ -26,36 +27,36 @@ SIGHT = {
 }
 
 
-def lab(rgb, sight):
-    """CIELAB (D65) of sRGB 0..255 as it is seen."""
+def lab(rgb, vision):
+    """CIELAB (D65) of sRGB colours, 0 to 255, as seen with a kind of colour vision."""
     share = np.asarray(rgb, float) / 255
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    seen = np.clip(linear @ np.transpose(SIGHT[sight]), 0, 1)
+    seen = np.clip(linear @ np.transpose(VISION[vision]), 0, 1)
     to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
     xyz = seen @ to_xyz.T / [0.9505, 1.0, 1.089]
     f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
     return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], -1)
 
 
-@pytest.mark.parametrize('sight', SIGHT)
-def test_outliers_stand_apart_from_every_height_and_from_gaps(sight):
+@pytest.mark.parametrize('vision', VISION)
+def test_outliers_differ_from_every_height_and_from_gaps(vision):
     others = np.vstack([colours.height_table(), colours.NOT_MEASURED, colours.KEPT])
-    assert np.linalg.norm(lab(others, sight) - lab(colours.OUTLIER, sight), axis=-1).min() > 25
+    assert np.linalg.norm(lab(others, vision) - lab(colours.OUTLIER, vision), axis=-1).min() > 25
 
 
-@pytest.mark.parametrize('sight', SIGHT)
-def test_the_classes_of_a_comparison_stand_apart(sight):
-    classes = lab([colours.ONLY_A, colours.ONLY_B, colours.BOTH, colours.KEPT, colours.NOT_MEASURED], sight)
+@pytest.mark.parametrize('vision', VISION)
+def test_the_classes_of_a_comparison_differ_from_each_other(vision):
+    classes = lab([colours.ONLY_A, colours.ONLY_B, colours.BOTH, colours.KEPT, colours.NOT_MEASURED], vision)
     for number, one in enumerate(classes):
         assert np.linalg.norm(np.delete(classes, number, 0) - one, axis=-1).min() > 10
 
 
-@pytest.mark.parametrize('sight', SIGHT)
-def test_higher_is_always_lighter(sight):
-    assert (np.diff(lab(colours.height_table()[::8], sight)[:, 0]) > 0).all()
+@pytest.mark.parametrize('vision', VISION)
+def test_higher_is_always_lighter(vision):
+    assert (np.diff(lab(colours.height_table()[::8], vision)[:, 0]) > 0).all()
 
 
-def test_heights_beyond_the_span_get_its_ends():
+def test_heights_outside_the_span_get_the_colours_of_its_ends():
     table = colours.height_table()
     found = colours.coloured(np.array([-5.0, 0.0, 1.0, 9.0, np.nan]), (0.0, 1.0))
     assert found.tolist() == [table[0].tolist(), table[0].tolist(), table[255].tolist(), table[255].tolist(),

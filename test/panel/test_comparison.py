@@ -12,7 +12,7 @@ from socialcircle_ros.settings import PARAMETERS
 DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
 
 
-def test_the_two_answers_and_their_difference():
+def test_the_two_results_and_their_difference():
     found = compare(cloud(), ('strict', DEFAULTS), ('gentle', DEFAULTS | {'circle.radius_scale': 100.0}))
     assert found.a.outputs.outliers == 26
     assert found.b.outputs.outliers == 0
@@ -22,7 +22,7 @@ def test_the_two_answers_and_their_difference():
     assert np.count_nonzero((picture == colours.ONLY_A).all(axis=2)) == 26
 
 
-def test_a_stack_s_depth_of_field_counts_for_both():
+def test_the_depth_of_field_of_a_stack_applies_to_both():
     known = {'circle.mode': 'adaptive'}
     given = known | {'circle.depth_of_field': 0.001}
     found = compare(cloud(), ('a', DEFAULTS | known), ('b', DEFAULTS | given), 1e9)
@@ -30,13 +30,13 @@ def test_a_stack_s_depth_of_field_counts_for_both():
     assert found.b.outputs.outliers > 0
 
 
-def test_the_same_setting_twice_differs_nowhere():
+def test_two_equal_settings_give_the_same_outliers():
     found = compare(cloud(), ('a', DEFAULTS), ('b', DEFAULTS | {'output.mask': False}))
     assert found.counts == (26, 0, 0)
     assert np.count_nonzero((found.picture() == colours.BOTH).all(axis=2)) == 26
     assert found.differing == (('output.mask', True, False),)
 
 
-def test_a_setting_that_cannot_be_is_refused():
+def test_an_invalid_setting_is_refused():
     with pytest.raises(SocialCircleError, match=r'circle\.window'):
         compare(cloud(), ('a', DEFAULTS), ('b', DEFAULTS | {'circle.window': 4}))

@@ -1,4 +1,4 @@
-"""The page in a real browser, before a node without ROS."""
+"""The page in a real browser, with a node that needs no ROS."""
 
 import dataclasses
 from pathlib import Path
@@ -19,7 +19,7 @@ BAGS = Path(__file__).resolve().parents[2] / 'bags'
 SCALE = 'circle.radius_scale'
 
 
-def test_it_shows_counts_colours_pictures_and_times_of_the_last_answer(tuning):
+def test_the_last_cloud_is_shown_with_counts_pictures_and_times(tuning):
     tuning.link.publish(cloud())
     assert tuning.visitor.sees('Showing all 5,568 kept points and all 26 outliers.')
     assert tuning.visitor.sees('expansion')
@@ -41,23 +41,23 @@ def test_a_measurement_that_cannot_be_read_does_not_end_the_page(tuning):
     assert tuning.visitor.sees('0.46 %')
 
 
-def test_controls_come_from_what_the_node_says_of_its_parameters(tuning):
-    told = [dataclasses.replace(row, choices=('paper', 'bold')) if row.name == 'circle.mode' else row
+def test_controls_follow_the_node_s_descriptions_of_its_parameters(tuning):
+    described = [dataclasses.replace(row, choices=('paper', 'bold')) if row.name == 'circle.mode' else row
             for row in descriptors()]  # fmt: skip
     flank = Descriptor('circle.flank', ParameterKind.REAL, 'How steep.', '', '0 to 1', (), 0.0, 1.0)
-    tuning.link.update(descriptors=(*told[:5], flank, *told[5:]),
+    tuning.link.update(descriptors=(*described[:5], flank, *described[5:]),
                        values={**tuning.link.snapshot.values, 'circle.flank': 0.25})  # fmt: skip
     visitor = tuning.visitor
     assert visitor.wait_until('flank', '0.25')
     assert visitor.slider('flank').get_attribute('aria-valuemax') == '1'
     assert visitor.sees('vote region [points]')
     visitor.choose('mode', 'bold')
-    assert visitor.sees("circle.mode cannot be 'bold'")  # the settings of this fake do not know it
+    assert visitor.sees("circle.mode cannot be 'bold'")  # the settings of the fake node have no such mode
     visitor.row('flank').hover()
     assert visitor.sees('How steep. Allowed: 0 to 1.')
 
 
-def test_moving_a_slider_changes_the_answer(tuning):
+def test_moving_a_slider_changes_the_result(tuning):
     visitor = tuning.visitor
     tuning.link.publish(cloud())
     assert visitor.sees('all 26 outliers')
@@ -67,7 +67,7 @@ def test_moving_a_slider_changes_the_answer(tuning):
     assert tuning.link.snapshot.values[SCALE] == 100.0
 
 
-def test_a_refusal_is_shown_with_its_reason_and_taken_back_with_the_next_good_value(tuning):
+def test_a_refusal_is_shown_with_its_reason_until_the_next_valid_value(tuning):
     visitor = tuning.visitor
     visitor.field('vote region [points]').fill('0, 0, 5, 0')
     assert visitor.sees('circle.vote_region [0, 0, 5, 0] is empty; give a height')
@@ -77,13 +77,13 @@ def test_a_refusal_is_shown_with_its_reason_and_taken_back_with_the_next_good_va
     assert tuning.link.snapshot.values['circle.vote_region'] == [0, 0, 60, 60]
 
 
-def test_what_is_no_number_is_refused_before_the_node_is_asked(tuning):
+def test_a_text_that_is_no_number_is_refused_without_asking_the_node(tuning):
     tuning.visitor.field('radius [cloud]').fill('wide')
     assert tuning.visitor.sees("circle.radius must be a number, not 'wide'.")
     assert tuning.link.asked == []
 
 
-def test_tiny_lengths_can_be_typed_one_key_after_the_other(tuning):
+def test_tiny_lengths_can_be_typed_key_by_key(tuning):
     field = tuning.visitor.field('radius [cloud]')
     field.clear()
     field.press_sequentially('1.25e-6', delay=300)
@@ -93,13 +93,13 @@ def test_tiny_lengths_can_be_typed_one_key_after_the_other(tuning):
     assert tuning.visitor.sees('circle.radius: 0.0 → 1.25e-06')
 
 
-def test_changes_made_elsewhere_are_followed(tuning):
+def test_changes_made_elsewhere_are_shown(tuning):
     tuning.link.update(values={**tuning.link.snapshot.values, SCALE: 2.5, 'circle.window': 7})
     assert tuning.visitor.wait_until('radius scale', '2.5')
     assert tuning.visitor.wait_until('window [points]', '7')
 
 
-def test_it_says_what_it_waits_for_and_goes_on(tuning):
+def test_the_page_says_what_it_waits_for_and_continues(tuning):
     visitor, link = tuning.visitor, tuning.link
     link.update(presence=Presence.ABSENT, sentence='Waiting for /cell1/social_circle; start it with: x.')
     assert visitor.sees('Waiting for /cell1/social_circle; start it with: x.')
@@ -120,7 +120,7 @@ def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
     assert visitor.sees('wide.yaml.')
     saved = tuning.presets.load('wide')
     assert saved[SCALE] == 3.0
-    assert 'autostart' not in saved  # read-only: nothing that can be set
+    assert 'autostart' not in saved  # it is read-only
     assert link.change({SCALE: 0.5}) == ''
     visitor.press('Load preset into the node')
     assert visitor.sees('Loaded the preset wide.')
@@ -130,7 +130,7 @@ def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
     assert visitor.wait_until('radius scale', '0.5')
 
 
-def test_a_preset_that_the_node_refuses_says_why(tuning):
+def test_the_reason_is_shown_when_the_node_refuses_a_preset(tuning):
     tuning.presets.save('bad', {'circle.window': 4})
     tuning.page._preset_tab.refresh()
     tuning.visitor.open_tab('Presets')
@@ -175,7 +175,7 @@ def test_a_recording_is_stepped_cloud_by_cloud(tuning):
     assert visitor.sees('/nowhere.mcap does not exist')
 
 
-def test_a_recording_waits_for_the_node_and_is_sent_again_to_one_that_comes_back(tuning):
+def test_a_cloud_of_a_recording_is_sent_when_the_node_becomes_active(tuning):
     visitor, link = tuning.visitor, tuning.link
     link.update(presence=Presence.ABSENT, sentence='Waiting for it.')
     assert visitor.sees('Waiting for it.')
@@ -192,7 +192,7 @@ def test_a_recording_waits_for_the_node_and_is_sent_again_to_one_that_comes_back
         assert link.published == [clouds[1].data]
 
 
-def test_a_million_points_are_thinned_which_it_says_but_no_outlier_is(tuning):
+def test_a_million_points_are_thinned_and_all_outliers_are_drawn(tuning):
     y, x = np.mgrid[:960, :1280].astype(np.float32)
     z = np.random.default_rng(0).random(x.shape, np.float32)
     z[::37, ::41] = 50
@@ -201,7 +201,7 @@ def test_a_million_points_are_thinned_which_it_says_but_no_outlier_is(tuning):
     assert tuning.visitor.sees('kept points (1 of 9)')
 
 
-def test_of_answers_that_come_faster_than_they_are_drawn_the_newest_wins(tuning, monkeypatch):
+def test_clouds_that_come_too_fast_are_skipped_and_the_newest_is_drawn(tuning, monkeypatch):
     drawn = []
     draw = ResultTab.show
     monkeypatch.setattr(ResultTab, 'show', lambda tab, shown: (drawn.append(shown.number), draw(tab, shown)))
@@ -214,7 +214,7 @@ def test_of_answers_that_come_faster_than_they_are_drawn_the_newest_wins(tuning,
 
 
 @pytest.mark.parametrize('text', ['<img src=x onerror="window.broken=1">', '<script>window.broken=1</script>'])
-def test_what_comes_from_outside_is_text_and_no_markup(tuning, text):
+def test_text_from_outside_is_not_read_as_markup(tuning, text):
     tuning.link.update(presence=Presence.ACTIVE, level=2, sentence=text)
     assert tuning.visitor.sees(text)
     assert tuning.visitor.page.evaluate('window.broken') is None

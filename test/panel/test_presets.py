@@ -1,4 +1,4 @@
-"""Presets: files that come back as they were, and that a node starts from."""
+"""Presets: files that are read back unchanged, and from which a node can start."""
 
 import pytest
 import yaml
@@ -8,17 +8,17 @@ from socialcircle_ros.panel.presets import Presets, default_folder
 from socialcircle_ros.settings import PARAMETERS
 
 
-def test_what_is_saved_is_loaded_again(tmp_path):
+def test_a_saved_preset_is_loaded_unchanged(tmp_path):
     presets = Presets(tmp_path / 'new' / 'folder')
     assert presets.names() == []
     values = {name: row.default for name, row in PARAMETERS.items()} | {'circle.radius': 1e-6}
-    path = presets.save('groove, fine'.replace(',', ''), values)
+    path = presets.save('groove fine', values)
     assert presets.names() == ['groove fine']
     assert presets.load('groove fine') == values
     assert yaml.safe_load(path.read_text())['/**']['ros__parameters']['circle.window'] == 3
 
 
-def test_saving_again_replaces(tmp_path):
+def test_saving_again_replaces_the_preset(tmp_path):
     presets = Presets(tmp_path)
     presets.save('a', {'circle.window': 3})
     presets.save('a', {'circle.window': 5})
@@ -26,23 +26,23 @@ def test_saving_again_replaces(tmp_path):
 
 
 @pytest.mark.parametrize('name', ['', '../a', 'a/b', '.hidden', ' a', 'x' * 101, 'a\nb'])
-def test_a_name_that_is_none_of_a_file_is_refused(tmp_path, name):
+def test_a_name_that_is_not_suitable_for_a_file_is_refused(tmp_path, name):
     with pytest.raises(SettingError, match='cannot be the name of a preset'):
         Presets(tmp_path).save(name, {'circle.window': 3})
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_preset_that_is_not_there_is_told(tmp_path):
+def test_a_missing_preset_is_reported(tmp_path):
     with pytest.raises(SocialCircleError, match=r'nowhere\.yaml cannot be read'):
         Presets(tmp_path).load('nowhere')
 
 
-def test_a_folder_that_cannot_be_is_told(tmp_path):
+def test_a_folder_that_cannot_be_created_is_reported(tmp_path):
     (tmp_path / 'file').write_text('')
     with pytest.raises(SocialCircleError, match='cannot be written'):
         Presets(tmp_path / 'file').save('a', {'circle.window': 3})
 
 
-def test_presets_lie_beside_what_the_node_saves(monkeypatch, tmp_path):
+def test_the_default_folder_is_beside_the_files_that_the_node_saves(monkeypatch, tmp_path):
     monkeypatch.setenv('ROS_HOME', str(tmp_path))
     assert default_folder() == tmp_path / 'socialcircle' / 'presets'

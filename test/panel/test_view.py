@@ -1,4 +1,4 @@
-"""What is drawn of a cloud: kept points thinned, outliers never."""
+"""A cloud for display: kept points are thinned, outliers are not."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def masked(xyz, outliers=()):
     most=st.integers(3, 3000),
     seed=st.integers(0, 9),
 )
-def test_outliers_are_never_thinned_and_the_rest_is_bounded(rows, columns, share, most, seed):
+def test_outliers_are_never_thinned_and_the_number_of_kept_points_is_limited(rows, columns, share, most, seed):
     xyz = surface(rows, columns, seed=seed) if rows > 45 and columns > 55 else np.dstack(
         [*np.mgrid[:rows, :columns], np.random.default_rng(seed).random((rows, columns))]
     )  # fmt: skip
@@ -51,7 +51,7 @@ def test_a_million_points_are_thinned_and_the_caption_says_how():
     )
 
 
-def test_a_small_cloud_is_drawn_whole():
+def test_a_small_cloud_is_drawn_completely():
     xyz = surface()
     drawn = view_of(xyz, masked(xyz, [(10, 12)]))
     assert drawn.step == 1
@@ -69,7 +69,7 @@ def test_the_scene_is_the_same_in_every_unit(unit):
     assert np.ptp(drawn.kept[:, 0]) == pytest.approx(SIDE)
 
 
-def test_flat_surfaces_are_stretched_until_their_heights_show():
+def test_flat_surfaces_are_stretched_until_their_heights_are_visible():
     xyz = surface().astype(np.float64)
     assert view_of(xyz, masked(xyz)).stretch() > 1
     xyz[..., 2] *= 1e-3
@@ -79,7 +79,7 @@ def test_flat_surfaces_are_stretched_until_their_heights_show():
     assert view_of(xyz, masked(xyz)).stretch() == 1
 
 
-def test_an_outlier_beyond_the_scene_is_drawn_at_its_edge_and_counted():
+def test_an_outlier_outside_the_scene_is_drawn_at_its_edge_and_counted():
     xyz = surface().astype(np.float64)
     xyz[3, 4, 2] = 1e9
     drawn = view_of(xyz, masked(xyz, [(3, 4), (10, 12)]))
@@ -88,7 +88,7 @@ def test_an_outlier_beyond_the_scene_is_drawn_at_its_edge_and_counted():
     assert points[:, 2].max() == SIDE
 
 
-def test_single_outliers_are_marked_larger_than_thousands():
+def test_few_outliers_have_larger_marks_than_many():
     xyz = surface(200, 300)
     few = view_of(xyz, masked(xyz, [(1, 1)]))
     many = view_of(xyz, masked(xyz, [(row, column) for row in range(50) for column in range(50)]))
@@ -112,7 +112,7 @@ def test_a_cloud_without_a_measured_point_is_refused():
         view_of(xyz, masked(xyz))
 
 
-def test_where_everything_fell_the_outliers_are_still_drawn():
+def test_outliers_are_drawn_where_no_point_is_kept():
     xyz = surface(20, 60)[:10]
     mask = np.full(xyz.shape[:2], OUTLIER, np.uint8)
     drawn = view_of(xyz, mask)
@@ -131,7 +131,7 @@ def test_the_pictures_show_heights_gaps_and_outliers():
     assert tuple(heights[10, 12]) == colours.NOT_MEASURED
 
 
-def test_a_single_outlier_survives_in_the_picture_of_a_large_mask():
+def test_a_single_outlier_is_visible_in_the_picture_of_a_large_mask():
     mask = np.zeros((961, 1283), np.uint8)
     mask[500, 777] = OUTLIER
     picture = mask_picture(mask)

@@ -1,5 +1,6 @@
-"""Values as text: what is typed is what is set, or refused."""
+"""Widgets: values as text and as places on a slider."""
 
+import dataclasses
 import re
 
 import pytest
@@ -8,13 +9,13 @@ from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.panel.link import Descriptor, ParameterKind
-from socialcircle_ros.panel.widgets import text_of, value_of
+from socialcircle_ros.panel.widgets import _SliderScale, text_of, value_of
 
 ROWS = {kind: Descriptor('some.name', kind, 'A sentence.') for kind in ParameterKind}
 
 
 @given(value=st.one_of(st.floats(allow_nan=False), st.integers(), st.lists(st.integers(), min_size=1)))
-def test_what_is_shown_can_be_typed(value):
+def test_a_shown_value_can_be_typed(value):
     kind = {float: ParameterKind.REAL, int: ParameterKind.INTEGER, list: ParameterKind.INTEGERS}[type(value)]
     typed = value_of(text_of(value), ROWS[kind])
     assert typed == value
@@ -47,6 +48,28 @@ def test_numbers_may_be_written_in_several_ways(kind, text, value):
         (ParameterKind.INTEGERS, '1, true', 'whole numbers'),
     ],
 )
-def test_what_is_no_number_is_told(kind, text, wanted):
+def test_a_text_that_is_no_number_is_refused(kind, text, wanted):
     with pytest.raises(SettingError, match=re.escape(f'some.name must be {wanted}, not {text!r}.')):
         value_of(text, ROWS[kind])
+
+
+@given(place=st.floats(0, 1), low=st.floats(-5, 5), width=st.floats(1e-3, 1e6))
+def test_a_place_on_a_slider_has_the_value_that_has_this_place(place, low, width):
+    scale = _SliderScale(low, low + width)
+    first, last = scale.place(scale.low), scale.place(scale.high)
+    value = scale.value(first + place * (last - first))
+    assert scale.low <= value <= scale.high
+    assert scale.place(value) == pytest.approx(first + place * (last - first), abs=0.01 * (abs(first) + abs(last)))
+
+
+def test_a_wide_range_has_marks_at_powers_of_ten_and_a_narrow_one_at_its_ends():
+    assert _SliderScale(0.01, 100.0).marks() == ((-2, '0.01'), (-1, '0.1'), (0, '1'), (1, '10'), (2, '100'))
+    assert [label for _, label in _SliderScale(1.0, 1e5).marks()] == ['1', '', '100', '', '10000', '']
+    assert _SliderScale(0.0, 1.0).marks() == ((0.0, '0'), (1.0, '1'))
+
+
+def test_only_real_numbers_in_a_range_and_without_a_unit_have_a_slider():
+    real = Descriptor('some.name', ParameterKind.REAL, 'A sentence.', low=0.0, high=1.0)
+    assert _SliderScale.of(real) == _SliderScale(0.0, 1.0)
+    for other in ({'unit': 'µm'}, {'low': None}, {'high': 0.0}, {'kind': ParameterKind.INTEGER}):
+        assert _SliderScale.of(dataclasses.replace(real, **other)) is None
