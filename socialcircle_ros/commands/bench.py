@@ -36,7 +36,7 @@ def command(
 ) -> None:
     """Measure how fast the filter is on this machine, beside each peer that is installed.
 
-    Figures are medians after warm-up, in ms, of contestants that take turns. Other work on the machine makes them
+    Figures are medians after warm-up, in ms, of candidates that take turns. Other work on the machine makes them
     worse; compare ratios of one run. Peers: OpenCV, SciPy, Open3D (Python packages), PCL (Debian's pcl-tools).
     """
     if repeats < 1:
@@ -58,7 +58,7 @@ def command(
 
 
 def _ratios(repeats: int, path: Path | None) -> None:
-    """Print what each contestant takes, and the goals."""
+    """Print what each candidate takes, and the goals."""
     import dataclasses
 
     from rich.console import Console
@@ -69,16 +69,16 @@ def _ratios(repeats: int, path: Path | None) -> None:
         COLUMNS,
         ROWS,
         SHARE,
-        all_contestants,
+        all_candidates,
+        benchmark,
         missing_peers,
-        race,
         ratios,
     )
 
     keep_freed_memory()  # as the node and the other commands do
     console = Console()
-    with console.status('simulating ...') as status, all_contestants() as contestants:
-        figures = race(contestants, repeats, status.update)
+    with console.status('simulating ...') as status, all_candidates() as candidates:
+        figures = benchmark(candidates, repeats, status.update)
     cloud = f'simulated metal groove, {COLUMNS}×{ROWS} float32, {100 * SHARE:g} % outliers'
     table = Table(title=f'{cloud}; medians in ms', box=None, padding=(0, 2, 0, 0))
     table.add_column()
@@ -281,7 +281,7 @@ def _depth() -> None:
     with console.status('simulating and measuring stacks (20 s) ...'):
         for row in depth_errors():
             table.add_row(
-                row.case.name,
+                row.scenario.name,
                 row.specimen,
                 row.fit,
                 f'{row.rms:.3f}',

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from socialcircle_ros.studies.comparison.real import RealCloud
+    from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
 NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptive')
 
@@ -39,7 +39,7 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
     from socialcircle_ros.report.page import prepare
     from socialcircle_ros.report.pictures import new_figure
     from socialcircle_ros.studies.adaptive.experiment import SEEDS
-    from socialcircle_ros.studies.comparison.lineup import Lineup, Plan, quick_plan
+    from socialcircle_ros.studies.comparison.study import Plan, Study, quick_plan
     from socialcircle_ros.studies.experiments import run, write
 
     chosen = _numbers(seeds) if seeds else (SEEDS if name == 'adaptive' else (1, 2, 3))
@@ -59,7 +59,7 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
             if not console.is_terminal:
                 click.echo(f'{progress.tasks[task].elapsed or 0:4.0f} s  {step}', err=True)
 
-        sections = run(name, Lineup(plan, tell), surfaces)
+        sections = run(name, Study(plan, tell), surfaces)
     called = f'socialcircle experiment {name}{f" --seeds {seeds}" if seeds else ""}{" --quick" if quick else ""}'
     written = write(out, name, called, sections)
     for section in sections:
@@ -68,12 +68,12 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
     click.echo(f'{len(written)} files written; next: open {written[0]}')
 
 
-def _surfaces(folder: Path) -> 'list[RealCloud]':
+def _surfaces(folder: Path) -> 'list[MeasuredCloud]':
     """The height maps of a folder; its focus stacks are no surfaces yet, and are passed over."""
     import numpy as np
 
     from socialcircle_ros.recording import import_cloud
-    from socialcircle_ros.studies.comparison.real import RealCloud
+    from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
     clouds = []
     for path in sorted(folder.glob('*.npz')):
@@ -82,7 +82,9 @@ def _surfaces(folder: Path) -> 'list[RealCloud]':
                 continue
         cloud = import_cloud(path)
         clouds.append(
-            RealCloud(cloud.name, cloud.points, 'µm' if cloud.unit == 'um' else cloud.unit or 'unit of the file')
+            MeasuredCloud(
+                cloud.name, cloud.points, 'µm' if cloud.unit == 'um' else cloud.unit or 'unit of the file'
+            )
         )
     return clouds
 

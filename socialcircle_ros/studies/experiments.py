@@ -8,13 +8,13 @@ from socialcircle_ros.report.content import Section
 from socialcircle_ros.report.page import render, save
 
 from .adaptive.experiment import adaptive
-from .comparison.lineup import Lineup
-from .comparison.real import RealCloud, real_surfaces
+from .comparison.measured import MeasuredCloud, measured_surfaces
+from .comparison.study import Study
 from .paper.contamination import contaminations
 from .paper.figures import figure4, figure8, figure10, figure11
 from .paper.table1 import table1
 
-EXPERIMENTS: dict[str, Sequence[Callable[[Lineup], list[Section]]]] = {
+EXPERIMENTS: dict[str, Sequence[Callable[[Study], list[Section]]]] = {
     'table1': (table1, contaminations),
     'figure4': (figure4,),
     'figure8': (figure8,),
@@ -38,19 +38,19 @@ _ADAPTIVE_INTRODUCTION = (
 _TITLES = {'adaptive': ('The adaptive mode and its goals', _ADAPTIVE_INTRODUCTION)}
 
 
-def run(name: str, lineup: Lineup, real: Sequence[RealCloud] = ()) -> list[Section]:
+def run(name: str, study: Study, real: Sequence[MeasuredCloud] = ()) -> list[Section]:
     """One experiment, or all of the paper's.
 
     Args:
         name: of `EXPERIMENTS`, 'all' for all of them, or 'adaptive'.
-        lineup: what takes part.
+        study: what takes part.
         real: measured clouds, which are shown with figure 8 and carry outliers for the adaptive mode.
     """
     if name == 'adaptive':
-        return adaptive(lineup, real)
+        return adaptive(study, real)
     parts = [part for parts in EXPERIMENTS.values() for part in parts] if name == 'all' else EXPERIMENTS[name]
-    sections = [section for part in parts for section in part(lineup)]
-    return sections + real_surfaces(lineup, real) if real and name in ('figure8', 'all') else sections
+    sections = [section for part in parts for section in part(study)]
+    return sections + measured_surfaces(study, real) if real and name in ('figure8', 'all') else sections
 
 
 def write(folder: Path, name: str, command: str, sections: Sequence[Section]) -> list[Path]:

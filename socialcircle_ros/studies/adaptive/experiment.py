@@ -11,20 +11,21 @@ from socialcircle_ros.baselines import peers
 from socialcircle_ros.baselines.settings import MedianSettings, RadiusSettings, StatisticalSettings
 from socialcircle_ros.circle import CircleResult, remove_outliers
 from socialcircle_ros.circle.seed import choose_region
-from socialcircle_ros.metrics.scores import Mask, Scores, score
+from socialcircle_ros.cloud import Mask
+from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
 from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.simulation import make_scene
 from socialcircle_ros.studies.comparison import drawings
-from socialcircle_ros.studies.comparison.labelled_clouds import Subject, painted, scanned
-from socialcircle_ros.studies.comparison.lineup import Lineup, judged
+from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud, scanned_cloud, synthetic_cloud
+from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 from socialcircle_ros.studies.comparison.methods import FilterSettings, in_words, method
-from socialcircle_ros.studies.comparison.real import RealCloud
 from socialcircle_ros.studies.comparison.search import best_settings
+from socialcircle_ros.studies.comparison.study import Study, judged
 
-from .carriers import Carrier, carrier, loaded
 from .goals import Goal, goals_table
-from .left_out import left_out
+from .inserted_outliers import MeasuredSurface, insert_outliers, measured_surface
+from .leave_one_out import leave_one_out
 
 SEEDS = tuple(range(301, 321))
 """Of the simulated stacks: nothing was chosen on them."""
@@ -44,25 +45,25 @@ Part = tuple[list[Section], list[Goal]]
 Points = npt.NDArray[np.float32]
 
 
-def adaptive(lineup: Lineup, real: Sequence[RealCloud]) -> list[Section]:
+def adaptive(study: Study, real: Sequence[MeasuredCloud]) -> list[Section]:
     """Everything that the goals ask, the goals first.
 
     Args:
-        lineup: its plan says how large, how often and on which seeds.
+        study: its plan says how large, how often and on which seeds.
         real: measured surfaces; without them what they would show is left out.
     """
-    carriers = [carrier(cloud) for cloud in real]
-    parts = [_stacks(lineup)]
-    if carriers:
-        parts += [_contaminated(lineup, carriers), _untouched(lineup, carriers)]
-    if len(carriers) > 1:
-        section, goal = left_out(carriers, lineup.plan.seeds[:_LOADS], lineup.tell)
+    surfaces = [measured_surface(cloud) for cloud in real]
+    parts = [_stacks(study)]
+    if surfaces:
+        parts += [_contaminated(study, surfaces), _untouched(study, surfaces)]
+    if len(surfaces) > 1:
+        section, goal = leave_one_out(surfaces, study.plan.seeds[:_LOADS], study.tell)
         parts.append(([section], [goal]))
-    parts += [_breaking(lineup), _decisions(lineup), _scales(lineup), _times(lineup)]
+    parts += [_breaking(study), _decisions(study), _scales(study), _times(study)]
     goals = [goal for _, some in parts for goal in some]
     first = Section(
         'Goals', findings=[goal.sentence for goal in goals], items=[goals_table('adaptive_goals', goals)],
-        warnings=() if carriers else ['No measured surfaces were given (--data): their goals are left out.'],
+        warnings=() if surfaces else ['No measured surfaces were given (--data): their goals are left out.'],
     )  # fmt: skip
     return [first, *(section for sections, _ in parts for section in sections)]
 
@@ -71,29 +72,29 @@ def _find(points: Points) -> Mask:
     return remove_outliers(points, _ADAPTIVE).outliers
 
 
-def _find_of(subject: Subject) -> Mask:
-    settings = _ADAPTIVE.of_a_stack(subject.depth_of_field)
-    return remove_outliers(subject.points, settings).outliers
+def _find_of(cloud: LabelledCloud) -> Mask:
+    settings = _ADAPTIVE.of_a_stack(cloud.depth_of_field)
+    return remove_outliers(cloud.points, settings).outliers
 
 
-def _stacks(lineup: Lineup) -> Part:
+def _stacks(study: Study) -> Part:
     """Clouds from rendered focus stacks, against the other filters with settings tuned on these very clouds."""
     rows: list[list[Cell]] = []
     pictures = []
     goals = []
     for specimen, title, asked in (('flat', 'flat rough surface', 0.98), ('steep_groove', 'steep groove', 0.95)):
-        lineup.tell(f'{specimen}: scanning {len(lineup.plan.seeds)} focus stacks')
-        subjects = [scanned(specimen, lineup.plan.smaller, seed) for seed in lineup.plan.seeds]
-        ours = [judged(_find_of(subject), subject) for subject in subjects]
+        study.tell(f'{specimen}: scanning {len(study.plan.seeds)} focus stacks')
+        clouds = [scanned_cloud(specimen, study.plan.smaller, seed) for seed in study.plan.seeds]
+        ours = [judged(_find_of(cloud), cloud) for cloud in clouds]
         rows.append([title, 'adaptive', 'none to set', *_summary(ours)])
         others = []
         for kind in _OTHERS:
-            lineup.tell(f'{specimen}: tuning {kind.__name__.removesuffix("Settings").lower()} on the answer')
-            tuned = method(best_settings(kind, subjects), 'best')
-            others.append((tuned, [judged(tuned(subject.points).outliers, subject) for subject in subjects]))
+            study.tell(f'{specimen}: tuning {kind.__name__.removesuffix("Settings").lower()} on the answer')
+            tuned = method(best_settings(kind, clouds), 'best')
+            others.append((tuned, [judged(tuned(cloud.points).outliers, cloud) for cloud in clouds]))
             rows.append([title, tuned.name, in_words(tuned.settings), *_summary(others[-1][1])])
         best, strongest = max(others, key=lambda each: _median_f1(each[1]))
-        where = f'Stacks, {title}, {len(subjects)} seeds'
+        where = f'Stacks, {title}, {len(clouds)} seeds'
         goals.append(Goal(f'{where}: median F1', _median_f1(ours), asked))
         if specimen == 'flat':
             lost = sum(own.f1 < other.f1 for own, other in zip(ours, strongest, strict=True))
@@ -103,12 +104,12 @@ def _stacks(lineup: Lineup) -> Part:
             lead = _median_f1(ours) - _median_f1(strongest)
             goals.append(Goal(f'{where}: median false-positive rate', false, 0.005, least=False, form='.2%'))
             goals.append(Goal(f'{where}: lead in F1 over the best tuned filter', lead, 0.05, form='+.3f'))
-        answers = [('adaptive', _find_of(subjects[0])), (best.name, best(subjects[0].points).outliers)]
+        answers = [('adaptive', _find_of(clouds[0])), (best.name, best(clouds[0].points).outliers)]
         pictures.append(
             Picture(
                 f'adaptive_stack_{specimen}',
-                drawings.removal_maps(subjects[0], answers),
-                f'{subjects[0].title}, seed {lineup.plan.seeds[0]}: what remains, and what was right and wrong.',
+                drawings.removal_maps(clouds[0], answers),
+                f'{clouds[0].title}, seed {study.plan.seeds[0]}: what remains, and what was right and wrong.',
             )
         )
     columns = [
@@ -135,18 +136,18 @@ def _median_f1(scores: Sequence[Scores]) -> float:
     return median(each.f1 for each in scores)
 
 
-def _contaminated(lineup: Lineup, carriers: Sequence[Carrier]) -> Part:
+def _contaminated(study: Study, surfaces: Sequence[MeasuredSurface]) -> Part:
     """Measured surfaces with outliers put in, against the median residual tuned on the answer."""
     rows: list[list[Cell]] = []
-    loads = 1 if len(lineup.plan.seeds) == 1 else _LOADS
-    for bare in carriers:
+    loads = 1 if len(study.plan.seeds) == 1 else _LOADS
+    for bare in surfaces:
         for share in SHARES:
-            lineup.tell(f'{bare.cloud.name}: {100 * share:g} % outliers put in')
+            study.tell(f'{bare.cloud.name}: {100 * share:g} % outliers put in')
             scores, peer = [], []
-            for seed in lineup.plan.seeds[:loads]:
-                case = loaded(bare, share, seed)
-                scores.append(score(_find(case.points), case.outlier, case.counted))
-                peer.append(case.best_median())
+            for seed in study.plan.seeds[:loads]:
+                contaminated = insert_outliers(bare, share, seed)
+                scores.append(score(_find(contaminated.points), contaminated.outlier, contaminated.counted))
+                peer.append(contaminated.best_median())
             own = _median_f1(scores)
             recall = median(each.recall for each in scores)
             false = median(each.false_positive_rate for each in scores)
@@ -154,7 +155,7 @@ def _contaminated(lineup: Lineup, carriers: Sequence[Carrier]) -> Part:
     at_five = [float(row[2] or 0) for row in rows if row[1] == 0.05]
     worst = min(rows, key=lambda row: float(row[6] or 0))
     goals = [
-        Goal(f'{len(carriers)} measured surfaces, 5 % put in: median F1', median(at_five), 0.92),
+        Goal(f'{len(surfaces)} measured surfaces, 5 % put in: median F1', median(at_five), 0.92),
         Goal(
             'Measured surfaces, 1 to 30 %: least lead in F1 over the tuned median residual'
             f' ({worst[0]}, {worst[1]:.0%})',
@@ -175,12 +176,12 @@ def _contaminated(lineup: Lineup, carriers: Sequence[Carrier]) -> Part:
     return [Section('Measured surfaces with outliers put in', [text], items=[table])], goals
 
 
-def _untouched(lineup: Lineup, carriers: Sequence[Carrier]) -> Part:
+def _untouched(study: Study, surfaces: Sequence[MeasuredSurface]) -> Part:
     """Measured surfaces as they came: what is removed that is plausible, and which spikes are caught."""
     rows: list[list[Cell]] = []
     pictures = []
-    for bare in carriers:
-        lineup.tell(f'{bare.cloud.name}: as it came')
+    for bare in surfaces:
+        study.tell(f'{bare.cloud.name}: as it came')
         found = _find(bare.cloud.points)
         removed = float(found[bare.plausible].mean())
         caught = float(found[bare.spikes].mean()) if bare.spikes.any() else None
@@ -223,13 +224,13 @@ def _untouched(lineup: Lineup, carriers: Sequence[Carrier]) -> Part:
     return [Section('Measured surfaces as they came', [text], items=[table, *pictures])], goals
 
 
-def _breaking(lineup: Lineup) -> Part:
+def _breaking(study: Study) -> Part:
     """Simulated surfaces on which nothing is wrong, and which look as if."""
     rows: list[list[Cell]] = []
-    seeds = lineup.plan.seeds[:_LOADS]
+    seeds = study.plan.seeds[:_LOADS]
     for scene in _BREAKING:
-        lineup.tell(f'{scene}: nothing is wrong')
-        clouds = [make_scene(scene, *lineup.plan.smaller, seed=seed, share=0.0).points for seed in seeds]
+        study.tell(f'{scene}: nothing is wrong')
+        clouds = [make_scene(scene, *study.plan.smaller, seed=seed, share=0.0).points for seed in seeds]
         shares = [float(_find(points).mean()) for points in clouds]
         rows.append([scene, median(shares), max(shares)])
     worst = max(rows, key=lambda row: float(row[2] or 0))
@@ -245,14 +246,14 @@ def _breaking(lineup: Lineup) -> Part:
     return [Section('Surfaces that break prototypes', items=[table])], [goal]
 
 
-def _decisions(lineup: Lineup) -> Part:
+def _decisions(study: Study) -> Part:
     """Clouds that are hard to decide: right, refused with a reason, or silently wrong."""
     rows: list[list[Cell]] = []
-    for name, subject in _hard_cases(lineup.plan.smaller, lineup.plan.seeds[0]):
-        lineup.tell(name)
-        result = remove_outliers(subject.points, _ADAPTIVE)
-        scores = judged(result.outliers, subject)
-        recall = scores.recall if subject.outlier.any() else None
+    for name, cloud in _hard_cases(study.plan.smaller, study.plan.seeds[0]):
+        study.tell(name)
+        result = remove_outliers(cloud.points, _ADAPTIVE)
+        scores = judged(result.outliers, cloud)
+        recall = scores.recall if cloud.outlier.any() else None
         rows.append([name, recall, scores.false_positive_rate, _decision(result, scores)])
     silent = sum(row[3] == _SILENT for row in rows)
     goal = Goal('Clouds that are hard to decide: silently wrong', silent, 0, least=False, form='.0f')
@@ -276,9 +277,9 @@ def _decision(result: CircleResult, scores: Scores) -> str:
     return _REFUSED if result.warnings else _SILENT
 
 
-def _hard_cases(size: tuple[int, int], seed: int) -> Iterator[tuple[str, Subject]]:
+def _hard_cases(size: tuple[int, int], seed: int) -> Iterator[tuple[str, LabelledCloud]]:
     """A cluster where the vote is held, steps that are none of the outliers', and heavy contamination."""
-    flat = painted('flat', size, seed, share=0.0)
+    flat = synthetic_cloud('flat', size, seed, share=0.0)
     sigma = float(np.nanstd(flat.points[..., 2] - flat.z_true))
     top, left, height, width = choose_region(flat.points)
     rows, columns = np.ogrid[: size[0], : size[1]]
@@ -294,20 +295,20 @@ def _hard_cases(size: tuple[int, int], seed: int) -> Iterator[tuple[str, Subject
     yield 'patch with a step in the vote region', _raised(flat, patch, 30 * sigma, nobody)
     yield 'two plateaus', _raised(flat, half, 50 * sigma, nobody)
     for kind in ('isolated', 'clustered'):
-        yield f'45 % {kind} outliers', painted('metal_groove', size, seed, kind, 0.45)
+        yield f'45 % {kind} outliers', synthetic_cloud('metal_groove', size, seed, kind, 0.45)
 
 
-def _raised(flat: Subject, where: Mask, step: float, outlier: Mask) -> Subject:
+def _raised(flat: LabelledCloud, where: Mask, step: float, outlier: Mask) -> LabelledCloud:
     points = flat.points.copy()
     points[where, 2] += step
     measured = np.isfinite(points[..., 2])
-    return Subject(flat.title, points, outlier & measured, measured, flat.z_true, flat.pitch, {})
+    return LabelledCloud(flat.title, points, outlier & measured, measured, flat.z_true, flat.pitch, {})
 
 
-def _scales(lineup: Lineup) -> Part:
+def _scales(study: Study) -> Part:
     """How many points of the mask another unit changes."""
-    lineup.tell('other units')
-    points = painted('flat', lineup.plan.smaller, lineup.plan.seeds[0]).points
+    study.tell('other units')
+    points = synthetic_cloud('flat', study.plan.smaller, study.plan.seeds[0]).points
     plain = _find(points)
     rows: list[list[Cell]] = []
     for name, factors in (
@@ -326,15 +327,15 @@ def _scales(lineup: Lineup) -> Part:
     return [Section('Scale', [text], items=[table])], [goal]
 
 
-def _times(lineup: Lineup) -> Part:
+def _times(study: Study) -> Part:
     """How time grows with the points, and PCL's statistical filter beside it where it is installed."""
     rows: list[list[Cell]] = []
-    sizes = _SIZES if len(lineup.plan.seeds) > 1 else _SIZES[:2]
+    sizes = _SIZES if len(study.plan.seeds) > 1 else _SIZES[:2]
     times = {}
     for size in sizes:
-        lineup.tell(f'timing {size[1]}×{size[0]}')
-        points = make_scene('metal_groove', *size, seed=lineup.plan.seeds[0]).points
-        times[size] = _shortest(lambda points=points: _find(points), lineup.plan.repeats)  # type: ignore[misc]
+        study.tell(f'timing {size[1]}×{size[0]}')
+        points = make_scene('metal_groove', *size, seed=study.plan.seeds[0]).points
+        times[size] = _shortest(lambda points=points: _find(points), study.plan.repeats)  # type: ignore[misc]
         count = size[0] * size[1]
         rows.append([f'{size[1]}×{size[0]}', count, 1e3 * times[size], 1e9 * times[size] / count])
     middle = sizes[1]
@@ -344,8 +345,8 @@ def _times(lineup: Lineup) -> Part:
         grown = float(np.log(times[sizes[-1]] / times[middle]) / np.log(more))
         goals.append(Goal('Time grows as points to the power of', grown, 1.15, least=False, form='.2f'))
     if _FULL in times and peers.pcl_is_installed():
-        lineup.tell('PCL’s statistical filter')
-        cloud = make_scene('metal_groove', *_FULL, seed=lineup.plan.seeds[0]).points
+        study.tell('PCL’s statistical filter')
+        cloud = make_scene('metal_groove', *_FULL, seed=study.plan.seeds[0]).points
         theirs = peers.pcl_statistical_filter(cloud).milliseconds
         rows.append([f'{_FULL[1]}×{_FULL[0]}, PCL statistical', _FULL[0] * _FULL[1], theirs, None])
         ratio = theirs / (1e3 * times[_FULL])

@@ -19,7 +19,7 @@ QUALITIES = (0.5, 0.7, 0.9, 0.98)
 
 
 @dataclass(frozen=True)
-class Case:
+class DepthScenario:
     """How a stack is taken."""
 
     name: str
@@ -28,10 +28,10 @@ class Case:
     noisy: bool
 
 
-CASES = (
-    Case('noise-free, step DOF', 1.0, noisy=False),
-    Case('6000 e-, 8 bits, step DOF', 1.0, noisy=True),
-    Case('6000 e-, 8 bits, step DOF/4', 0.25, noisy=True),
+SCENARIOS = (
+    DepthScenario('noise-free, step DOF', 1.0, noisy=False),
+    DepthScenario('6000 e-, 8 bits, step DOF', 1.0, noisy=True),
+    DepthScenario('6000 e-, 8 bits, step DOF/4', 0.25, noisy=True),
 )
 
 
@@ -39,7 +39,7 @@ CASES = (
 class DepthError:
     """Errors over the good pixels (within a quarter of the depth of field) of all seeds, in z-steps."""
 
-    case: Case
+    scenario: DepthScenario
     specimen: str
     fit: str
     rms: float
@@ -49,17 +49,17 @@ class DepthError:
 
 
 def depth_errors(seeds: Sequence[int] = SEEDS) -> Iterator[DepthError]:
-    """Measure simulated stacks of plain material (no glints or dark spots), case by case.
+    """Measure simulated stacks of plain material (no glints or dark spots), scenario by scenario.
 
     Args:
         seeds: of surface and noise.
     """
-    for case in CASES:
+    for scenario in SCENARIOS:
         for specimen in ('flat', 'ball'):
             errors: dict[str, list[npt.NDArray[Any]]] = {'gauss': [], 'gauss3': []}
             counts = dict.fromkeys(errors, 0)
             for seed in seeds:
-                step, stacks, truth = _measured(case, specimen, seed)
+                step, stacks, truth = _measured(scenario, specimen, seed)
                 for fit, stack in stacks.items():
                     verdict = truth.classify(stack.finish().depth)
                     errors[fit].append(verdict.error[verdict.good] / step)
@@ -68,7 +68,7 @@ def depth_errors(seeds: Sequence[int] = SEEDS) -> Iterator[DepthError]:
             for fit, parts in errors.items():
                 off = np.concatenate(parts)
                 rms, bias = float(np.sqrt(np.mean(off**2))), float(np.mean(off))
-                yield DepthError(case, specimen, fit, rms, bias, counts[fit] / pixels)
+                yield DepthError(scenario, specimen, fit, rms, bias, counts[fit] / pixels)
 
 
 def quality_shares(seeds: Sequence[int] = SEEDS) -> dict[float, tuple[float, float]]:
@@ -100,14 +100,14 @@ def quality_shares(seeds: Sequence[int] = SEEDS) -> dict[float, tuple[float, flo
     return shares
 
 
-def _measured(case: Case, specimen: str, seed: int) -> tuple[float, dict[str, FocusStack], Any]:
+def _measured(scenario: DepthScenario, specimen: str, seed: int) -> tuple[float, dict[str, FocusStack], Any]:
     """z-step in µm, the stack under both fits, and the truth."""
     optics = INSTRUMENTS['10x']
-    step = optics.depth_of_field * case.share_of_depth_of_field
+    step = optics.depth_of_field * scenario.share_of_depth_of_field
     plain = Material(glints=0, stained=0, polished=0, burnished=0)
     scan = simulate(
         make_specimen(specimen, *SHAPE, material=plain, seed=seed),
-        camera=Camera(full_well=6000) if case.noisy else NOISELESS,
+        camera=Camera(full_well=6000) if scenario.noisy else NOISELESS,
         stage=Stage(jitter=0, encoder_noise=0),  # the stage's own error is not the fit's
         flicker=0.0,
         z_step=step,

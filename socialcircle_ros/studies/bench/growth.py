@@ -17,7 +17,7 @@ POINTS = (100_000, 200_000, 500_000, 1_000_000, 2_000_000, 5_000_000, 10_000_000
 
 
 @dataclass(frozen=True)
-class Step:
+class GrowthPoint:
     """Median times in ms for one size of cloud."""
 
     rows: int
@@ -36,7 +36,7 @@ class Step:
         return 1e6 * (self.vote + self.expansion) / self.points
 
 
-def time_growth(repeats: int) -> Iterator[Step]:
+def time_growth(repeats: int) -> Iterator[GrowthPoint]:
     """Time the filter on ever larger clouds.
 
     Args:
@@ -48,7 +48,7 @@ def time_growth(repeats: int) -> Iterator[Step]:
         times = [remove_outliers(xyz).times for _ in range(repeats + 1)][1:]
         vote = 1e3 * statistics.median(step['vote'] for step in times)
         rest = 1e3 * statistics.median(step['radius'] + step['expansion'] for step in times)
-        yield Step(xyz.shape[0], xyz.shape[1], vote, rest)
+        yield GrowthPoint(xyz.shape[0], xyz.shape[1], vote, rest)
 
 
 def large_cloud(rows: int, columns: int) -> Cloud:
@@ -60,7 +60,7 @@ def large_cloud(rows: int, columns: int) -> Cloud:
     return xyz
 
 
-def draw_growth(steps: list[Step], path: Path) -> None:
+def draw_growth(steps: list[GrowthPoint], path: Path) -> None:
     """Draw the times over the points, both axes logarithmic.
 
     Raises:

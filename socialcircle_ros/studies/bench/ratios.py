@@ -46,7 +46,7 @@ _CLOUDS = 6
 
 
 @dataclass(frozen=True)
-class Contestant:
+class Candidate:
     """Something to be timed.
 
     Attributes:
@@ -70,7 +70,7 @@ class Contestant:
 
 @dataclass(frozen=True)
 class Figure:
-    """What was measured of a contestant.
+    """What was measured of a candidate.
 
     Attributes:
         milliseconds: the median.
@@ -85,11 +85,11 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Goal:
-    """A ratio of two contestants and its bound.
+class RatioGoal:
+    """A ratio of two candidates and its bound.
 
     Attributes:
-        numerator: name of a contestant.
+        numerator: name of a candidate.
         denominator: name of another; '' for a millisecond.
         sense: on which side of the bound the ratio should be.
         bound: see there.
@@ -112,21 +112,21 @@ _NUMPY, _OPENCV, _SCIPY = 'NumPy vote 60×60', 'OpenCV components', 'SciPy label
 _COPY, _FILTER = 'recording copied', 'recording filtered'
 
 GOALS = (
-    Goal(_EXPANSION, _OPENCV, 'at most', 1.5),
-    Goal('PCL statistical', _EXPANSION, 'at least', 200),
-    Goal(_NUMPY, _SEED, 'at least', 100),
-    Goal(_LARGE_SEED, '', 'at most', 60),
+    RatioGoal(_EXPANSION, _OPENCV, 'at most', 1.5),
+    RatioGoal('PCL statistical', _EXPANSION, 'at least', 200),
+    RatioGoal(_NUMPY, _SEED, 'at least', 100),
+    RatioGoal(_LARGE_SEED, '', 'at most', 60),
     *(
-        Goal(f'{owner} {kind}', _WHOLE, 'at least', 100)
+        RatioGoal(f'{owner} {kind}', _WHOLE, 'at least', 100)
         for owner in ('PCL', 'Open3D')
         for kind in ('statistical', 'radius')
     ),
-    Goal(f'{_WHOLE}, window 5', _WHOLE, 'at most', 3),
-    Goal(f'{_WHOLE}, window 7', _WHOLE, 'at most', 3),
-    Goal('PCL statistical', _ADAPTIVE, 'at least', 10),
-    Goal('PCL radius', 'radius baseline', 'at least', 20),
-    Goal('PCL statistical', 'statistical baseline', 'at least', 20),
-    Goal(_FILTER, _COPY, 'at most', 1.5),
+    RatioGoal(f'{_WHOLE}, window 5', _WHOLE, 'at most', 3),
+    RatioGoal(f'{_WHOLE}, window 7', _WHOLE, 'at most', 3),
+    RatioGoal('PCL statistical', _ADAPTIVE, 'at least', 10),
+    RatioGoal('PCL radius', 'radius baseline', 'at least', 20),
+    RatioGoal('PCL statistical', 'statistical baseline', 'at least', 20),
+    RatioGoal(_FILTER, _COPY, 'at most', 1.5),
 )
 
 
@@ -134,7 +134,7 @@ GOALS = (
 class Ratio:
     """A goal, and what was measured with so many threads on our side."""
 
-    goal: Goal
+    goal: RatioGoal
     threads: int
     ratio: float
 
@@ -144,19 +144,19 @@ class Ratio:
         return self.goal.holds(self.ratio)
 
 
-def race(contestants: list[Contestant], repeats: int, seen: Callable[[str], None]) -> list[Figure]:
+def benchmark(candidates: list[Candidate], repeats: int, seen: Callable[[str], None]) -> list[Figure]:
     """Time all, taking turns.
 
     Args:
-        contestants: who.
+        candidates: who.
         repeats: how often, after a first time that does not count; `FEW` for the slow.
         seen: called with what begins.
     """
-    for each in contestants:
+    for each in candidates:
         seen(f'{each.label}: first time')
         each.call()
-    times: dict[Contestant, list[float]] = {each: [] for each in contestants}
-    for turn, each in itertools.product(range(repeats), contestants):
+    times: dict[Candidate, list[float]] = {each: [] for each in candidates}
+    for turn, each in itertools.product(range(repeats), candidates):
         taken = times[each]
         slow = each.is_peer and turn > 0 and taken[0] > LONG
         if not slow or turn * FEW // repeats >= len(taken):
@@ -200,7 +200,7 @@ def missing_peers() -> list[str]:
 
 
 @contextmanager
-def all_contestants() -> Iterator[list[Contestant]]:
+def all_candidates() -> Iterator[list[Candidate]]:
     """All who can run here, on one simulated cloud of 1280×960 float32, while the `with` block lasts."""
     xyz = make_scene('metal_groove', ROWS, COLUMNS, share=SHARE).points
     seed = elect_seed(xyz, None)
@@ -228,16 +228,16 @@ def all_contestants() -> Iterator[list[Contestant]]:
         calls[_FILTER] = partial(_into_new, target, lambda: filter_recording(source, target, PipelineSettings()))
         counts = sorted({1, usable_cores()})
         found = [
-            Contestant(name, count, partial(_with_threads, count, call))
+            Candidate(name, count, partial(_with_threads, count, call))
             for name, call in calls.items()
             for count in counts
         ]
         voters = region[np.isfinite(region).all(axis=2)]
-        found.append(Contestant(_NUMPY, 1, _timed(lambda: _numpy_vote(voters)), is_peer=True))
+        found.append(Candidate(_NUMPY, 1, _timed(lambda: _numpy_vote(voters)), is_peer=True))
         yield found + _peers(xyz, inliers, counts)
 
 
-def _peers(xyz: Any, inliers: Any, counts: list[int]) -> list[Contestant]:
+def _peers(xyz: Any, inliers: Any, counts: list[int]) -> list[Candidate]:
     found = []
     components = inliers.view(np.uint8)
     if _is_installed('cv2'):
@@ -247,12 +247,12 @@ def _peers(xyz: Any, inliers: Any, counts: list[int]) -> list[Contestant]:
             cv2.setNumThreads(count)
             cv2.connectedComponents(components, connectivity=8, ltype=cv2.CV_32S)
 
-        found += [Contestant(_OPENCV, count, _timed(partial(label, count)), is_peer=True) for count in counts]
+        found += [Candidate(_OPENCV, count, _timed(partial(label, count)), is_peer=True) for count in counts]
     if _is_installed('scipy'):
         ndimage = importlib.import_module('scipy.ndimage')
         eight = np.ones((3, 3), int)
         found.append(
-            Contestant(_SCIPY, 1, _timed(lambda: ndimage.label(components, structure=eight)), is_peer=True)
+            Candidate(_SCIPY, 1, _timed(lambda: ndimage.label(components, structure=eight)), is_peer=True)
         )
     filters: list[tuple[str, Callable[..., peers.PeerResult]]] = []
     if peers.pcl_is_installed():
@@ -262,7 +262,7 @@ def _peers(xyz: Any, inliers: Any, counts: list[int]) -> list[Contestant]:
             ('Open3D statistical', peers.open3d_statistical_filter),
             ('Open3D radius', peers.open3d_radius_filter),
         ]
-    return found + [Contestant(name, None, partial(_by_itself, call, xyz), is_peer=True) for name, call in filters]
+    return found + [Candidate(name, None, partial(_by_itself, call, xyz), is_peer=True) for name, call in filters]
 
 
 def _by_itself(call: Callable[..., peers.PeerResult], xyz: Any) -> float:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.metrics.scores import Mask
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.report.pictures import any_in_tile, new_figure, thinned
 
-from .labelled_clouds import Subject
+from .labelled_clouds import LabelledCloud
 
 Heights = npt.NDArray[Any]
 Answers = Sequence[tuple[str, Mask]]
@@ -27,27 +27,27 @@ _WORDS = {
 _COLOURS = ('black', '#0072b2', '#d55e00', '#009e73')
 
 
-def removal_maps(subject: Subject, answers: Answers) -> bytes:
+def removal_maps(cloud: LabelledCloud, answers: Answers) -> bytes:
     """Heights that each filter leaves, and, where outliers are densest, what was right and wrong about it."""
-    z = subject.points[..., 2]
-    low, high = _range(subject.z_true)
-    box = densest_box(subject.outlier)
+    z = cloud.points[..., 2]
+    low, high = _range(cloud.z_true)
+    box = densest_box(cloud.outlier)
     count = len(answers) + 1
     figure = new_figure(3.9 * count, 6.8)
     axes = figure.subplots(2, count)
     shown: dict[str, Any] = {'cmap': 'viridis', 'vmin': low, 'vmax': high, 'interpolation': 'nearest'}
-    everything = [('as measured', np.zeros_like(subject.outlier)), *answers]
+    everything = [('as measured', np.zeros_like(cloud.outlier)), *answers]
     for axis, (name, found) in zip(axes[0], everything, strict=True):
-        image = axis.imshow(thinned(np.where(found, np.nan, z)), extent=_extent(z.shape, subject.pitch), **shown)
+        image = axis.imshow(thinned(np.where(found, np.nan, z)), extent=_extent(z.shape, cloud.pitch), **shown)
         axis.set_title(name)
-        _frame(axis, box, subject.pitch)
+        _frame(axis, box, cloud.pitch)
     axes[0, 0].set_ylabel('what remains')
     figure.colorbar(image, ax=axes[0], label='z [µm]', shrink=0.8)
-    part: dict[str, Any] = {'extent': _box_extent(box, subject.pitch), 'interpolation': 'nearest'}
+    part: dict[str, Any] = {'extent': _box_extent(box, cloud.pitch), 'interpolation': 'nearest'}
     axes[1, 0].imshow(z[box], **(shown | part))
     axes[1, 0].set_ylabel('the framed part')
     for axis, (_, found) in zip(axes[1, 1:], answers, strict=True):
-        axis.imshow(_judged_colours(subject, found, box), **part)
+        axis.imshow(_judged_colours(cloud, found, box), **part)
     for axis in axes[1]:
         axis.set_xlabel('x, y [µm]')
     _legend(figure, axes[1, -1], _WORDS)
@@ -98,22 +98,22 @@ def contamination(
     return _png(figure)
 
 
-def elections(panels: Sequence[tuple[str, Subject, tuple[slice, slice], tuple[int, int]]]) -> bytes:
+def elections(panels: Sequence[tuple[str, LabelledCloud, tuple[slice, slice], tuple[int, int]]]) -> bytes:
     """Vote regions as point clouds, the elected seed in red: as the paper's figure 4.
 
     Args:
         panels: title, cloud, vote region, and row and column of the seed in the cloud.
     """
     figure = new_figure(5.2 * len(panels), 5.2)
-    for number, (title, subject, region, seed) in enumerate(panels, 1):
+    for number, (title, cloud, region, seed) in enumerate(panels, 1):
         axis = figure.add_subplot(1, len(panels), number, projection='3d')
-        x, y, z = subject.points[region].reshape(-1, 3).T
-        bad = subject.outlier[region].ravel()
+        x, y, z = cloud.points[region].reshape(-1, 3).T
+        bad = cloud.outlier[region].ravel()
         axis.scatter(x[~bad], y[~bad], z[~bad], s=3, color='#7d8b99', label='good', depthshade=False)
         axis.scatter(x[bad], y[bad], z[bad], s=3, color='#e69f00', label='outlier', depthshade=False)
         # Drawn over everything: the seed of a rough surface lies amid its neighbours.
         axis.scatter(
-            *subject.points[seed], s=110, color='#d00000', marker='o', label='seed', zorder=1000, depthshade=False
+            *cloud.points[seed], s=110, color='#d00000', marker='o', label='seed', zorder=1000, depthshade=False
         )
         axis.computed_zorder = False
         axis.set(title=title, xlabel='x [µm]', ylabel='y [µm]', zlabel='z [µm]')
@@ -122,34 +122,34 @@ def elections(panels: Sequence[tuple[str, Subject, tuple[slice, slice], tuple[in
     return _png(figure)
 
 
-def repaired_surfaces(subject: Subject, repaired: Sequence[tuple[str, npt.NDArray[Any]]]) -> bytes:
+def repaired_surfaces(cloud: LabelledCloud, repaired: Sequence[tuple[str, npt.NDArray[Any]]]) -> bytes:
     """Filtered and repaired surfaces under a slanting light, and below how far they are off the true one.
 
     Args:
-        subject: the cloud and its truth.
+        cloud: the cloud and its truth.
         repaired: title and heights (H, W), NaN where nothing is.
     """
     from matplotlib.colors import LightSource, LogNorm  # noqa: PLC0415 - an extra
 
-    box = densest_box(subject.outlier, 0.3)
-    low, high = _range(subject.z_true)
+    box = densest_box(cloud.outlier, 0.3)
+    low, high = _range(cloud.z_true)
     light = LightSource(azdeg=315, altdeg=40)
-    everything = [('as measured', subject.points[..., 2]), *repaired]
+    everything = [('as measured', cloud.points[..., 2]), *repaired]
     figure = new_figure(3.9 * len(everything), 6.8)
     axes = figure.subplots(2, len(everything), sharex=True, sharey=True)
-    extent = _box_extent(box, subject.pitch)
-    nearest, furthest = 0.05 * subject.pitch, 50 * subject.pitch
+    extent = _box_extent(box, cloud.pitch)
+    nearest, furthest = 0.05 * cloud.pitch, 50 * cloud.pitch
     for (above, below), (name, heights) in zip(axes.T, everything, strict=True):
         z = heights[box].astype(np.float64)
-        filled = np.where(np.isfinite(z), np.clip(z, low - 20 * subject.pitch, high + 20 * subject.pitch), np.nan)
+        filled = np.where(np.isfinite(z), np.clip(z, low - 20 * cloud.pitch, high + 20 * cloud.pitch), np.nan)
         shaded = light.shade(
             np.ma.masked_invalid(filled), cmap=_colour_map(), vmin=low, vmax=high, blend_mode='soft',
-            dx=subject.pitch, dy=subject.pitch,
+            dx=cloud.pitch, dy=cloud.pitch,
         )  # fmt: skip
         shaded[~np.isfinite(z)] = 1.0
         above.imshow(shaded, extent=extent, interpolation='nearest')
         above.set_title(name)
-        error = np.maximum(np.abs(z - subject.z_true[box]), nearest)
+        error = np.maximum(np.abs(z - cloud.z_true[box]), nearest)
         image = below.imshow(
             error, extent=extent, interpolation='nearest', cmap='magma_r', norm=LogNorm(nearest, furthest)
         )
@@ -222,9 +222,9 @@ def _colour_map() -> Any:
     return colormaps['viridis']
 
 
-def _judged_colours(subject: Subject, found: Mask, box: tuple[slice, slice]) -> npt.NDArray[Any]:
+def _judged_colours(cloud: LabelledCloud, found: Mask, box: tuple[slice, slice]) -> npt.NDArray[Any]:
     """(h, w, 3): each point of the part in the colour of what the filter did with it."""
-    outlier, counted, found = subject.outlier[box], subject.counted[box], found[box]
+    outlier, counted, found = cloud.outlier[box], cloud.counted[box], found[box]
     colours = np.empty((*outlier.shape, 3))
     for where, colour in (
         (~outlier & ~found, _KEPT),

@@ -6,15 +6,16 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.focus import FocusStack
-from socialcircle_ros.metrics.scores import Mask, cluster_sizes
+from socialcircle_ros.metrics.scores import cluster_sizes
 from socialcircle_ros.simulation import Cause, Contamination, make_scene, simulate
 
 PAPER_SIZE = (960, 1280)
 """Rows and columns of the cloud in Table 1: less `NOT_MEASURED` points it has its 1 228 793."""
 NOT_MEASURED = 7
 
-Kind = Literal['own', 'isolated', 'clustered', 'blurred']
+OutlierKind = Literal['own', 'isolated', 'clustered', 'blurred']
 """Which outliers: as the scene has them (half of them clustered, with sharp flanks), or of one kind."""
 
 TITLES = {
@@ -31,7 +32,7 @@ _SIZES = ((1, 1, 'isolated'), (2, 19, 'clusters to 19'), (20, 59, '20 to 59'), (
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class LabelledCloud:
     """A cloud and the truth about it; lengths in µm.
 
     Attributes:
@@ -65,9 +66,9 @@ class Subject:
         return float(self.outlier[self.counted].mean())
 
 
-def painted(
-    scene: str, size: tuple[int, int], seed: int, kind: Kind = 'own', share: float | None = None
-) -> Subject:
+def synthetic_cloud(
+    scene: str, size: tuple[int, int], seed: int, kind: OutlierKind = 'own', share: float | None = None
+) -> LabelledCloud:
     """A scene with outliers painted on, and `NOT_MEASURED` points missing by chance.
 
     Args:
@@ -90,7 +91,7 @@ def painted(
     points.reshape(-1, 3)[missing] = np.nan
     measured = np.isfinite(points[..., 2])
     sizes = cluster_sizes(made.cluster, made.outlier)
-    return Subject(
+    return LabelledCloud(
         title=_title(scene),
         points=points,
         outlier=made.outlier & measured,
@@ -101,7 +102,7 @@ def painted(
     )
 
 
-def scanned(specimen: str, size: tuple[int, int], seed: int) -> Subject:
+def scanned_cloud(specimen: str, size: tuple[int, int], seed: int) -> LabelledCloud:
     """A specimen scanned by the virtual instrument: its outliers come out of the physics.
 
     Args:
@@ -123,7 +124,7 @@ def scanned(specimen: str, size: tuple[int, int], seed: int) -> Subject:
     points[verdict.missing] = np.nan
     causes = {cause.name.lower().replace('_', ' '): truth.main_cause == cause for cause in Cause if cause.name}
     causes['none of these'] = truth.main_cause == Cause.NONE
-    return Subject(
+    return LabelledCloud(
         title=f'{_title(specimen)}, from a rendered focus stack',
         points=points,
         outlier=verdict.bad,

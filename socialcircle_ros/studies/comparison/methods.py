@@ -13,7 +13,7 @@ import numpy.typing as npt
 from socialcircle_ros.baselines import median_filter, peers, radius_filter, statistical_filter
 from socialcircle_ros.baselines.settings import MedianSettings, RadiusSettings, StatisticalSettings
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.metrics.scores import Mask
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.settings import CircleSettings
 
 FilterSettings = CircleSettings | RadiusSettings | StatisticalSettings | MedianSettings
@@ -30,7 +30,7 @@ KINDS = tuple(_FILTERS)
 
 
 @dataclass(frozen=True)
-class Answer:
+class FilterRun:
     """What a filter found.
 
     Attributes:
@@ -56,12 +56,12 @@ class Method:
     filter: Callable[..., Any]
     is_peer: bool = False
 
-    def __call__(self, xyz: npt.NDArray[Any]) -> Answer:
+    def __call__(self, xyz: npt.NDArray[Any]) -> FilterRun:
         """Filter a cloud (H, W, 3)."""
         began = time.perf_counter()
         result = self.filter(xyz, self.settings)
         took = 1e3 * (time.perf_counter() - began)
-        return Answer(
+        return FilterRun(
             outliers=result.outliers,
             kept=int(np.count_nonzero(result.inliers)),
             score=getattr(result, 'score', None),

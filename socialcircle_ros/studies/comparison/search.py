@@ -17,7 +17,7 @@ from socialcircle_ros.kernels.machine import usable_cores
 from socialcircle_ros.metrics.scores import f1_at, score
 from socialcircle_ros.settings import CircleSettings
 
-from .labelled_clouds import Subject
+from .labelled_clouds import LabelledCloud
 from .methods import FilterSettings
 
 _WINDOWS = (3, 5, 7, 9, 15)
@@ -46,29 +46,29 @@ SPACES: dict[type[FilterSettings], str] = {
 """In words, what is tried for each filter."""
 
 
-def best_settings(kind: type[FilterSettings], subjects: Sequence[Subject]) -> FilterSettings:
+def best_settings(kind: type[FilterSettings], clouds: Sequence[LabelledCloud]) -> FilterSettings:
     """The settings with the highest F1, averaged over the clouds; the first of equals.
 
     Args:
         kind: of filter, by the type of its settings.
-        subjects: clouds of one pitch, which must be others than those that the scores come from.
+        clouds: clouds of one pitch, which must be others than those that the scores come from.
     """
     if kind is CircleSettings:
-        return _best_circle(subjects)
+        return _best_circle(clouds)
 
-    def tried(trial: _Trial) -> tuple[float, FilterSettings]:
-        f1 = np.mean([_f1(trial, subject) for subject in subjects], axis=0)
+    def tried(trial: _SearchTrial) -> tuple[float, FilterSettings]:
+        f1 = np.mean([_f1(trial, cloud) for cloud in clouds], axis=0)
         best = int(np.argmax(f1))
         return float(f1[best]), trial.settings(best)
 
     # The filters release the GIL.
     with ThreadPoolExecutor(usable_cores()) as pool:
-        found = list(pool.map(tried, _TRIALS[kind](subjects[0].pitch)))
+        found = list(pool.map(tried, _TRIALS[kind](clouds[0].pitch)))
     return max(found, key=lambda each: each[0])[1]
 
 
 @dataclass(frozen=True)
-class _Trial:
+class _SearchTrial:
     """Settings that differ only in the limit on the score: one run of the filter tries them all.
 
     Attributes:
@@ -82,47 +82,47 @@ class _Trial:
     settings: Callable[[int], FilterSettings]
 
 
-def _f1(trial: _Trial, subject: Subject) -> npt.NDArray[Any]:
-    values: Any = trial.run(subject.points).score
-    return f1_at(values, subject.outlier, subject.counted, trial.thresholds(values))
+def _f1(trial: _SearchTrial, cloud: LabelledCloud) -> npt.NDArray[Any]:
+    values: Any = trial.run(cloud.points).score
+    return f1_at(values, cloud.outlier, cloud.counted, trial.thresholds(values))
 
 
-def _radius_trials(pitch: float) -> Iterator[_Trial]:
+def _radius_trials(pitch: float) -> Iterator[_SearchTrial]:
     for window in _WINDOWS:
         places = window**2 - 1
         for radius in _RADII:
             base = RadiusSettings(window=window, radius=radius * pitch, min_neighbours=1)
             counts = np.arange(1, places + 1)
-            yield _Trial(
+            yield _SearchTrial(
                 run=partial(radius_filter, settings=base),
                 thresholds=partial(_constant, places - counts),
                 settings=partial(_with, base, 'min_neighbours', counts),
             )
 
 
-def _statistical_trials(pitch: float) -> Iterator[_Trial]:
+def _statistical_trials(pitch: float) -> Iterator[_SearchTrial]:
     del pitch  # it counts in standard deviations of the cloud
     for window in _WINDOWS:
         for part in _PARTS:
             base = StatisticalSettings(window=window, neighbours=round(part * (window**2 - 1)))
-            yield _Trial(
+            yield _SearchTrial(
                 run=partial(statistical_filter, settings=base),
                 thresholds=_deviations,
                 settings=partial(_with, base, 'std_factor', _STD_FACTORS),
             )
 
 
-def _median_trials(pitch: float) -> Iterator[_Trial]:
+def _median_trials(pitch: float) -> Iterator[_SearchTrial]:
     for window in _MEDIAN_WINDOWS:
         base = MedianSettings(window=window)
-        yield _Trial(
+        yield _SearchTrial(
             run=partial(median_filter, settings=base),
             thresholds=partial(_constant, _THRESHOLDS * pitch),
             settings=partial(_with, base, 'threshold', _THRESHOLDS * pitch),
         )
 
 
-_TRIALS: dict[type[FilterSettings], Callable[[float], Iterator[_Trial]]] = {
+_TRIALS: dict[type[FilterSettings], Callable[[float], Iterator[_SearchTrial]]] = {
     RadiusSettings: _radius_trials,
     StatisticalSettings: _statistical_trials,
     MedianSettings: _median_trials,
@@ -144,16 +144,16 @@ def _with(base: FilterSettings, name: str, values: npt.NDArray[Any], index: int)
     return replace(base, **{name: values[index].item()})
 
 
-def _best_circle(subjects: Sequence[Subject]) -> CircleSettings:
+def _best_circle(clouds: Sequence[LabelledCloud]) -> CircleSettings:
     """Our own filter is searched in the same way, although it has no score and each setting is a run."""
     # All settings have the same seed: it is elected once for each cloud, and then is its own vote region.
-    seeds = [(*elect_seed(subject.points, None), 1, 1) for subject in subjects]
+    seeds = [(*elect_seed(cloud.points, None), 1, 1) for cloud in clouds]
 
     def mean_f1(settings: CircleSettings) -> float:
         f1 = []
-        for subject, seed in zip(subjects, seeds, strict=True):
-            found = remove_outliers(subject.points, replace(settings, vote_region=seed)).outliers
-            f1.append(score(found, subject.outlier, subject.counted).f1)
+        for cloud, seed in zip(clouds, seeds, strict=True):
+            found = remove_outliers(cloud.points, replace(settings, vote_region=seed)).outliers
+            f1.append(score(found, cloud.outlier, cloud.counted).f1)
         return float(np.mean(f1))
 
     trials = [CircleSettings(window=window, radius_scale=scale) for window in (3, 5) for scale in _SCALES]

@@ -8,28 +8,34 @@ import numpy as np
 
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
 from socialcircle_ros.studies.comparison import drawings
-from socialcircle_ros.studies.comparison.labelled_clouds import PAPERS_SCENES, TITLES, Kind, Subject, painted
-from socialcircle_ros.studies.comparison.lineup import Lineup, judged
+from socialcircle_ros.studies.comparison.labelled_clouds import (
+    PAPERS_SCENES,
+    TITLES,
+    LabelledCloud,
+    OutlierKind,
+    synthetic_cloud,
+)
 from socialcircle_ros.studies.comparison.methods import KINDS, Method, method, name_of
 from socialcircle_ros.studies.comparison.search import best_settings
+from socialcircle_ros.studies.comparison.study import Study, judged
 
 from .verdicts import SAME_SHARE
 
 _NAMES = [f'{name_of(kind)}, {variant}' for kind in KINDS for variant in ('default', 'best')]
 
 
-def contaminations(lineup: Lineup) -> list[Section]:
+def contaminations(study: Study) -> list[Section]:
     """F1 of each filter from little to heavy contamination, for each kind of outlier."""
-    plan = lineup.plan
-    kinds: list[Kind] = [kind for kind in get_args(Kind) if kind != 'own']
+    plan = study.plan
+    kinds: list[OutlierKind] = [kind for kind in get_args(OutlierKind) if kind != 'own']
     curves: dict[tuple[str, str], dict[str, list[float]]] = {}
     rows: list[list[Cell]] = []
     for scene, kind, share in product(PAPERS_SCENES, kinds, plan.shares):
-        lineup.tell(f'{scene}: {100 * share:g} % {kind} outliers')
-        known = [painted(scene, plan.smaller, seed, kind, share) for seed in plan.search_seeds]
+        study.tell(f'{scene}: {100 * share:g} % {kind} outliers')
+        known = [synthetic_cloud(scene, plan.smaller, seed, kind, share) for seed in plan.search_seeds]
         pairs = [(method(each(), 'default'), method(best_settings(each, known), 'best')) for each in KINDS]
-        subjects = [painted(scene, plan.smaller, seed, kind, share) for seed in plan.seeds]
-        means = [_mean_f1(each, subjects) for each in chain(*pairs)]
+        clouds = [synthetic_cloud(scene, plan.smaller, seed, kind, share) for seed in plan.seeds]
+        means = [_mean_f1(each, clouds) for each in chain(*pairs)]
         rows.append([TITLES[scene], kind, share, *means])
         curve = curves.setdefault((TITLES[scene], kind), {name: [] for name in _NAMES})
         for name, value in zip(_NAMES, means, strict=True):
@@ -62,8 +68,8 @@ def contaminations(lineup: Lineup) -> list[Section]:
     ]
 
 
-def _mean_f1(each: Method, subjects: Sequence[Subject]) -> float:
-    return float(np.mean([judged(each(subject.points).outliers, subject).f1 for subject in subjects]))
+def _mean_f1(each: Method, clouds: Sequence[LabelledCloud]) -> float:
+    return float(np.mean([judged(each(cloud.points).outliers, cloud).f1 for cloud in clouds]))
 
 
 def _where_best(rows: Sequence[Sequence[Any]], kinds: Sequence[str]) -> list[str]:

@@ -6,39 +6,40 @@ from itertools import product
 import numpy as np
 
 from socialcircle_ros.circle.seed import SIDE, choose_region, elect_seed
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.metrics.areal import texture
-from socialcircle_ros.metrics.scores import Mask, rmse
+from socialcircle_ros.metrics.scores import rmse
 from socialcircle_ros.repair import repair_holes
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
 from socialcircle_ros.settings import RepairMethod, RepairSettings
 from socialcircle_ros.studies.comparison import drawings
-from socialcircle_ros.studies.comparison.labelled_clouds import TITLES, Kind, Subject, painted
-from socialcircle_ros.studies.comparison.lineup import Lineup
+from socialcircle_ros.studies.comparison.labelled_clouds import TITLES, LabelledCloud, OutlierKind, synthetic_cloud
 from socialcircle_ros.studies.comparison.methods import Method
+from socialcircle_ros.studies.comparison.study import Study
 
 _LITTLE, _HEAVY = 0.02, 0.45
 _REPAIRS: tuple[RepairMethod, ...] = ('spline', 'biharmonic')
 _REPAIR_NAMES = {'spline': 'spline (the paper’s)', 'biharmonic': 'biharmonic'}
 
 
-def figure4(lineup: Lineup) -> list[Section]:
+def figure4(study: Study) -> list[Section]:
     """Whether the best-voted point is good, with few and with many outliers in the vote region."""
     rows: list[list[Cell]] = []
     panels = []
-    kinds: tuple[Kind, ...] = ('isolated', 'clustered')
+    kinds: tuple[OutlierKind, ...] = ('isolated', 'clustered')
     conditions = product(TITLES, kinds, (_LITTLE, _HEAVY), ('chosen', 'anywhere'))
     for scene, kind, share, where in conditions:
-        lineup.tell(f'{scene}: electing seeds among {100 * share:g} % {kind} outliers')
+        study.tell(f'{scene}: electing seeds among {100 * share:g} % {kind} outliers')
         good, shares = [], []
-        for number in range(lineup.plan.votes):
-            subject, region, seed = _election(
-                scene, lineup.plan.smaller, lineup.plan.seeds[0] + number, kind, share, where
+        for number in range(study.plan.votes):
+            cloud, region, seed = _election(
+                scene, study.plan.smaller, study.plan.seeds[0] + number, kind, share, where
             )
-            good.append(bool(subject.counted[seed] and not subject.outlier[seed]))
-            shares.append(float(subject.outlier[region].mean()))
+            good.append(bool(cloud.counted[seed] and not cloud.outlier[seed]))
+            shares.append(float(cloud.outlier[region].mean()))
             if scene == 'metal_groove' and kind == 'clustered' and where == 'anywhere' and number == 0:
                 title = f'{100 * shares[-1]:.0f} % outliers: the seed is {"good" if good[-1] else "an outlier"}'
-                panels.append((title, subject, region, seed))
+                panels.append((title, cloud, region, seed))
         rows.append([TITLES[scene], kind, share, where, float(np.mean(shares)), sum(good), len(good)])
     columns = [
         Column('scene'), Column('outliers'), Column('share in the cloud', '.0%'), Column('vote region'),
@@ -67,18 +68,18 @@ def figure4(lineup: Lineup) -> list[Section]:
 
 
 def _election(
-    scene: str, size: tuple[int, int], seed: int, kind: Kind, share: float, where: str
-) -> tuple[Subject, tuple[slice, slice], tuple[int, int]]:
+    scene: str, size: tuple[int, int], seed: int, kind: OutlierKind, share: float, where: str
+) -> tuple[LabelledCloud, tuple[slice, slice], tuple[int, int]]:
     """A cloud, its vote region, and the row and column that won."""
-    subject = painted(scene, size, seed, kind, share)
+    cloud = synthetic_cloud(scene, size, seed, kind, share)
     if where == 'chosen':
-        region = choose_region(subject.points)
+        region = choose_region(cloud.points)
     else:
         places = np.random.default_rng(seed)
-        top, left = (int(places.integers(extent - SIDE)) for extent in subject.outlier.shape)
+        top, left = (int(places.integers(extent - SIDE)) for extent in cloud.outlier.shape)
         region = top, left, SIDE, SIDE
     top, left, height, width = region
-    return subject, (slice(top, top + height), slice(left, left + width)), elect_seed(subject.points, region)
+    return cloud, (slice(top, top + height), slice(left, left + width)), elect_seed(cloud.points, region)
 
 
 def _good_seeds(rows: Sequence[Sequence[Cell]], where: str) -> str:
@@ -92,20 +93,20 @@ def _good_seeds(rows: Sequence[Sequence[Cell]], where: str) -> str:
     return f'The elected seed, {place}, is a good point in {parts[0]} and in {parts[1]}.'
 
 
-def figure8(lineup: Lineup) -> list[Section]:
+def figure8(study: Study) -> list[Section]:
     """What each filter leaves and removes, at its default and at its best."""
     pictures = []
-    for scene, from_stack in lineup.plan.scenes:
-        methods = lineup.methods(scene, from_stack=from_stack)
-        lineup.tell(f'{scene}: drawing what each filter removed')
-        subject = lineup.subject(scene, lineup.plan.seeds[0], from_stack=from_stack)
-        for variant in lineup.plan.drawn:
-            answers = [(each.label, each(subject.points).outliers) for each in methods if each.variant == variant]
+    for scene, from_stack in study.plan.scenes:
+        methods = study.methods(scene, from_stack=from_stack)
+        study.tell(f'{scene}: drawing what each filter removed')
+        cloud = study.cloud(scene, study.plan.seeds[0], from_stack=from_stack)
+        for variant in study.plan.drawn:
+            answers = [(each.label, each(cloud.points).outliers) for each in methods if each.variant == variant]
             pictures.append(
                 Picture(
                     f'figure8_{scene}{"_stack" if from_stack else ""}_{variant}',
-                    drawings.removal_maps(subject, answers),
-                    f'{subject.title}, {variant} settings. Above: the heights that remain, white where nothing'
+                    drawings.removal_maps(cloud, answers),
+                    f'{cloud.title}, {variant} settings. Above: the heights that remain, white where nothing'
                     ' is left.'
                     ' Below: the framed part, where outliers are densest, and what each filter did there.',
                 )
@@ -113,39 +114,39 @@ def figure8(lineup: Lineup) -> list[Section]:
     return [Section('Figure 8: what each filter removes', items=pictures)]
 
 
-def figure10(lineup: Lineup) -> list[Section]:
+def figure10(study: Study) -> list[Section]:
     """The metal groove, and the steep one that the exact mode cannot climb, filtered and repaired."""
     return [
-        _repaired(lineup, 'metal_groove', 'Figure 10: the metal groove, filtered and repaired'),
-        _repaired(lineup, 'steep_groove', 'Beyond figure 10: the steep groove, filtered and repaired'),
+        _repaired(study, 'metal_groove', 'Figure 10: the metal groove, filtered and repaired'),
+        _repaired(study, 'steep_groove', 'Beyond figure 10: the steep groove, filtered and repaired'),
     ]
 
 
-def figure11(lineup: Lineup) -> list[Section]:
+def figure11(study: Study) -> list[Section]:
     """The composite material, filtered and repaired."""
-    return [_repaired(lineup, 'composite', 'Figure 11: the composite material, filtered and repaired')]
+    return [_repaired(study, 'composite', 'Figure 11: the composite material, filtered and repaired')]
 
 
-def _repaired(lineup: Lineup, scene: str, head: str) -> Section:
-    methods = lineup.methods(scene)
-    subjects = []
-    for seed in lineup.plan.seeds:
-        lineup.tell(f'{scene}: making the cloud of seed {seed}')
-        subjects.append(lineup.subject(scene, seed))
-    rows: list[list[Cell]] = [['nothing', 'none', *_mean_quality([(s.points, s) for s in subjects])]]
+def _repaired(study: Study, scene: str, head: str) -> Section:
+    methods = study.methods(scene)
+    clouds = []
+    for seed in study.plan.seeds:
+        study.tell(f'{scene}: making the cloud of seed {seed}')
+        clouds.append(study.cloud(scene, seed))
+    rows: list[list[Cell]] = [['nothing', 'none', *_mean_quality([(s.points, s) for s in clouds])]]
     drawn = []
     for each in methods:
-        lineup.tell(f'{scene}: repairing after {each.label}')
-        answers = [each(subject.points).outliers for subject in subjects]
+        study.tell(f'{scene}: repairing after {each.label}')
+        answers = [each(cloud.points).outliers for cloud in clouds]
         for repair in _REPAIRS:
             settings = RepairSettings(method=repair)
-            clouds = [_filled(s, mask, settings) for s, mask in zip(subjects, answers, strict=True)]
+            repaired = [_filled(s, mask, settings) for s, mask in zip(clouds, answers, strict=True)]
             rows.append(
-                [each.label, _REPAIR_NAMES[repair], *_mean_quality(list(zip(clouds, subjects, strict=True)))]
+                [each.label, _REPAIR_NAMES[repair], *_mean_quality(list(zip(repaired, clouds, strict=True)))]
             )
             if _is_drawn(each, repair):
-                drawn.append((f'{each.label}\n{_REPAIR_NAMES[repair]}', clouds[0][..., 2]))
-    lineup.tell(f'{scene}: drawing the repaired surfaces')
+                drawn.append((f'{each.label}\n{_REPAIR_NAMES[repair]}', repaired[0][..., 2]))
+    study.tell(f'{scene}: drawing the repaired surfaces')
     name = f'repaired_{scene}'
     columns = [
         Column('filter'), Column('repair'), Column('RMSE [µm]', '.3f'), Column('points with a height', '.2%'),
@@ -165,7 +166,7 @@ def _repaired(lineup: Lineup, scene: str, head: str) -> Section:
         head,
         findings=[_ranking(TITLES[scene], rows)],
         items=[
-            Picture(name, drawings.repaired_surfaces(subjects[0], drawn), caption),
+            Picture(name, drawings.repaired_surfaces(clouds[0], drawn), caption),
             Table(name, f'{TITLES[scene]}, filtered and repaired', columns, rows, note),
         ],
     )
@@ -176,22 +177,22 @@ def _is_drawn(each: Method, repair: RepairMethod) -> bool:
     return each.variant == 'best' and (repair == 'spline' or each.name == 'Social circle')
 
 
-def _filled(subject: Subject, outliers: Mask, settings: RepairSettings) -> drawings.Heights:
+def _filled(cloud: LabelledCloud, outliers: Mask, settings: RepairSettings) -> drawings.Heights:
     """The cloud without what the filter removed, its holes filled where the settings allow."""
-    cleaned = subject.points.copy()
+    cleaned = cloud.points.copy()
     cleaned[outliers, 2] = np.nan
     filled: drawings.Heights = repair_holes(cleaned, ~np.isfinite(cleaned[..., 2]), settings).xyz
     return filled
 
 
-def _mean_quality(clouds: Sequence[tuple[drawings.Heights, Subject]]) -> list[Cell]:
+def _mean_quality(clouds: Sequence[tuple[drawings.Heights, LabelledCloud]]) -> list[Cell]:
     """RMSE, share of points with a height, and relative change of Sa, Sq and Sz: means over the clouds."""
     found = []
-    for points, subject in clouds:
+    for points, cloud in clouds:
         z = points[..., 2]
-        now, true = texture(z), texture(subject.z_true)
+        now, true = texture(z), texture(cloud.z_true)
         changes = [now.sa / true.sa - 1, now.sq / true.sq - 1, now.sz / true.sz - 1]
-        found.append([rmse(z, subject.z_true), float(np.isfinite(z).mean()), *changes])
+        found.append([rmse(z, cloud.z_true), float(np.isfinite(z).mean()), *changes])
     return [float(value) for value in np.mean(found, axis=0)]
 
 

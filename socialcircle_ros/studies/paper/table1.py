@@ -7,8 +7,7 @@ import numpy as np
 
 from socialcircle_ros.metrics.scores import recall_by, roc_area
 from socialcircle_ros.report.content import Cell, Column, Section, Table
-from socialcircle_ros.studies.comparison.labelled_clouds import NOT_MEASURED, PAPERS_SCENES, TITLES, Subject
-from socialcircle_ros.studies.comparison.lineup import Lineup, judged, mean_scores
+from socialcircle_ros.studies.comparison.labelled_clouds import NOT_MEASURED, PAPERS_SCENES, TITLES, LabelledCloud
 from socialcircle_ros.studies.comparison.methods import (
     KINDS,
     Method,
@@ -19,6 +18,7 @@ from socialcircle_ros.studies.comparison.methods import (
     peers_of,
 )
 from socialcircle_ros.studies.comparison.search import SPACES
+from socialcircle_ros.studies.comparison.study import Study, judged, mean_scores
 
 from . import verdicts
 from .verdicts import Outcome
@@ -36,9 +36,9 @@ _PAPER = Table(
 )  # fmt: skip
 
 
-def table1(lineup: Lineup) -> list[Section]:
+def table1(study: Study) -> list[Section]:
     """Each filter on each scene, painted and out of a focus stack."""
-    plan = lineup.plan
+    plan = study.plan
     counting = (
         'The paper compares the number of points that remain, which cannot tell a good filter from one that'
         ' removes nothing. Here the truth is known, so that good points kept and outliers removed are counted'
@@ -62,28 +62,28 @@ def table1(lineup: Lineup) -> list[Section]:
         [counting, truth, tuning, f'On the two scenes of the paper: {peers_in_words()}'],
         items=[_PAPER],
     )
-    compared = [_compared(lineup, scene, from_stack=from_stack) for scene, from_stack in plan.scenes]
-    return [first, *compared, _settings(lineup)]
+    compared = [_compared(study, scene, from_stack=from_stack) for scene, from_stack in plan.scenes]
+    return [first, *compared, _settings(study)]
 
 
-def _compared(lineup: Lineup, scene: str, *, from_stack: bool) -> Section:
+def _compared(study: Study, scene: str, *, from_stack: bool) -> Section:
     """Every filter on one scene: outcomes, verdicts, and which outliers were found."""
-    methods = lineup.methods(scene, from_stack=from_stack)
-    subjects = []
-    for seed in lineup.plan.seeds:
-        lineup.tell(f'{scene}: making the cloud of seed {seed}')
-        subjects.append(lineup.subject(scene, seed, from_stack=from_stack))
+    methods = study.methods(scene, from_stack=from_stack)
+    clouds = []
+    for seed in study.plan.seeds:
+        study.tell(f'{scene}: making the cloud of seed {seed}')
+        clouds.append(study.cloud(scene, seed, from_stack=from_stack))
     # PCL and Open3D take seconds for each cloud: the paper's two scenes are enough. They know no window, so that
     # what is best for the window's filters is nothing that they should be judged by.
     defaults = [each for each in methods if each.variant == 'default']
     others = peers_of(defaults) if scene in PAPERS_SCENES and not from_stack else []
-    outcomes, found_by = _outcomes(lineup, methods, others, subjects)
+    outcomes, found_by = _outcomes(study, methods, others, clouds)
     judged_outcomes = [
         verdicts.judge(outcomes[0], other) for other in outcomes if other.method.name != methods[0].name
     ]
     name = f'table1_{scene}{"_stack" if from_stack else ""}'
-    title = subjects[0].title
-    share = float(np.mean([subject.contamination for subject in subjects]))
+    title = clouds[0].title
+    share = float(np.mean([cloud.contamination for cloud in clouds]))
     return Section(
         f'{title}: {100 * share:.1f} % outliers',
         findings=[f'{title}. {_found(outcomes)}'],
@@ -114,50 +114,46 @@ def _found(outcomes: Sequence[Outcome]) -> str:
 
 
 def _outcomes(
-    lineup: Lineup, methods: Sequence[Method], peers: Sequence[Method], subjects: Sequence[Subject]
+    study: Study, methods: Sequence[Method], peers: Sequence[Method], clouds: Sequence[LabelledCloud]
 ) -> tuple[list[Outcome], Table]:
-    title = subjects[0].title
-    lineup.tell(f'{title}: taking times')
-    times = median_times(methods, subjects[0].points, lineup.plan.repeats)
+    title = clouds[0].title
+    study.tell(f'{title}: taking times')
+    times = median_times(methods, clouds[0].points, study.plan.repeats)
     outcomes, recalls = [], []
     for each in methods:
-        lineup.tell(f'{title}: {each.label}')
-        answers = [each(subject.points) for subject in subjects]
-        both = list(zip(answers, subjects, strict=True))
+        study.tell(f'{title}: {each.label}')
+        answers = [each(cloud.points) for cloud in clouds]
+        both = list(zip(answers, clouds, strict=True))
         areas = [roc_area(a.score, s.outlier, s.counted) for a, s in both if a.score is not None]
         outcomes.append(
             Outcome(
                 method=each,
-                raw=float(np.mean([subject.measured for subject in subjects])),
+                raw=float(np.mean([cloud.measured for cloud in clouds])),
                 kept=float(np.mean([answer.kept for answer in answers])),
-                scores=mean_scores([judged(answer.outliers, subject) for answer, subject in both]),
+                scores=mean_scores([judged(answer.outliers, cloud) for answer, cloud in both]),
                 roc=float(np.mean(areas)) if areas else None,
                 milliseconds=times[each],
             )
         )
         groups = [recall_by(a.outliers, s.outlier, s.counted, s.groups) for a, s in both]
-        recalls.append(
-            [each.label, *(_mean([group.get(name) for group in groups]) for name in subjects[0].groups)]
-        )
+        recalls.append([each.label, *(_mean([group.get(name) for group in groups]) for name in clouds[0].groups)])
     for peer in peers:
-        lineup.tell(f'{title}: {peer.label}')
+        study.tell(f'{title}: {peer.label}')
         # One cloud, one run: these take seconds.
-        answer = peer(subjects[0].points)
-        scores = judged(answer.outliers, subjects[0])
-        outcomes.append(Outcome(peer, subjects[0].measured, answer.kept, scores, None, answer.milliseconds))
+        answer = peer(clouds[0].points)
+        scores = judged(answer.outliers, clouds[0])
+        outcomes.append(Outcome(peer, clouds[0].measured, answer.kept, scores, None, answer.milliseconds))
     counts = [
         float(
-            np.mean(
-                [np.count_nonzero(s.outlier & s.counted & s.groups[name]) for s in subjects if name in s.groups]
-            )
+            np.mean([np.count_nonzero(s.outlier & s.counted & s.groups[name]) for s in clouds if name in s.groups])
         )
-        for name in subjects[0].groups
+        for name in clouds[0].groups
     ]
     kinds = Table(
         f'recall_{title.lower().replace(" ", "_").replace(",", "")}',
         f'{title}: share of the outliers that were removed, by '
-        + ('cause' if 'glint' in subjects[0].groups else 'size of cluster [points]'),
-        [Column('filter'), *(Column(name, '.1%') for name in subjects[0].groups)],
+        + ('cause' if 'glint' in clouds[0].groups else 'size of cluster [points]'),
+        [Column('filter'), *(Column(name, '.1%') for name in clouds[0].groups)],
         [['number of outliers', *(f'{count:,.0f}' for count in counts)], *recalls],
     )
     return outcomes, kinds
@@ -204,12 +200,12 @@ def _as_table(name: str, title: str, outcomes: Sequence[Outcome]) -> Table:
     return Table(name, title, columns, rows, note if has_peers else '')
 
 
-def _settings(lineup: Lineup) -> Section:
+def _settings(study: Study) -> Section:
     """What was searched, and what was found."""
-    keys = lineup.plan.scenes
+    keys = study.plan.scenes
     titles = [TITLES[scene] + (', stack' if from_stack else '') for scene, from_stack in keys]
     found: list[list[Cell]] = [
-        [title, *(in_words(best) for best in lineup.best(scene, from_stack=from_stack))]
+        [title, *(in_words(best) for best in study.best(scene, from_stack=from_stack))]
         for title, (scene, from_stack) in zip(titles, keys, strict=True)
     ]
     defaults: list[Cell] = ['default', *(in_words(kind()) for kind in KINDS)]

@@ -16,7 +16,7 @@ SAME_TIME = 1.1
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one filter did on one subject.
+    """What one filter did on one cloud.
 
     Attributes:
         method: the filter, set.
@@ -36,7 +36,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ClaimVerdict:
     """Ours against one other filter: 1 ours is better, 0 the same, -1 the other is better."""
 
     other: str
@@ -50,9 +50,9 @@ class Verdict:
         return self.keeps == self.removes == self.faster == 1
 
 
-def judge(ours: Outcome, other: Outcome) -> Verdict:
+def judge(ours: Outcome, other: Outcome) -> ClaimVerdict:
     """Compare the good points that are kept, the outliers that are removed, and the times."""
-    return Verdict(
+    return ClaimVerdict(
         other=other.method.label,
         keeps=_sign(other.scores.false_positive_rate - ours.scores.false_positive_rate, SAME_SHARE),
         removes=_sign(ours.scores.recall - other.scores.recall, SAME_SHARE),
@@ -60,7 +60,7 @@ def judge(ours: Outcome, other: Outcome) -> Verdict:
     )
 
 
-def in_a_sentence(others: str, verdicts: Sequence[Verdict]) -> str:
+def in_a_sentence(others: str, verdicts: Sequence[ClaimVerdict]) -> str:
     """What the verdicts against some others come to."""
     total = len(verdicts)
     parts = []
@@ -89,7 +89,7 @@ def standing(outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def table(name: str, title: str, verdicts: Sequence[Verdict]) -> Table:
+def table(name: str, title: str, verdicts: Sequence[ClaimVerdict]) -> Table:
     """The verdicts, one line for each other filter."""
     rows = [
         [

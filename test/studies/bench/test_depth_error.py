@@ -14,7 +14,7 @@ def flat():
 
 def test_the_error_is_as_small_as_promised(flat):
     """0.04 steps without noise, 0.08 at 6000 electrons and 8 bits, 0.10 at a quarter of the depth of field."""
-    assert [row.case.noisy for row in flat] == [False, True, True]
+    assert [row.scenario.noisy for row in flat] == [False, True, True]
     assert all(row.rms <= bound for row, bound in zip(flat, (0.04, 0.08, 0.10), strict=True))
     assert all(row.good > 0.99 for row in flat)
 
@@ -24,7 +24,7 @@ def test_the_depth_is_not_biased(flat):
 
 
 def test_the_default_fit_is_better_than_three_frames_where_the_curve_is_wide():
-    fine = {row.fit: row.rms for row in depth_errors(SEEDS[:1]) if row.case.share_of_depth_of_field < 1}
+    fine = {row.fit: row.rms for row in depth_errors(SEEDS[:1]) if row.scenario.share_of_depth_of_field < 1}
     assert fine['gauss'] < 0.8 * fine['gauss3']
 
 

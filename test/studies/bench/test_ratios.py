@@ -4,7 +4,7 @@ import pytest
 
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.studies.bench import ratios as racing
-from socialcircle_ros.studies.bench.ratios import Contestant, Figure, Goal, all_contestants, race, ratios
+from socialcircle_ros.studies.bench.ratios import Candidate, Figure, RatioGoal, all_candidates, benchmark, ratios
 
 
 def stopwatch(times, calls, name):
@@ -20,12 +20,12 @@ def stopwatch(times, calls, name):
 
 def test_contestants_take_turns_and_the_median_counts_but_not_the_first_time():
     calls = []
-    contestants = [
-        Contestant('a', 1, stopwatch([99.0, 3.0, 1.0, 2.0], calls, 'a')),
-        Contestant('b', 2, stopwatch([99.0, 30.0, 10.0, 20.0], calls, 'b'), is_peer=True),
+    candidates = [
+        Candidate('a', 1, stopwatch([99.0, 3.0, 1.0, 2.0], calls, 'a')),
+        Candidate('b', 2, stopwatch([99.0, 30.0, 10.0, 20.0], calls, 'b'), is_peer=True),
     ]
 
-    figures = race(contestants, 3, lambda words: None)
+    figures = benchmark(candidates, 3, lambda words: None)
 
     assert calls == ['a', 'b'] * 4
     assert figures == [Figure('a', 1, False, 2.0, 3), Figure('b', 2, True, 20.0, 3)]
@@ -33,19 +33,19 @@ def test_contestants_take_turns_and_the_median_counts_but_not_the_first_time():
 
 def test_only_slow_peers_run_fewer_times():
     calls = []
-    contestants = [
-        Contestant('ours', 1, stopwatch([1000.0] * 21, calls, 'ours')),
-        Contestant('peer', 1, stopwatch([1000.0] * 21, calls, 'peer'), is_peer=True),
+    candidates = [
+        Candidate('ours', 1, stopwatch([1000.0] * 21, calls, 'ours')),
+        Candidate('peer', 1, stopwatch([1000.0] * 21, calls, 'peer'), is_peer=True),
     ]
 
-    figures = race(contestants, 20, lambda words: None)
+    figures = benchmark(candidates, 20, lambda words: None)
 
     assert [figure.repeats for figure in figures] == [20, 5]
     assert 'peer' in calls[-8:]  # spread over the run
 
 
 def test_a_call_that_does_not_say_is_timed():
-    (figure,) = race([Contestant('a', 1, lambda: None)], 2, lambda words: None)
+    (figure,) = benchmark([Candidate('a', 1, lambda: None)], 2, lambda words: None)
 
     assert 0 <= figure.milliseconds < 1000
 
@@ -54,11 +54,13 @@ def test_a_call_that_does_not_say_is_timed():
     ('at most', 1.5, True), ('at most', 1.6, False), ('at least', 100.0, True), ('at least', 99.0, False),
 ])  # fmt: skip
 def test_a_goal_holds_on_its_side_of_the_bound(sense, ratio, holds):
-    assert Goal('a', 'b', sense, 1.5 if sense == 'at most' else 100).holds(ratio) is holds
+    assert RatioGoal('a', 'b', sense, 1.5 if sense == 'at most' else 100).holds(ratio) is holds
 
 
 def test_each_number_of_our_threads_is_compared_with_the_fastest_figure_of_a_peer(monkeypatch):
-    monkeypatch.setattr(racing, 'GOALS', (Goal('peer', 'ours', 'at least', 5), Goal('ours', '', 'at most', 3)))
+    monkeypatch.setattr(
+        racing, 'GOALS', (RatioGoal('peer', 'ours', 'at least', 5), RatioGoal('ours', '', 'at most', 3))
+    )
     figures = [
         Figure('ours', 1, False, 4.0, 20),
         Figure('ours', 2, False, 2.0, 20),
@@ -76,10 +78,10 @@ def test_goals_of_peers_that_are_not_there_are_left_out():
 
 
 def test_every_goal_names_contestants_and_threads_are_limited_for_a_call_only():
-    with all_contestants() as contestants:
-        names = {contestant.name for contestant in contestants}
+    with all_candidates() as candidates:
+        names = {candidate.name for candidate in candidates}
         before = bands.limit
-        contestants[0].call()
+        candidates[0].call()
         assert bands.limit == before
     for goal in racing.GOALS:
         for name in (goal.numerator, goal.denominator):

@@ -7,27 +7,32 @@ import pytest
 
 from socialcircle_ros.baselines.settings import MedianSettings, RadiusSettings, StatisticalSettings
 from socialcircle_ros.settings import CircleSettings
-from socialcircle_ros.studies.comparison.labelled_clouds import NOT_MEASURED, other_seeds, painted, with_z_scaled
-from socialcircle_ros.studies.comparison.lineup import judged
+from socialcircle_ros.studies.comparison.labelled_clouds import (
+    NOT_MEASURED,
+    other_seeds,
+    synthetic_cloud,
+    with_z_scaled,
+)
 from socialcircle_ros.studies.comparison.methods import KINDS, in_words, method
 from socialcircle_ros.studies.comparison.search import best_settings
+from socialcircle_ros.studies.comparison.study import judged
 
 SIZE = (96, 128)
 
 
 @pytest.fixture(scope='module')
-def subjects():
-    return [painted('metal_groove', SIZE, seed) for seed in (1, 2)]
+def clouds():
+    return [synthetic_cloud('metal_groove', SIZE, seed) for seed in (1, 2)]
 
 
-def mean_f1(settings, subjects):
-    answers = [judged(method(settings, '')(subject.points).outliers, subject) for subject in subjects]
+def mean_f1(settings, clouds):
+    answers = [judged(method(settings, '')(cloud.points).outliers, cloud) for cloud in clouds]
     return np.mean([each.f1 for each in answers])
 
 
 @pytest.mark.parametrize('kind', KINDS)
-def test_what_is_found_is_at_least_as_good_as_the_default(kind, subjects):
-    assert mean_f1(best_settings(kind, subjects), subjects) >= mean_f1(kind(), subjects)
+def test_what_is_found_is_at_least_as_good_as_the_default(kind, clouds):
+    assert mean_f1(best_settings(kind, clouds), clouds) >= mean_f1(kind(), clouds)
 
 
 @pytest.mark.parametrize(
@@ -38,23 +43,23 @@ def test_what_is_found_is_at_least_as_good_as_the_default(kind, subjects):
         (MedianSettings, {'threshold': (-0.5, 0.5)}),
     ],
 )
-def test_no_neighbouring_setting_is_better(kind, steps, subjects):
-    best = best_settings(kind, subjects)
-    reached = mean_f1(best, subjects)
+def test_no_neighbouring_setting_is_better(kind, steps, clouds):
+    best = best_settings(kind, clouds)
+    reached = mean_f1(best, clouds)
     for name, changes in steps.items():
         for change in changes:
             changed = replace(best, **{name: getattr(best, name) + change})
-            assert mean_f1(changed, subjects) <= reached + 0.01
+            assert mean_f1(changed, clouds) <= reached + 0.01
 
 
 def test_search_seeds_are_never_those_of_the_scores():
     assert not {3, 1, 7} & set(other_seeds((3, 1, 7), 2))
 
 
-def test_a_subject_lacks_seven_points_which_do_not_count(subjects):
-    missing = ~np.isfinite(subjects[0].points[..., 2])
+def test_a_subject_lacks_seven_points_which_do_not_count(clouds):
+    missing = ~np.isfinite(clouds[0].points[..., 2])
     assert missing.sum() == NOT_MEASURED
-    assert not (missing & (subjects[0].counted | subjects[0].outlier)).any()
+    assert not (missing & (clouds[0].counted | clouds[0].outlier)).any()
 
 
 def test_settings_in_words_leave_out_what_does_not_count():

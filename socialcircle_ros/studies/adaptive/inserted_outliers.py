@@ -1,4 +1,4 @@
-"""Measured surfaces as carriers of outliers: what is put in is known, what was wrong before does not count."""
+"""Measured surfaces as surfaces of outliers: what is put in is known, what was wrong before does not count."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -7,9 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.baselines.median import window_median
-from socialcircle_ros.metrics.scores import Mask, f1_at
+from socialcircle_ros.cloud import Mask
+from socialcircle_ros.metrics.scores import f1_at
 from socialcircle_ros.simulation import Contamination, add_outliers
-from socialcircle_ros.studies.comparison.real import RealCloud
+from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
 _SIGMA = 1.4826
 """Standard deviations in a median absolute deviation, for a normal distribution."""
@@ -21,7 +22,7 @@ _THRESHOLDS = np.geomspace(0.3, 60, 400)
 
 
 @dataclass(frozen=True, eq=False)
-class Carrier:
+class MeasuredSurface:
     """A measured surface.
 
     Attributes:
@@ -31,14 +32,14 @@ class Carrier:
         spikes: (H, W) bool, measured, and not plausible.
     """
 
-    cloud: RealCloud
+    cloud: MeasuredCloud
     unit: float
     plausible: Mask
     spikes: Mask
 
 
 @dataclass(frozen=True, eq=False)
-class Loaded:
+class ContaminatedSurface:
     """A carrier with outliers put in.
 
     Attributes:
@@ -59,16 +60,18 @@ class Loaded:
         return float(f1_at(residual, self.outlier, self.counted, _THRESHOLDS * self.unit).max())
 
 
-def carrier(cloud: RealCloud) -> Carrier:
+def measured_surface(cloud: MeasuredCloud) -> MeasuredSurface:
     """A measured surface as a carrier; one that is smooth to the last digit counts in its standard deviation."""
     fine, coarse = (_residual(cloud.points, window) for window in (_FINE, _COARSE))
     measured = np.isfinite(coarse)
     unit = _SIGMA * float(np.median(fine[measured]))
     plausible: Mask = coarse <= _PLAUSIBLE * _SIGMA * float(np.median(coarse[measured]))
-    return Carrier(cloud, unit if unit > 0 else float(fine[measured].std()), plausible, measured & ~plausible)
+    return MeasuredSurface(
+        cloud, unit if unit > 0 else float(fine[measured].std()), plausible, measured & ~plausible
+    )
 
 
-def loaded(bare: Carrier, share: float, seed: int) -> Loaded:
+def insert_outliers(bare: MeasuredSurface, share: float, seed: int) -> ContaminatedSurface:
     """Put in outliers of 8 to 40 σ: half alone, half in clusters of 2 to 8 points radius, sharp or blurred.
 
     Args:
@@ -83,7 +86,7 @@ def loaded(bare: Carrier, share: float, seed: int) -> Loaded:
     points[..., 2] = made.heights
     # What was wrong before can be removed or kept, unless an outlier was put on it.
     counted: Mask = (bare.plausible & ~made.ambiguous) | made.outlier
-    return Loaded(points, made.outlier, counted, bare.unit)
+    return ContaminatedSurface(points, made.outlier, counted, bare.unit)
 
 
 _KIND = Contamination(clustered=0.5, amplitude=(8.0, 40.0), radius=(2.0, 8.0), flank='mixed')

@@ -5,9 +5,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from socialcircle_ros.metrics.scores import Mask, Scores, score
+from socialcircle_ros.cloud import Mask
+from socialcircle_ros.metrics.scores import Scores, score
 
-from .labelled_clouds import PAPER_SIZE, PAPERS_SCENES, TITLES, Subject, other_seeds, painted, scanned
+from .labelled_clouds import (
+    PAPER_SIZE,
+    PAPERS_SCENES,
+    TITLES,
+    LabelledCloud,
+    other_seeds,
+    scanned_cloud,
+    synthetic_cloud,
+)
 from .methods import KINDS, FilterSettings, Method, method
 from .search import best_settings
 
@@ -68,27 +77,27 @@ def quick_plan(seeds: tuple[int, ...]) -> Plan:
 
 
 @dataclass(frozen=True)
-class Lineup:
+class Study:
     """The filters for each kind of cloud; a search is done once, and remembered."""
 
     plan: Plan
     tell: Callable[[str], None]
     _best: dict[tuple[str, bool], list[FilterSettings]] = field(default_factory=dict)
 
-    def subject(self, scene: str, seed: int, *, from_stack: bool = False) -> Subject:
+    def cloud(self, scene: str, seed: int, *, from_stack: bool = False) -> LabelledCloud:
         """A cloud of a scene: painted, or from a rendered focus stack."""
         if from_stack:
-            return scanned(scene, self.plan.small, seed)
-        return painted(scene, self.plan.size, seed)
+            return scanned_cloud(scene, self.plan.small, seed)
+        return synthetic_cloud(scene, self.plan.size, seed)
 
     def best(self, scene: str, *, from_stack: bool = False) -> list[FilterSettings]:
         """The best settings of each filter, in the order of `KINDS`."""
         key = scene, from_stack
         if key not in self._best:
             self.tell(f'{scene}: making clouds to search on')
-            make = scanned if from_stack else painted
-            subjects = [make(scene, self.plan.small, seed) for seed in self.plan.search_seeds]
-            self._best[key] = [self._search(scene, kind, subjects) for kind in KINDS]
+            make = scanned_cloud if from_stack else synthetic_cloud
+            clouds = [make(scene, self.plan.small, seed) for seed in self.plan.search_seeds]
+            self._best[key] = [self._search(scene, kind, clouds) for kind in KINDS]
         return self._best[key]
 
     def methods(self, scene: str, *, from_stack: bool = False) -> list[Method]:
@@ -96,14 +105,14 @@ class Lineup:
         pairs = zip(KINDS, self.best(scene, from_stack=from_stack), strict=True)
         return [each for kind, best in pairs for each in (method(kind(), 'default'), method(best, 'best'))]
 
-    def _search(self, scene: str, kind: type[FilterSettings], subjects: Sequence[Subject]) -> FilterSettings:
+    def _search(self, scene: str, kind: type[FilterSettings], clouds: Sequence[LabelledCloud]) -> FilterSettings:
         self.tell(f'{scene}: searching {kind.__name__.removesuffix("Settings").lower()} settings')
-        return best_settings(kind, subjects)
+        return best_settings(kind, clouds)
 
 
-def judged(found: Mask, subject: Subject) -> Scores:
+def judged(found: Mask, cloud: LabelledCloud) -> Scores:
     """A mask against the truth of the cloud."""
-    return score(found, subject.outlier, subject.counted)
+    return score(found, cloud.outlier, cloud.counted)
 
 
 def mean_scores(scores: Sequence[Scores]) -> Scores:

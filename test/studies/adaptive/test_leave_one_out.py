@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from socialcircle_ros.circle.adaptive import Rules
-from socialcircle_ros.studies.adaptive import left_out as module
-from socialcircle_ros.studies.adaptive.carriers import carrier
-from socialcircle_ros.studies.adaptive.left_out import left_out
-from socialcircle_ros.studies.comparison.real import RealCloud
+from socialcircle_ros.studies.adaptive import leave_one_out as module
+from socialcircle_ros.studies.adaptive.inserted_outliers import measured_surface
+from socialcircle_ros.studies.adaptive.leave_one_out import leave_one_out
+from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
 BLIND = Rules(steep=2.0)
-"""No border is so steep: loners alone are outliers."""
+"""No border is so steep: isolated points alone are outliers."""
 
 
 def plate(name, seed, islands=0):
@@ -19,12 +19,12 @@ def plate(name, seed, islands=0):
     for place in range(islands):
         row, column = 8 + 15 * (place // 10), 8 + 17 * (place % 10)
         heights[row : row + 4, column : column + 4] += 2 + 0.4 * (place % 7)
-    return carrier(RealCloud(name, np.dstack([columns, rows, heights.astype(np.float32)]), 'µm'))
+    return measured_surface(MeasuredCloud(name, np.dstack([columns, rows, heights.astype(np.float32)]), 'µm'))
 
 
-def found(carriers):
+def found(surfaces):
     told = []
-    section, goal = left_out(carriers, (1, 2, 3), told.append)
+    section, goal = leave_one_out(surfaces, (1, 2, 3), told.append)
     assert told
     (table,) = section.tables
     return {row[0]: row[1:] for row in table.rows}, goal

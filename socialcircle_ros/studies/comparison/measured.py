@@ -12,12 +12,12 @@ from socialcircle_ros.report.content import Cell, Column, Picture, Section, Tabl
 
 from . import drawings
 from .labelled_clouds import with_z_scaled
-from .lineup import Lineup
 from .methods import KINDS, method
+from .study import Study
 
 
 @dataclass(frozen=True, eq=False)
-class RealCloud:
+class MeasuredCloud:
     """A measured cloud (H, W, 3), NaN where not measured, and the unit of its lengths."""
 
     name: str
@@ -25,11 +25,11 @@ class RealCloud:
     unit: str
 
 
-def real_surfaces(lineup: Lineup, clouds: Sequence[RealCloud]) -> list[Section]:
+def measured_surfaces(study: Study, clouds: Sequence[MeasuredCloud]) -> list[Section]:
     """Each filter at its default on each cloud, and the social circle with heights scaled to the pitch."""
     pictures, rows = [], []
     for cloud in clouds:
-        lineup.tell(f'{cloud.name}: filtering and drawing')
+        study.tell(f'{cloud.name}: filtering and drawing')
         answers = [(method(kind(), '').name, method(kind(), '')(cloud.points).outliers) for kind in KINDS]
         circle = method(KINDS[0](), '')
         answers.insert(1, (f'{circle.name}, z scaled', circle(with_z_scaled(cloud.points)).outliers))
@@ -56,7 +56,7 @@ def real_surfaces(lineup: Lineup, clouds: Sequence[RealCloud]) -> list[Section]:
     return [Section('Real surfaces', [text], items=[table, *pictures])]
 
 
-def _row(cloud: RealCloud, name: str, found: npt.NDArray[np.bool_]) -> list[Cell]:
+def _row(cloud: MeasuredCloud, name: str, found: npt.NDArray[np.bool_]) -> list[Cell]:
     z = cloud.points[..., 2]
     before, after = texture(z), texture(np.where(found, np.nan, z))
     measured, removed = int(np.isfinite(z).sum()), int(np.count_nonzero(found))
