@@ -1,8 +1,9 @@
-"""`socialcircle bench`."""
+"""`socialcircle bench`: options and printing; the measurements are in `studies.bench`."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -10,20 +11,21 @@ from .options import require_ros
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 
 @click.command('bench', epilog='Example: socialcircle bench --json bench.json')
-@click.option('--repeats', default=20, show_default=True, help='How often each figure is taken.')
-@click.option('--sizes', is_flag=True, help='Measure the steps of the filter for four sizes of cloud instead.')
-@click.option('--growth', is_flag=True, help='Measure how time grows from 0.1 to 50 million points instead.')
-@click.option('--depth', is_flag=True, help='Measure the error of depth from focus on simulated stacks instead.')
-@click.option('--live', is_flag=True, help='Measure the live node from outside instead: stacks, clouds, a relay.')
+@click.option('--repeats', default=20, show_default=True, help='Timed runs of each measurement.')
+@click.option('--sizes', is_flag=True, help='Instead: time the steps of the filter for four sizes of cloud.')
+@click.option('--growth', is_flag=True, help='Instead: time the filter from 0.1 to 50 million points.')
+@click.option('--depth', is_flag=True, help='Instead: measure the error of depth from focus on simulated stacks.')
+@click.option('--live', is_flag=True, help='Instead: time the live node from outside, for stacks and clouds.')
 @click.option(
     '--seconds', type=click.FloatRange(1), default=60.0, show_default=True,
-    help='With --live: how long 25 clouds a second are sent.',
+    help='With --live: duration of a stream of 25 clouds per second.',
 )  # fmt: skip
-@click.option('--json', 'path', type=click.Path(path_type=Path), help='Write the figures here as well.')
-@click.option('--plot', type=click.Path(path_type=Path), help='With --growth: draw it here, as NAME.png or .svg.')
+@click.option('--json', 'path', type=click.Path(path_type=Path), help='Also write the results to this file.')
+@click.option('--plot', type=click.Path(path_type=Path), help='With --growth: write a plot, as NAME.png or .svg.')
 def command(
     repeats: int,
     sizes: bool,
@@ -34,17 +36,18 @@ def command(
     path: Path | None,
     plot: Path | None,
 ) -> None:
-    """Measure how fast the filter is on this machine, beside each peer that is installed.
+    """Measure the filter's speed on this machine, next to other libraries that are installed.
 
-    Figures are medians after warm-up, in ms, of candidates that take turns. Other work on the machine makes them
-    worse; compare ratios of one run. Peers: OpenCV, SciPy, Open3D (Python packages), PCL (Debian's pcl-tools).
+    Times are medians in ms after a warm-up run. All candidates take turns in one run. Other load on the machine
+    affects times more than their ratios: compare ratios. Other libraries: OpenCV, SciPy, Open3D (Python packages)
+    and PCL (Debian package pcl-tools).
     """
     if repeats < 1:
         raise click.BadParameter('must be at least 1.', param_hint='--repeats')
     if sizes + growth + depth + live > 1:
-        raise click.UsageError('--sizes, --growth, --depth and --live measure different things: give one.')
+        raise click.UsageError('--sizes, --growth, --depth and --live are different measurements: give one.')
     if plot is not None and not growth:
-        raise click.UsageError('--plot draws what --growth measures: give both.')
+        raise click.UsageError('--plot draws the result of --growth: give both.')
     if depth:
         _depth()
     elif sizes:
@@ -58,135 +61,132 @@ def command(
 
 
 def _ratios(repeats: int, path: Path | None) -> None:
-    """Print what each candidate takes, and the goals."""
+    """Print the time of each candidate, and the ratios with their goals."""
     import dataclasses
 
     from rich.console import Console
-    from rich.table import Table
 
     from socialcircle_ros.kernels.memory import keep_freed_memory
-    from socialcircle_ros.studies.bench.ratios import (
-        COLUMNS,
-        ROWS,
-        SHARE,
-        all_candidates,
-        benchmark,
-        missing_peers,
-        ratios,
-    )
+    from socialcircle_ros.studies.bench.candidates import COLUMNS, ROWS, SHARE, all_candidates, missing_peers
+    from socialcircle_ros.studies.bench.ratios import benchmark, ratios
 
     keep_freed_memory()  # as the node and the other commands do
     console = Console()
     with console.status('simulating ...') as status, all_candidates() as candidates:
         figures = benchmark(candidates, repeats, status.update)
+    found = ratios(figures)
     cloud = f'simulated metal groove, {COLUMNS}×{ROWS} float32, {100 * SHARE:g} % outliers'
-    table = Table(title=f'{cloud}; medians in ms', box=None, padding=(0, 2, 0, 0))
-    table.add_column()
-    for name in ('threads', 'ms', 'times'):
-        table.add_column(name, justify='right')
+    times = _table(f'{cloud}; medians in ms', '', 'threads', 'ms', 'repeats')
     for figure in figures:
         threads = str(figure.threads or 'its own choice')
-        table.add_row(figure.name, threads, f'{figure.milliseconds:.2f}', str(figure.repeats))
-    console.print(table)
-    goals = Table(title='ratios of this run', box=None, padding=(0, 2, 0, 0))
-    for name, side in (
-        ('', 'left'),
-        ('our threads', 'right'),
-        ('ratio', 'right'),
-        ('goal', 'right'),
-        ('', 'left'),
-    ):
-        goals.add_column(name, justify=side)  # type: ignore[arg-type]
-    found = ratios(figures)
+        times.add_row(figure.name, threads, f'{figure.milliseconds:.2f}', str(figure.repeats))
+    console.print(times)
+    goals = _table('ratios of this run', '', 'our threads', 'ratio', 'goal', 'result')
     for ratio in found:
         goal = ratio.goal
-        words = f'{goal.numerator} : {goal.denominator}' if goal.denominator else f'{goal.numerator}, ms'
-        holds = 'holds' if ratio.holds else 'MISSED'
-        goals.add_row(words, str(ratio.threads), f'{ratio.ratio:.2f}', f'{goal.sense} {goal.bound:g}', holds)
+        name = f'{goal.numerator} : {goal.denominator}' if goal.denominator else f'{goal.numerator}, ms'
+        result = 'met' if ratio.is_met else 'MISSED'
+        goals.add_row(name, str(ratio.threads), f'{ratio.ratio:.2f}', f'{goal.sense} {goal.bound:g}', result)
     console.print(goals)
     missing = missing_peers()
     if missing:
-        console.print(f'Not installed here, and so left out: {", ".join(missing)}.', highlight=False)
-    _finish(
-        console,
-        repeats,
-        path,
-        {
-            'cloud': cloud,
-            'figures': [dataclasses.asdict(figure) for figure in figures],
-            'ratios': [{**dataclasses.asdict(ratio), 'holds': ratio.holds} for ratio in found],
-            'left out': missing,
-        },
-    )
+        console.print(f'Not installed, and left out: {", ".join(missing)}.', highlight=False)
+    results = {
+        'cloud': cloud,
+        'figures': [dataclasses.asdict(figure) for figure in figures],
+        'ratios': [{**dataclasses.asdict(ratio), 'holds': ratio.is_met} for ratio in found],
+        'left out': missing,
+    }
+    _finish(console, repeats, path, results)
 
 
 def _growth(repeats: int, path: Path | None, plot: Path | None) -> None:
-    """Print how time grows with the points."""
-    import dataclasses
-
+    """Print the growth of the time with the number of points."""
     from rich.console import Console
-    from rich.table import Table
 
     from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.studies.bench.growth import POINTS, draw_growth, time_growth
 
     keep_freed_memory()  # as the node and the other commands do
     console = Console()
-    table = Table(title='Mirrored metal groove, float32; medians in ms', box=None, padding=(0, 2, 0, 0))
-    for name in ('million points', 'vote', 'radius and expansion', 'ns/point'):
-        table.add_column(name, justify='right')
-    steps = []
+    title = 'Mirrored metal groove, float32; medians in ms'
+    table = _table(title, 'million points', 'vote', 'radius and expansion', 'ns/point', first='right')
+    points = []
     with console.status('measuring ...') as status:
-        for step in time_growth(repeats):
-            steps.append(step)
-            status.update(f'measured {len(steps)} of {len(POINTS)} sizes ...')
+        for point in time_growth(repeats):
+            points.append(point)
+            status.update(f'measured {len(points)} of {len(POINTS)} sizes ...')
             table.add_row(
-                f'{step.points / 1e6:.2f}', f'{step.vote:.1f}', f'{step.expansion:.2f}', f'{step.nanoseconds:.1f}'
+                f'{point.points / 1e6:.2f}',
+                f'{point.vote_ms:.1f}',
+                f'{point.circle_ms:.2f}',
+                f'{point.ns_per_point:.1f}',
             )
     console.print(table)
     if plot is not None:
-        draw_growth(steps, plot)
-    _finish(console, repeats, path, {'ms': [dataclasses.asdict(step) for step in steps]})
+        draw_growth(points, plot)
+    times = [
+        {'rows': each.rows, 'columns': each.columns, 'vote': each.vote_ms, 'expansion': each.circle_ms}
+        for each in points
+    ]
+    _finish(console, repeats, path, {'ms': times})
 
 
 def _sizes(repeats: int, path: Path | None) -> None:
-    """Print what the steps take on clouds of several sizes."""
-    import dataclasses
-
+    """Print the times of the filter's steps on clouds of several sizes."""
     from rich.console import Console
-    from rich.table import Table
 
-    from socialcircle_ros.studies.bench.sizes import SIZES, time_filter
+    from socialcircle_ros.studies.bench.sizes import SIZES, time_sizes
 
     console = Console()
     title = 'Simulated metal groove, float32, 9.55 % outliers; medians in ms'
-    table = Table(title=title, box=None, padding=(0, 2, 0, 0))
-    for name in ('points', 'vote', 'circle', 'ns/point', 'of bound', 'whole', 'copy'):
-        table.add_column(name, justify='right')
+    headings = ('points', 'vote', 'circle', 'ns/point', 'of bound', 'whole', 'copy')
+    table = _table(title, *headings, first='right')
     table.caption = (
-        'circle: radius and expansion; of bound: its share of 5 ms and 25 ns per point; whole: from a message'
-        ' to the answers; copy: copying the cloud once'
+        'circle: radius and expansion; of bound: circle relative to 5 ms + 25 ns per point; whole: from a message'
+        ' to the outputs; copy: copying the cloud once'
     )
-    timings = []
+    times = []
     with console.status('measuring ...') as status:
-        for timing in time_filter(repeats):
-            timings.append(timing)
-            status.update(f'measured {len(timings)} of {len(SIZES)} sizes ...')
+        for each in time_sizes(repeats):
+            times.append(each)
+            status.update(f'measured {len(times)} of {len(SIZES)} sizes ...')
             table.add_row(
-                f'{timing.columns}×{timing.rows}',
-                f'{timing.vote:.1f}',
-                f'{timing.radius_and_expansion:.2f}',
-                f'{1e6 * timing.radius_and_expansion / timing.points:.1f}',
-                f'{timing.radius_and_expansion / timing.allowed:.2f}',
-                f'{timing.pipeline:.1f}',
-                f'{timing.copy:.2f}',
+                f'{each.columns}×{each.rows}',
+                f'{each.vote_ms:.1f}',
+                f'{each.circle_ms:.2f}',
+                f'{1e6 * each.circle_ms / each.points:.1f}',
+                f'{each.circle_ms / each.bound_ms:.2f}',
+                f'{each.pipeline_ms:.1f}',
+                f'{each.copy_ms:.2f}',
             )
     console.print(table)
-    _finish(console, repeats, path, {'ms': [dataclasses.asdict(timing) for timing in timings]})
+    written = [
+        {
+            'rows': each.rows,
+            'columns': each.columns,
+            'vote': each.vote_ms,
+            'radius_and_expansion': each.circle_ms,
+            'pipeline': each.pipeline_ms,
+            'copy': each.copy_ms,
+        }
+        for each in times
+    ]
+    _finish(console, repeats, path, {'ms': written})
 
 
-def _finish(console: 'Console', repeats: int, path: Path | None, figures: dict[str, Any]) -> None:
-    """Name the machine, and write the figures where that is wanted."""
+def _table(title: str, *headings: str, first: 'Literal["left", "right"]' = 'left') -> 'Table':
+    """A table without borders; all columns but the first are aligned to the right."""
+    from rich.table import Table
+
+    table = Table(title=title, box=None, padding=(0, 2, 0, 0))
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify='right' if number else first)
+    return table
+
+
+def _finish(console: 'Console', repeats: int, path: Path | None, results: Mapping[str, object]) -> None:
+    """Print the machine, and write the results if a path is given."""
     import json
 
     from socialcircle_ros.errors import SocialCircleError
@@ -195,7 +195,7 @@ def _finish(console: 'Console', repeats: int, path: Path | None, figures: dict[s
     console.print(f'{hardware()}; load {os.getloadavg()[0]:.1f} at the end', highlight=False)
     if path is None:
         return
-    written = {'hardware': hardware(), 'load': os.getloadavg()[0], 'repeats': repeats, **figures}
+    written = {'hardware': hardware(), 'load': os.getloadavg()[0], 'repeats': repeats, **results}
     try:
         path.write_text(json.dumps(written, indent=1), encoding='utf-8')
     except OSError as error:
@@ -203,12 +203,12 @@ def _finish(console: 'Console', repeats: int, path: Path | None, figures: dict[s
 
 
 def _live(repeats: int, seconds: float, path: Path | None) -> None:
-    """Print how long the live node takes, from a publisher to a subscriber."""
+    """Print the times of the live node, from a publisher to a subscriber."""
     require_ros()
     import dataclasses
     import tempfile
 
-    # The bench talks to itself only; what listens beyond this machine is the user's choice.
+    # All processes of the benchmark run on this machine; a discovery range that the user has set stays.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     from socialcircle_ros.node.transport import prepare_process
 
@@ -266,14 +266,14 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
 
 
 def _depth() -> None:
-    """Print the errors of depth from focus, and what quality is worth."""
+    """Print the error of depth from focus, and what its quality value predicts."""
     from rich.console import Console
     from rich.table import Table
 
     from socialcircle_ros.studies.bench.depth_error import SEEDS, depth_errors, quality_shares
 
     console = Console()
-    table = Table(title='Depth from focus, errors in z-steps over good pixels', box=None, padding=(0, 2, 0, 0))
+    table = Table(title='Depth from focus: errors in z-steps over good pixels', box=None, padding=(0, 2, 0, 0))
     for name in ('stack', 'specimen', 'fit'):
         table.add_column(name)
     for name in ('RMS', 'bias', 'good'):
@@ -292,7 +292,7 @@ def _depth() -> None:
     console.print(table)
     for bound, (pixels, good) in shares.items():
         console.print(
-            f'quality at least {bound}: {100 * pixels:.1f} % of the pixels, {100 * good:.1f} % of them good'
+            f'quality ≥ {bound}: {100 * pixels:.1f} % of the pixels; {100 * good:.1f} % of these are good'
         )
     console.print(
         f'seeds {SEEDS[0]} to {SEEDS[-1]}; good: within a quarter of the depth of field (DOF)', highlight=False

@@ -5,7 +5,7 @@ import json
 import pytest
 
 
-def test_it_prints_and_writes_ratios_beside_the_hardware(run, tmp_path):
+def test_ratios_are_printed_and_written_with_the_hardware(run, tmp_path):
     done = run('bench', '--repeats', '1', '--json', 'bench.json')
     assert done.code == 0, done.err
     written = json.loads((tmp_path / 'bench.json').read_text())
@@ -28,7 +28,7 @@ def test_sizes_are_printed_and_written(run, tmp_path):
     assert all(figure['radius_and_expansion'] > 0 for figure in figures)
 
 
-def test_figures_that_cannot_be_written_are_told(run):
+def test_a_file_that_cannot_be_written_is_an_error(run):
     done = run('bench', '--sizes', '--repeats', '1', '--json', 'no/folder/bench.json')
     assert done.code == 1
     assert 'no/folder/bench.json cannot be written' in done.err
@@ -42,5 +42,5 @@ def test_figures_that_cannot_be_written_are_told(run):
         (['--plot', 'growth.png'], 'give both'),
     ],
 )
-def test_what_makes_no_sense_is_refused(run, words, sentence):
+def test_options_that_contradict_each_other_are_refused(run, words, sentence):
     assert sentence in run('bench', *words).err

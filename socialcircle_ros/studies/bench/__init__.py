@@ -1,1 +1,1 @@
-"""Benchmarks: time beside peers, growth with size, exactness of depth, and the live node."""
+"""Benchmarks: run time against other libraries, growth with the cloud's size, depth error, and the live node."""

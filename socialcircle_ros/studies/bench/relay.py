@@ -1,12 +1,18 @@
-"""A bare relay, `points` to `relayed`, bytes untouched: the least that any node in rclpy takes for a cloud."""
+"""A relay that publishes each cloud of `points` on `relayed` without reading it.
+
+Its trip time is the lower bound of any rclpy node that receives and publishes a cloud.
+"""
 
 import sys
 
+from socialcircle_ros.interface import POINTS
 from socialcircle_ros.node.transport import prepare_process
+
+RELAYED = 'relayed'
 
 
 def main() -> int:
-    """Run the relay until SIGINT."""
+    """Run the relay until SIGINT; returns the exit status."""
     prepare_process()
     import rclpy  # noqa: PLC0415 - after the environment is set
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415
@@ -19,8 +25,8 @@ def main() -> int:
         rclpy.init()
         node = Node('relay')
         reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-        publisher = node.create_publisher(PointCloud2, 'relayed', reliable)
-        node.create_subscription(PointCloud2, 'points', publisher.publish, reliable, raw=True)
+        publisher = node.create_publisher(PointCloud2, RELAYED, reliable)
+        node.create_subscription(PointCloud2, POINTS.name, publisher.publish, reliable, raw=True)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         executor.spin()

@@ -1,8 +1,7 @@
-"""How long the filter takes: medians after warm-up, on clouds of several sizes."""
+"""Times of the filter's steps on clouds of several sizes."""
 
 import statistics
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,23 +12,31 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.simulation import make_scene
+from socialcircle_ros.studies.timing import repeated_ms
 
 SIZES = ((240, 320), (480, 640), (960, 1280), (1920, 2560))
 """Rows and columns of the clouds."""
 
 
 @dataclass(frozen=True)
-class Timing:
-    """Median times in ms for one size of cloud."""
+class SizeTimes:
+    """Median times for one size of cloud.
+
+    Attributes:
+        rows: of the cloud.
+        columns: of the cloud.
+        vote_ms: choice of the region and vote.
+        circle_ms: radius and expansion.
+        pipeline_ms: from a serialized message to serialized outputs.
+        copy_ms: copying the cloud once, a lower bound of any output.
+    """
 
     rows: int
     columns: int
-    vote: float
-    radius_and_expansion: float
-    pipeline: float
-    """From a serialized message to serialized answers."""
-    copy: float
-    """Copying the cloud once: what any answer costs at least."""
+    vote_ms: float
+    circle_ms: float
+    pipeline_ms: float
+    copy_ms: float
 
     @property
     def points(self) -> int:
@@ -37,37 +44,26 @@ class Timing:
         return self.rows * self.columns
 
     @property
-    def allowed(self) -> float:
-        """What radius and expansion may take: 5 ms and 25 ns per point."""
+    def bound_ms(self) -> float:
+        """Upper bound for radius and expansion: 5 ms and 25 ns per point."""
         return 5 + 25e-6 * self.points
 
 
-def time_filter(repeats: int) -> Iterator[Timing]:
-    """Time the filter on a simulated metal groove of each size, one after the other.
+def time_sizes(repeats: int) -> Iterator[SizeTimes]:
+    """Time the filter on a simulated metal groove of each size.
 
     Args:
-        repeats: how often each figure is taken after a first, uncounted time.
+        repeats: timed runs of each step, after one warm-up run.
     """
     for rows, columns in SIZES:
         xyz = make_scene('metal_groove', rows, columns).points
         message = encode_point_cloud(Header(), xyz, {'intensity': xyz[..., 2]})
         steps = [remove_outliers(xyz).times for _ in range(repeats + 1)][1:]
-        yield Timing(
+        yield SizeTimes(
             rows,
             columns,
-            vote=1e3 * statistics.median(step['vote'] for step in steps),
-            radius_and_expansion=1e3 * statistics.median(step['radius'] + step['expansion'] for step in steps),
-            pipeline=_median(partial(filter_cloud, message), repeats),
-            copy=_median(np.frombuffer(message, np.uint8).copy, repeats),
+            vote_ms=1e3 * statistics.median(step['vote'] for step in steps),
+            circle_ms=1e3 * statistics.median(step['radius'] + step['expansion'] for step in steps),
+            pipeline_ms=statistics.median(repeated_ms(partial(filter_cloud, message), repeats)),
+            copy_ms=statistics.median(repeated_ms(np.frombuffer(message, np.uint8).copy, repeats)),
         )
-
-
-def _median(call: Callable[[], object], repeats: int) -> float:
-    """Median time of a call in ms, after one that is not counted."""
-    call()
-    times = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - began)
-    return 1e3 * statistics.median(times)

@@ -1,4 +1,4 @@
-"""Depth from focus against the truth of simulated stacks, with seeds that nothing was fitted on."""
+"""Error of the depth from simulated stacks, on seeds that nothing was fitted on."""
 
 import pytest
 
@@ -12,7 +12,7 @@ def flat():
     return [row for row in depth_errors(SEEDS) if (row.specimen, row.fit) == ('flat', 'gauss')]
 
 
-def test_the_error_is_as_small_as_promised(flat):
+def test_the_error_is_within_its_bounds(flat):
     """0.04 steps without noise, 0.08 at 6000 electrons and 8 bits, 0.10 at a quarter of the depth of field."""
     assert [row.scenario.noisy for row in flat] == [False, True, True]
     assert all(row.rms <= bound for row, bound in zip(flat, (0.04, 0.08, 0.10), strict=True))
@@ -28,8 +28,8 @@ def test_the_default_fit_is_better_than_three_frames_where_the_curve_is_wide():
     assert fine['gauss'] < 0.8 * fine['gauss3']
 
 
-def test_quality_means_what_it_says():
-    """Of the pixels with at least this quality so many are good, with glints and dark walls."""
+def test_higher_quality_predicts_more_good_pixels():
+    """On specimens with glints and dark walls."""
     shares = quality_shares(SEEDS)
     good = [share for _, share in shares.values()]
     assert good == sorted(good)

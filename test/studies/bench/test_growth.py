@@ -1,4 +1,4 @@
-"""How time grows with the cloud."""
+"""Growth of the time with the size of the cloud."""
 
 import numpy as np
 import pytest
@@ -23,11 +23,11 @@ def test_a_large_cloud_is_the_scene_and_its_mirror_images():
 def test_growth_is_measured_and_drawn(monkeypatch, tmp_path):
     monkeypatch.setattr(growth, 'POINTS', (10_000, 40_000))
 
-    steps = list(time_growth(2))
-    draw_growth(steps, tmp_path / 'growth.png')
+    points = list(time_growth(2))
+    draw_growth(points, tmp_path / 'growth.png')
 
-    assert [round(step.points, -3) for step in steps] == [10_000, 40_000]
-    assert all(step.vote > 0 and step.expansion > 0 and step.nanoseconds > 0 for step in steps)
+    assert [round(each.points, -3) for each in points] == [10_000, 40_000]
+    assert all(each.vote_ms > 0 and each.circle_ms > 0 and each.ns_per_point > 0 for each in points)
     assert (tmp_path / 'growth.png').read_bytes().startswith(b'\x89PNG')
     with pytest.raises(SocialCircleError, match='cannot be written'):
-        draw_growth(steps, tmp_path / 'no' / 'growth.png')
+        draw_growth(points, tmp_path / 'no' / 'growth.png')
