@@ -1,4 +1,4 @@
-"""`socialcircle experiment`."""
+"""`socialcircle experiment`: options and printing; the experiments are in `studies`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,36 +15,36 @@ NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptiv
 @click.argument('name', type=click.Choice(NAMES))
 @click.option(
     '-o', '--out', type=click.Path(path_type=Path), default=Path('out/experiments'), show_default=True,
-    help='Directory of the page, the tables (CSV) and the pictures.',
+    help='Directory for the page, the tables (CSV) and the pictures.',
 )  # fmt: skip
-@click.option('--quick', is_flag=True, help='Small clouds, to see it work; the numbers say little.')
 @click.option(
-    '--seeds', help='Of the clouds that the scores come from, such as 4,5; default: 1,2,3, adaptive: 301 to 320.'
+    '--quick', is_flag=True, help='Use small clouds to check that it runs; the numbers are not meaningful.'
 )
+@click.option('--seeds', help='Seeds of the scored clouds, such as 4,5; default: 1,2,3; for adaptive: 301 to 320.')
 @click.option(
     '--data', type=click.Path(path_type=Path, exists=True, file_okay=False), envvar='SOCIALCIRCLE_DATA',
-    help='Directory of measured surfaces (.npz), for figure8, all and adaptive; default: $SOCIALCIRCLE_DATA.',
+    help='Directory of measured surfaces (.npz) for figure8, all and adaptive; default: $SOCIALCIRCLE_DATA.',
 )  # fmt: skip
 def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | None) -> None:
-    """Repeat the experiments of the paper with known truth, and say where its claims hold.
+    """Repeat the experiments of the paper with known truth, and report where its claims hold.
 
-    Compares the social circle with the radius, the statistical and the median filter, each at its default and at
-    its best settings, searched on other seeds; PCL and Open3D stand beside them where installed. Writes one HTML
-    page, its tables and its pictures. `all` is all of the paper; `adaptive` measures the adaptive mode against its
-    goals, in some four minutes.
+    The social circle is compared with the radius, the statistical and the median filter, each at default settings
+    and at the best settings found on other seeds. PCL and Open3D are included where installed. The command writes
+    one HTML page, its tables and its pictures. `all` runs all experiments of the paper. `adaptive` evaluates the
+    goals of the adaptive mode, in about four minutes.
     """
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from socialcircle_ros.report.page import prepare
     from socialcircle_ros.report.pictures import new_figure
-    from socialcircle_ros.studies.adaptive.experiment import SEEDS
+    from socialcircle_ros.studies.adaptive.experiment import DEFAULT_SEEDS
     from socialcircle_ros.studies.comparison.study import Plan, Study, quick_plan
     from socialcircle_ros.studies.experiments import run, write
 
-    chosen = _numbers(seeds) if seeds else (SEEDS if name == 'adaptive' else (1, 2, 3))
+    chosen = _numbers(seeds) if seeds else (DEFAULT_SEEDS if name == 'adaptive' else (1, 2, 3))
     plan = quick_plan(chosen) if quick else Plan(chosen)
-    new_figure(1, 1)  # says that matplotlib is missing now, not after minutes
+    new_figure(1, 1)  # fails now, not after minutes, if matplotlib is missing
     prepare(out)
     surfaces = _surfaces(data) if data is not None else []
     if quick:
@@ -54,14 +54,16 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(name, total=None)
 
-        def tell(step: str) -> None:
+        def report(step: str) -> None:
             progress.update(task, description=step)
             if not console.is_terminal:
                 click.echo(f'{progress.tasks[task].elapsed or 0:4.0f} s  {step}', err=True)
 
-        sections = run(name, Study(plan, tell), surfaces)
-    called = f'socialcircle experiment {name}{f" --seeds {seeds}" if seeds else ""}{" --quick" if quick else ""}'
-    written = write(out, name, called, sections)
+        sections = run(name, Study(plan, report), surfaces)
+    command_line = (
+        f'socialcircle experiment {name}{f" --seeds {seeds}" if seeds else ""}{" --quick" if quick else ""}'
+    )
+    written = write(out, name, command_line, sections)
     for section in sections:
         for finding in section.findings:
             click.echo(f'- {finding}')
@@ -69,7 +71,7 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
 
 
 def _surfaces(folder: Path) -> 'list[MeasuredCloud]':
-    """The height maps of a folder; its focus stacks are no surfaces yet, and are passed over."""
+    """Import the height maps of a folder; focus stacks are skipped."""
     import numpy as np
 
     from socialcircle_ros.recording import import_cloud

@@ -1,1 +1,1 @@
-"""Research and benchmarks, apart from the product."""
+"""Research on the filter and benchmarks, separate from the product; nothing but `commands` imports them."""

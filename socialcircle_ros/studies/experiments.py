@@ -1,4 +1,4 @@
-"""The experiments by name, the paper's (section 4) and the adaptive mode's, and what they leave on disk."""
+"""All experiments by name, and the page, tables and pictures that they write."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -21,63 +21,68 @@ EXPERIMENTS: dict[str, Sequence[Callable[[Study], list[Section]]]] = {
     'figure10': (figure10,),
     'figure11': (figure11,),
 }
-"""What belongs to each experiment of the paper, in the order of the page."""
+"""The parts of each experiment of the paper, in the order of the page."""
 
-_INTRODUCTION = (
+_PAPER_TITLE = 'The social circle compared with other filters'
+_PAPER_INTRODUCTION = (
     'The experiments of "Fast outlier removing method for point cloud of microscopic 3D measurement based on'
-    ' social circle", repeated with known truth. Does the social circle keep more points, remove more outliers,'
-    ' and take less time than other filters? Every sentence under "What was found" is computed from this run.'
+    ' social circle", repeated on clouds whose outliers are known. Does the social circle keep more points, remove'
+    ' more outliers and take less time than other filters? Every sentence under "What was found" is computed from'
+    ' this run.'
 )
-
-
+_ADAPTIVE_TITLE = 'The adaptive mode and its goals'
 _ADAPTIVE_INTRODUCTION = (
-    'The adaptive mode has one setting for every instrument. Here stands what is asked of it, and what was'
-    ' measured: on simulated clouds and measured surfaces, with seeds that nothing was chosen on. Every sentence'
-    ' under "What was found" is computed from this run.'
+    'The adaptive mode has one setting for all instruments. This page lists its goals and the measured values, on'
+    ' simulated clouds and on measured surfaces. No constant of the mode was chosen on the seeds used here. Every'
+    ' sentence under "What was found" is computed from this run.'
 )
-_TITLES = {'adaptive': ('The adaptive mode and its goals', _ADAPTIVE_INTRODUCTION)}
 
 
-def run(name: str, study: Study, real: Sequence[MeasuredCloud] = ()) -> list[Section]:
-    """One experiment, or all of the paper's.
+def run(name: str, study: Study, measured: Sequence[MeasuredCloud] = ()) -> list[Section]:
+    """Run one experiment, or all of the paper's.
 
     Args:
-        name: of `EXPERIMENTS`, 'all' for all of them, or 'adaptive'.
-        study: what takes part.
-        real: measured clouds, which are shown with figure 8 and carry outliers for the adaptive mode.
+        name: a key of `EXPERIMENTS`; 'all' for all of them; or 'adaptive'.
+        study: clouds, filters and settings.
+        measured: surfaces of real instruments, shown with figure 8 and used by the adaptive mode's experiment.
     """
     if name == 'adaptive':
-        return adaptive(study, real)
+        return adaptive(study, measured)
     parts = [part for parts in EXPERIMENTS.values() for part in parts] if name == 'all' else EXPERIMENTS[name]
     sections = [section for part in parts for section in part(study)]
-    return sections + measured_surfaces(study, real) if real and name in ('figure8', 'all') else sections
+    if measured and name in ('figure8', 'all'):
+        sections += measured_surfaces(study, measured)
+    return sections
 
 
 def write(folder: Path, name: str, command: str, sections: Sequence[Section]) -> list[Path]:
-    """Write the tables as CSV, the pictures as PNG, and everything as one page.
+    """Write the tables as CSV, the pictures as PNG, and everything as one HTML page.
 
     Args:
-        folder: which is there.
-        name: of the page, without its ending.
-        command: that made it, for the page.
-        sections: what it shows.
+        folder: an existing directory.
+        name: of the experiment; the page is `name.html`.
+        command: the command line, shown on the page.
+        sections: of the page.
 
     Returns:
-        What was written, the page first.
+        The written files, the page first.
 
     Raises:
         SocialCircleError: the folder or a file cannot be written.
     """
+    if name == 'adaptive':
+        title, introduction = _ADAPTIVE_TITLE, _ADAPTIVE_INTRODUCTION
+    else:
+        title, introduction = _PAPER_TITLE, _PAPER_INTRODUCTION
+    provenance = (
+        f'Command: {command}. Machine: {hardware()}. Times are from this run; compare ratios rather than times.'
+    )
+    contents: dict[Path, str | bytes] = {}
+    for section in sections:
+        contents |= {folder / f'{table.name}.csv': table.csv() for table in section.tables}
+        contents |= {folder / f'{picture.name}.png': picture.png for picture in section.pictures}
+    for path, content in contents.items():
+        save(path, content)
     page = folder / f'{name}.html'
-    title, first = _TITLES.get(name, ('The social circle against other filters', _INTRODUCTION))
-    introduction = [
-        first,
-        f'Made by: {command}. On: {hardware()}. Times are medians, all from this one run; compare their ratios.',
-    ]
-    tables = [(f'{table.name}.csv', table.csv()) for section in sections for table in section.tables]
-    pictures = [(f'{picture.name}.png', picture.png) for section in sections for picture in section.pictures]
-    contents: list[tuple[str, str | bytes]] = [*tables, *pictures]
-    for file, content in contents:
-        save(folder / file, content)
-    save(page, render(title, introduction, sections))
-    return [page, *(folder / file for file, _ in contents)]
+    save(page, render(title, [introduction, provenance], sections))
+    return [page, *contents]

@@ -13,7 +13,7 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def test_everything_quickly_leaves_one_page_its_tables_and_its_pictures(run, tmp_path):
+def test_all_experiments_write_one_page_its_tables_and_its_pictures(run, tmp_path):
     heights = np.random.default_rng(1).normal(0, 0.1, (70, 90))
     heights[30:33, 40:43] += 20
     np.savez(tmp_path / 'plate.npz', z=heights, dx=1.0, dy=1.0)
@@ -42,23 +42,23 @@ def test_everything_quickly_leaves_one_page_its_tables_and_its_pictures(run, tmp
     assert len(findings) > 8
 
 
-def test_the_adaptive_mode_is_held_against_its_goals(run, tmp_path):
+def test_the_goals_of_the_adaptive_mode_are_evaluated(run, tmp_path):
     heights = np.random.default_rng(1).normal(0, 0.1, (70, 90))
     heights[30:33, 40:43] += 20
     np.savez(tmp_path / 'plate.npz', z=heights, dx=1.0, dy=1.0)
     done = run('experiment', 'adaptive', '--quick', '--data', tmp_path, timeout=300)
     assert done.code == 0, done.err
     folder = tmp_path / 'out' / 'experiments'
-    assert {row['put in'] for row in rows_of(folder / 'adaptive_real.csv')} == {'0.01', '0.05', '0.15', '0.3'}
+    assert {row['inserted'] for row in rows_of(folder / 'adaptive_real.csv')} == {'0.01', '0.05', '0.15', '0.3'}
     (plate,) = rows_of(folder / 'adaptive_untouched.csv')
     assert (plate['beyond 10 σ'], plate['of those removed']) == ('9', '1.0')
     goals = rows_of(folder / 'adaptive_goals.csv')
     page = (folder / 'adaptive.html').read_text(encoding='utf-8')
-    assert all(goal['goal'] in done.out and goal['goal'] in page for goal in goals)
+    assert all(goal['quantity'] in done.out and goal['quantity'] in page for goal in goals)
     assert (folder / 'adaptive_spikes_plate.png').exists()
 
 
-def test_without_measured_surfaces_the_page_of_the_adaptive_mode_says_so(run, tmp_path, monkeypatch):
+def test_without_measured_surfaces_the_page_of_the_adaptive_mode_has_a_warning(run, tmp_path, monkeypatch):
     monkeypatch.delenv('SOCIALCIRCLE_DATA', raising=False)
     done = run('experiment', 'adaptive', '--quick', timeout=300)
     assert done.code == 0, done.err
@@ -66,11 +66,11 @@ def test_without_measured_surfaces_the_page_of_the_adaptive_mode_says_so(run, tm
     assert 'No measured surfaces were given' in page
 
 
-def test_seeds_that_are_no_numbers_are_told(run):
+def test_seeds_that_are_not_numbers_are_an_error(run):
     assert 'give whole numbers from 0' in run('experiment', 'table1', '--seeds', '1;2').err
 
 
-def test_a_place_that_cannot_be_written_is_told(run, tmp_path):
+def test_a_folder_that_cannot_be_written_is_an_error(run, tmp_path):
     (tmp_path / 'file').write_text('')
     done = run('experiment', 'figure8', '--quick', '-o', 'file/inside')
     assert done.code == 1

@@ -1,1 +1,1 @@
-"""The adaptive mode's experiments, held against its goals."""
+"""The adaptive mode's experiments: simulated stacks, measured surfaces and run time, compared with its goals."""

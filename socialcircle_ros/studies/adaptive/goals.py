@@ -1,53 +1,61 @@
-"""Goals with a number, and whether a measurement reaches them."""
+"""Goals: a measured quantity, the bound that is asked of it, and whether it is met."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from socialcircle_ros.report.content import Column, Table
+from socialcircle_ros.report.content import Column, Section, Table
 
 
 @dataclass(frozen=True)
 class Goal:
-    """What is asked of a figure, and the figure.
+    """A measured quantity and its bound.
 
     Attributes:
-        text: what is measured.
-        measured: the figure; NaN, where it could not be taken, reaches nothing.
-        asked: the goal.
-        least: whether it is the least that is asked; else the most.
-        form: how both are written, a format specification.
+        quantity: what is measured.
+        measured: its value; NaN, where it could not be measured, misses the goal.
+        bound: the goal.
+        at_least: whether the bound is a lower bound; else it is an upper one.
+        form: format specification of both values.
     """
 
-    text: str
+    quantity: str
     measured: float
-    asked: float
-    least: bool = True
+    bound: float
+    at_least: bool = True
     form: str = '.3f'
 
     @property
-    def holds(self) -> bool:
-        """Whether the figure reaches the goal."""
-        return self.measured >= self.asked if self.least else self.measured <= self.asked
+    def is_met(self) -> bool:
+        """Whether the value is on the right side of the bound."""
+        return self.measured >= self.bound if self.at_least else self.measured <= self.bound
 
     @property
-    def asked_in_words(self) -> str:
-        """The goal, such as `at least 0.920`."""
-        return f'{"at least" if self.least else "at most"} {self.asked:{self.form}}'
+    def bound_text(self) -> str:
+        """The bound, such as `at least 0.920`."""
+        return f'{"at least" if self.at_least else "at most"} {self.bound:{self.form}}'
 
     @property
     def verdict(self) -> str:
-        """In one word."""
-        return 'holds' if self.holds else 'missed'
+        """`met` or `missed`."""
+        return 'met' if self.is_met else 'missed'
 
     @property
     def sentence(self) -> str:
-        """All of it."""
-        return f'{self.text}: {self.measured:{self.form}}, asked {self.asked_in_words}: {self.verdict}.'
+        """Quantity, value, bound and verdict."""
+        return f'{self.quantity}: {self.measured:{self.form}} (goal: {self.bound_text}, {self.verdict}).'
+
+
+class Evaluation(NamedTuple):
+    """A section of the page, and the goals that its numbers decide."""
+
+    section: Section
+    goals: list[Goal]
 
 
 def goals_table(name: str, goals: Sequence[Goal]) -> Table:
-    """The goals, one a line."""
-    columns = [Column('goal'), Column('asked'), Column('measured'), Column('')]
-    rows = [[goal.text, goal.asked_in_words, f'{goal.measured:{goal.form}}', goal.verdict] for goal in goals]
-    held = sum(goal.holds for goal in goals)
-    return Table(name, f'{held} of {len(goals)} goals hold', columns, rows)
+    """The goals, one a row."""
+    columns = [Column('quantity'), Column('goal'), Column('measured'), Column('result')]
+    rows = [[goal.quantity, goal.bound_text, f'{goal.measured:{goal.form}}', goal.verdict] for goal in goals]
+    met = sum(goal.is_met for goal in goals)
+    return Table(name, f'{met} of {len(goals)} goals met', columns, rows)

@@ -1,97 +1,103 @@
-"""Measured surfaces as surfaces of outliers: what is put in is known, what was wrong before does not count."""
+"""Measured surfaces with inserted outliers.
+
+The inserted outliers are known. Points of the surface that may be wrong before the insertion are not counted.
+"""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from socialcircle_ros.baselines.median import window_median
-from socialcircle_ros.cloud import Mask
-from socialcircle_ros.metrics.scores import f1_at
+from socialcircle_ros.baselines.result import Score
+from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.metrics.scores import Scores, f1_at, score
 from socialcircle_ros.simulation import Contamination, add_outliers
 from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
 _SIGMA = 1.4826
-"""Standard deviations in a median absolute deviation, for a normal distribution."""
-_FINE, _COARSE = 5, 11
-"""Sides of the windows whose median gives the surface's own noise, and of the one that spikes stand out from."""
+"""Standard deviation of a normal distribution, in median absolute deviations."""
+_NOISE_WINDOW, _SPIKE_WINDOW = 5, 11
+"""Sides of the median windows: residuals to the first give the noise, residuals to the second the spikes."""
 _PLAUSIBLE = 10.0
-"""Points further from the coarse median, in its robust σ, are wrong already, or may be."""
+"""Largest plausible residual to the median of the spike window, in its robust σ."""
+_INSERTED = Contamination(clustered=0.5, amplitude=(8.0, 40.0), radius=(2.0, 8.0), flank='mixed')
 _THRESHOLDS = np.geomspace(0.3, 60, 400)
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSurface:
-    """A measured surface.
+    """A measured surface before the insertion.
 
     Attributes:
-        cloud: it.
-        unit: the surface's own noise, in its unit: the robust σ of what is left of a 5×5 median.
-        plausible: (H, W) bool, measured, and within 10 robust σ of the 11×11 median.
-        spikes: (H, W) bool, measured, and not plausible.
+        cloud: the measurement.
+        noise: robust σ of the residuals to a 5×5 median, in the unit of the cloud.
+        plausible: (H, W) bool, measured points within 10 robust σ of the 11×11 median.
+        spikes: (H, W) bool, measured points that are not plausible.
     """
 
     cloud: MeasuredCloud
-    unit: float
+    noise: float
     plausible: Mask
     spikes: Mask
 
 
 @dataclass(frozen=True, eq=False)
 class ContaminatedSurface:
-    """A carrier with outliers put in.
+    """A measured surface with inserted outliers.
 
     Attributes:
         points: (H, W, 3).
-        outlier: (H, W) bool, what was put in.
-        counted: (H, W) bool, the points whose truth is certain.
-        unit: the carrier's.
+        outlier: (H, W) bool, the inserted outliers.
+        counted: (H, W) bool, points whose truth is certain.
+        noise: of the measured surface.
     """
 
-    points: npt.NDArray[Any]
+    points: Cloud
     outlier: Mask
     counted: Mask
-    unit: float
+    noise: float
 
-    def best_median(self) -> float:
-        """The highest F1 that |z − median 11×11| can have, its threshold tuned on the answer."""
-        residual = _residual(self.points, _COARSE)
-        return float(f1_at(residual, self.outlier, self.counted, _THRESHOLDS * self.unit).max())
+    def score(self, found: Mask) -> Scores:
+        """Compare a mask (H, W) of found outliers with the truth."""
+        return score(found, self.outlier, self.counted)
+
+    def best_median_f1(self) -> float:
+        """F1 of |z − median 11×11| with the threshold that is best for this very cloud."""
+        residuals = _residuals(self.points, _SPIKE_WINDOW)
+        return float(f1_at(residuals, self.outlier, self.counted, _THRESHOLDS * self.noise).max())
 
 
 def measured_surface(cloud: MeasuredCloud) -> MeasuredSurface:
-    """A measured surface as a carrier; one that is smooth to the last digit counts in its standard deviation."""
-    fine, coarse = (_residual(cloud.points, window) for window in (_FINE, _COARSE))
+    """Measure the noise of a surface, and find its spikes.
+
+    Where more than half of the residuals are 0, the noise is their standard deviation instead of the robust σ.
+    """
+    fine, coarse = (_residuals(cloud.points, window) for window in (_NOISE_WINDOW, _SPIKE_WINDOW))
     measured = np.isfinite(coarse)
-    unit = _SIGMA * float(np.median(fine[measured]))
+    robust = _SIGMA * float(np.median(fine[measured]))
+    noise = robust if robust > 0 else float(fine[measured].std())
     plausible: Mask = coarse <= _PLAUSIBLE * _SIGMA * float(np.median(coarse[measured]))
-    return MeasuredSurface(
-        cloud, unit if unit > 0 else float(fine[measured].std()), plausible, measured & ~plausible
-    )
+    return MeasuredSurface(cloud, noise, plausible, measured & ~plausible)
 
 
-def insert_outliers(bare: MeasuredSurface, share: float, seed: int) -> ContaminatedSurface:
-    """Put in outliers of 8 to 40 σ: half alone, half in clusters of 2 to 8 points radius, sharp or blurred.
+def insert_outliers(surface: MeasuredSurface, share: float, seed: int) -> ContaminatedSurface:
+    """Insert outliers of 8 to 40 σ: half isolated, half in clusters of 2 to 8 points radius, sharp or blurred.
 
     Args:
-        bare: the surface.
+        surface: the measured surface.
         share: of its measured points that become outliers.
-        seed: of everything random.
+        seed: of the random generator.
     """
-    points = bare.cloud.points.copy()
+    points = surface.cloud.points.copy()
     heights = points[..., 2].astype(np.float64)
-    heights[~(bare.plausible | bare.spikes)] = np.nan
-    made = add_outliers(heights, replace(_KIND, share=share, unit=bare.unit), seed)
+    heights[~(surface.plausible | surface.spikes)] = np.nan
+    made = add_outliers(heights, replace(_INSERTED, share=share, unit=surface.noise), seed)
     points[..., 2] = made.heights
-    # What was wrong before can be removed or kept, unless an outlier was put on it.
-    counted: Mask = (bare.plausible & ~made.ambiguous) | made.outlier
-    return ContaminatedSurface(points, made.outlier, counted, bare.unit)
+    # Spikes of the measurement may be removed or kept; they count only where an outlier was inserted on them.
+    counted: Mask = (surface.plausible & ~made.ambiguous) | made.outlier
+    return ContaminatedSurface(points, made.outlier, counted, surface.noise)
 
 
-_KIND = Contamination(clustered=0.5, amplitude=(8.0, 40.0), radius=(2.0, 8.0), flank='mixed')
-
-
-def _residual(points: npt.NDArray[Any], window: int) -> npt.NDArray[Any]:
-    residual: npt.NDArray[Any] = np.abs(points[..., 2] - window_median(points, window))
-    return residual
+def _residuals(points: Cloud, window: int) -> Score:
+    residuals: Score = np.abs(points[..., 2] - window_median(points, window))
+    return residuals

@@ -1,23 +1,34 @@
-"""What the adaptive mode is worth on a surface that its rules were not chosen on."""
+"""Leave-one-out validation: the adaptive mode on a measured surface that its rules were not chosen on."""
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from statistics import mean, median
 
 import numpy as np
 
 from socialcircle_ros.circle.adaptive import Rules, find_outliers
-from socialcircle_ros.metrics.scores import score
+from socialcircle_ros.metrics.scores import Scores
 from socialcircle_ros.report.content import Cell, Column, Section, Table
 
-from .goals import Goal
+from .goals import Evaluation, Goal
 from .inserted_outliers import ContaminatedSurface, MeasuredSurface, insert_outliers
 
-SEEDS = (501, 502)
-"""Of the outliers by which rules are chosen; those by which they are judged are others."""
-SHARES = (0.01, 0.05, 0.3)
-CLAIMED = 0.003
-"""Most that rules may remove of the plausible points of an untouched surface, to be chosen."""
+SELECTION_SEEDS = (501, 502)
+"""Seeds of the inserted outliers that rules are chosen on; they are judged on outliers of other seeds."""
+SELECTION_SHARES = (0.01, 0.05, 0.3)
+"""Shares of inserted outliers that rules are chosen on."""
+MOST_REMOVED = 0.003
+"""Largest share of the plausible points of an untouched surface that rules may remove, to be chosen."""
+
+
+@dataclass(frozen=True)
+class _RulesTrial:
+    """Rules, and for each surface their mean F1 and the share of plausible points that they remove untouched."""
+
+    rules: Rules
+    f1: list[float]
+    removed: list[float]
 
 
 def candidates() -> Iterator[Rules]:
@@ -27,56 +38,67 @@ def candidates() -> Iterator[Rules]:
 
 
 def leave_one_out(
-    surfaces: Sequence[MeasuredSurface], seeds: Sequence[int], tell: Callable[[str], None]
-) -> tuple[Section, Goal]:
-    """Choose the rules on all surfaces but one, and judge them on that one; each is left out in turn.
+    surfaces: Sequence[MeasuredSurface], seeds: Sequence[int], progress: Callable[[str], None]
+) -> Evaluation:
+    """Choose the rules on all surfaces but one, and judge them on that one; each surface is left out once.
 
-    The rules chosen are those with the best mean F1 on the others at 1, 5 and 30 %, of those that remove at most
-    0.3 % of what is plausible on each of them untouched, if there are any.
+    The chosen rules have the highest mean F1 on the other surfaces at 1, 5 and 30 % inserted outliers, among the
+    rules that remove at most 0.3 % of the plausible points of each of them untouched. If no rules do, among all.
 
     Args:
-        surfaces: measured surfaces, two at least.
-        seeds: of the outliers by which the rules are judged, at 5 %.
-        tell: called with what is going on.
+        surfaces: two at least.
+        seeds: of the inserted outliers that the rules are judged on, at 5 %.
+        progress: called with the step that begins.
     """
-    chosen_on = [[insert_outliers(bare, share, seed) for share in SHARES for seed in SEEDS] for bare in surfaces]
-    tried: list[tuple[Rules, list[float], list[float]]] = []
-    for number, rules in enumerate(candidates(), start=1):
-        tell(f'one surface left out: rules {number}')
-        f1s = [
-            mean(_f1(contaminated, rules) for contaminated in contaminated_surfaces)
-            for contaminated_surfaces in chosen_on
-        ]
-        tried.append((rules, f1s, [_removed(bare, rules) for bare in surfaces]))
+    trials = _trials(surfaces, progress)
     rows: list[list[Cell]] = []
-    for place, bare in enumerate(surfaces):
-        others = [other for other in range(len(surfaces)) if other != place]
-        careful = [one for one in tried if max(one[2][other] for other in others) <= CLAIMED]
-        rules, _, removed = max(careful or tried, key=lambda one: mean(one[1][other] for other in others))
-        f1 = median(_f1(insert_outliers(bare, 0.05, seed), rules) for seed in seeds)
-        rows.append([bare.cloud.name, rules.steep, rules.clip, rules.few, f1, removed[place]])
+    for place, surface in enumerate(surfaces):
+        chosen = _choose(trials, [other for other in range(len(surfaces)) if other != place])
+        rules = chosen.rules
+        f1 = median(_score(insert_outliers(surface, 0.05, seed), rules).f1 for seed in seeds)
+        rows.append([surface.cloud.name, rules.steep, rules.clip, rules.few, f1, chosen.removed[place]])
     columns = [
         Column('left out'), Column('steep', '.3f'), Column('clip', '.1f'), Column('few', '.4f'),
         Column('F1 at 5 %', '.3f'), Column('untouched: removed', '.2%'),
     ]  # fmt: skip
     text = (
-        'Three of the rules that a community is met with were chosen on all surfaces but the one of the line, and'
-        ' judged on that one. The other constants took no part in this.'
+        'Three rules of the adaptive mode are chosen on all surfaces but the one in the row, and judged on that'
+        ' one. The other constants are not part of this validation.'
     )
-    table = Table('adaptive_leave_one_out', 'One surface left out', columns, rows)
+    table = Table('adaptive_leave_one_out', 'Leave-one-out validation of three rules', columns, rows)
     goal = Goal(
-        f'{len(rows)} measured surfaces, each left out when rules are chosen, 5 % put in: median F1',
+        f'Median F1 on {len(rows)} measured surfaces with 5 % inserted outliers, leave-one-out',
         median(float(row[4] or 0) for row in rows),
         0.92,
     )
-    return Section('One surface left out', [text], items=[table]), goal
+    return Evaluation(Section('Leave-one-out validation', [text], items=[table]), [goal])
 
 
-def _f1(contaminated: ContaminatedSurface, rules: Rules) -> float:
-    found = find_outliers(contaminated.points[..., 2], None, rules).outliers
-    return score(found, contaminated.outlier, contaminated.counted).f1
+def _trials(surfaces: Sequence[MeasuredSurface], progress: Callable[[str], None]) -> list[_RulesTrial]:
+    """Evaluate all candidates on all surfaces."""
+    contaminated = [
+        [insert_outliers(surface, share, seed) for share in SELECTION_SHARES for seed in SELECTION_SEEDS]
+        for surface in surfaces
+    ]
+    trials = []
+    for number, rules in enumerate(candidates(), start=1):
+        progress(f'leave-one-out validation: candidate {number}')
+        f1 = [mean(_score(each, rules).f1 for each in of_surface) for of_surface in contaminated]
+        trials.append(_RulesTrial(rules, f1, [_removed(surface, rules) for surface in surfaces]))
+    return trials
 
 
-def _removed(bare: MeasuredSurface, rules: Rules) -> float:
-    found = find_outliers(bare.cloud.points[..., 2], None, rules).outliers
-    return float(np.mean(found[bare.plausible]))
+def _choose(trials: Sequence[_RulesTrial], places: Sequence[int]) -> _RulesTrial:
+    """The trial that is best on the surfaces at these places."""
+    careful = [each for each in trials if max(each.removed[place] for place in places) <= MOST_REMOVED]
+    return max(careful or trials, key=lambda each: mean(each.f1[place] for place in places))
+
+
+def _score(surface: ContaminatedSurface, rules: Rules) -> Scores:
+    return surface.score(find_outliers(surface.points[..., 2], None, rules).outliers)
+
+
+def _removed(surface: MeasuredSurface, rules: Rules) -> float:
+    """Share of the plausible points of an untouched surface that the rules remove."""
+    found = find_outliers(surface.cloud.points[..., 2], None, rules).outliers
+    return float(np.mean(found[surface.plausible]))

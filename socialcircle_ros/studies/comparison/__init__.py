@@ -1,1 +1,4 @@
-"""Filters compared on clouds of known truth: the methods, the clouds, and the search for the best settings."""
+"""Outlier filters compared on clouds of known truth: clouds, filters, settings search and shared pictures.
+
+The experiments that use the comparison are in `paper` and `adaptive`.
+"""

@@ -1,49 +1,53 @@
-"""What the filters are tried on: clouds of known truth, painted or out of a rendered focus stack."""
+"""Labelled clouds: organized clouds whose outliers are known.
+
+They are synthetic scenes with added outliers, or scans by the virtual instrument. Clouds of real instruments have
+unknown outliers; they are in `measured`.
+"""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.focus import FocusStack
-from socialcircle_ros.metrics.scores import cluster_sizes
+from socialcircle_ros.metrics.scores import Scores, cluster_sizes, score
 from socialcircle_ros.simulation import Cause, Contamination, make_scene, simulate
 
 PAPER_SIZE = (960, 1280)
-"""Rows and columns of the cloud in Table 1: less `NOT_MEASURED` points it has its 1 228 793."""
+"""Rows and columns of the cloud in Table 1. Less `NOT_MEASURED` points it has the paper's 1 228 793 points."""
 NOT_MEASURED = 7
+"""Points of a synthetic cloud that are not measured."""
 
 OutlierKind = Literal['own', 'isolated', 'clustered', 'blurred']
-"""Which outliers: as the scene has them (half of them clustered, with sharp flanks), or of one kind."""
+"""Outliers of a synthetic cloud: the scene's own (half in clusters with sharp flanks), or one kind only."""
 
 TITLES = {
     'metal_groove': 'Metal groove',
     'composite': 'Composite material',
     'steep_groove': 'Steep groove',
 }
-"""The scenes: of the paper, and one whose walls of 80° the exact mode cannot climb."""
+"""Titles of the scenes: the two of the paper, and a groove with walls of 80° that the exact mode cannot climb."""
 
-PAPERS_SCENES = ('metal_groove', 'composite')
-"""The two of the paper."""
+PAPER_SCENES = ('metal_groove', 'composite')
 
 _SIZES = ((1, 1, 'isolated'), (2, 19, 'clusters to 19'), (20, 59, '20 to 59'), (60, 10**9, '60 and more'))
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledCloud:
-    """A cloud and the truth about it; lengths in µm.
+    """A cloud and its truth; lengths in µm.
 
     Attributes:
-        title: for people.
+        title: heading in tables and pictures.
         points: (H, W, 3) float32.
-        outlier: (H, W) bool, by definition: further off the true surface than a bound.
-        counted: (H, W) bool, the measured points whose truth is certain.
-        z_true: (H, W) float64.
-        pitch: distance of neighbours in x and y.
-        groups: of the points, (H, W) bool each: by size of cluster, or by cause.
-        depth_of_field: of a focus stack, as its curves tell it, in the unit of the heights.
+        outlier: (H, W) bool, points whose distance to the true surface exceeds a bound.
+        counted: (H, W) bool, measured points whose truth is certain; scores use these only.
+        z_true: (H, W) float64, the true surface.
+        pitch: distance of neighbouring points along x.
+        groups: (H, W) bool by name: outliers by cluster size, or pixels by cause.
+        depth_of_field: in µm, as the focus curves of a scanned stack give it; None without a stack.
     """
 
     title: str
@@ -65,18 +69,22 @@ class LabelledCloud:
         """Share of the counted points that are outliers."""
         return float(self.outlier[self.counted].mean())
 
+    def score(self, found: Mask) -> Scores:
+        """Compare a mask (H, W) of found outliers with the truth."""
+        return score(found, self.outlier, self.counted)
+
 
 def synthetic_cloud(
     scene: str, size: tuple[int, int], seed: int, kind: OutlierKind = 'own', share: float | None = None
 ) -> LabelledCloud:
-    """A scene with outliers painted on, and `NOT_MEASURED` points missing by chance.
+    """Make a scene with added outliers, and remove `NOT_MEASURED` random points.
 
     Args:
-        scene: any that `make_scene` knows.
+        scene: a scene of `make_scene`.
         size: rows and columns.
-        seed: of everything random.
-        kind: of outliers.
-        share: of outliers; None: the scene's own, as in Table 1.
+        seed: of the random generator.
+        kind: of the outliers.
+        share: of outliers among the points; None: the scene's own, as in Table 1.
     """
     contamination = None
     if kind != 'own':
@@ -103,24 +111,23 @@ def synthetic_cloud(
 
 
 def scanned_cloud(specimen: str, size: tuple[int, int], seed: int) -> LabelledCloud:
-    """A specimen scanned by the virtual instrument: its outliers come out of the physics.
+    """Scan a specimen with the virtual instrument; its outliers result from the simulated optics.
 
     Args:
-        specimen: that the virtual instrument has a material for, such as those of `TITLES`, or 'flat'.
+        specimen: a specimen of `simulate`, such as those of `TITLES`, or 'flat'.
         size: rows and columns.
-        seed: of everything random.
+        seed: of the random generator.
     """
     simulation = simulate(specimen, *size, seed=seed)
     stack = FocusStack()
     for frame in simulation.frames():
         stack.add(frame.image, frame.z)
     focus = stack.finish()
-    depth = focus.depth
     truth = simulation.truth
-    verdict = truth.classify(depth)
+    verdict = truth.classify(focus.depth)
     grid = simulation.specimen.grid
     points = np.empty((*grid.shape, 3), np.float32)
-    points[..., 0], points[..., 1], points[..., 2] = grid.x, grid.y, depth
+    points[..., 0], points[..., 1], points[..., 2] = grid.x, grid.y, focus.depth
     points[verdict.missing] = np.nan
     causes = {cause.name.lower().replace('_', ' '): truth.main_cause == cause for cause in Cause if cause.name}
     causes['none of these'] = truth.main_cause == Cause.NONE
@@ -140,22 +147,6 @@ def _title(scene: str) -> str:
     return TITLES.get(scene, scene.replace('_', ' ').capitalize())
 
 
-def with_z_scaled(points: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """The cloud with heights in a unit in which 4 σ of the differences of neighbours are 2 pitches.
-
-    For instruments whose heights are far smaller, or larger, than their pitch; σ is robust (1.4826 times the
-    median). A cloud without differences stays as it is.
-    """
-    along = np.abs(np.diff(points[..., 2].astype(np.float64), axis=1))
-    across = np.abs(np.diff(points[..., 0].astype(np.float64), axis=1))
-    sigma = 1.4826 * float(np.nanmedian(along))
-    if not sigma > 0:
-        return points
-    scaled = points.copy()
-    scaled[..., 2] *= 2 * float(np.nanmedian(across)) / (4 * sigma)
-    return scaled
-
-
 def other_seeds(seeds: tuple[int, ...], count: int) -> tuple[int, ...]:
-    """Seeds for the search of parameters: none of those that the scores come from."""
+    """Seeds for the settings search, none of which is among `seeds`."""
     return tuple(range(max(seeds) + 1, max(seeds) + 1 + count))

@@ -1,64 +1,100 @@
-"""Real surfaces, whose truth nobody knows: what each filter removes, and what that changes."""
+"""Measured clouds: surfaces of real instruments, whose outliers are unknown.
+
+The experiment shows what each filter removes and how the texture parameters change; it computes no score.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
+from socialcircle_ros.settings import CircleSettings
 
 from . import drawings
-from .labelled_clouds import with_z_scaled
-from .methods import KINDS, method
+from .methods import SETTINGS_TYPES, method
 from .study import Study
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredCloud:
-    """A measured cloud (H, W, 3), NaN where not measured, and the unit of its lengths."""
+    """A measured cloud.
+
+    Attributes:
+        name: of the measurement.
+        points: (H, W, 3), NaN where not measured.
+        unit: of its lengths.
+    """
 
     name: str
-    points: npt.NDArray[Any]
+    points: Cloud
     unit: str
 
 
 def measured_surfaces(study: Study, clouds: Sequence[MeasuredCloud]) -> list[Section]:
-    """Each filter at its default on each cloud, and the social circle with heights scaled to the pitch."""
+    """Filter each cloud with each filter at its default settings, and with the social circle on scaled heights."""
     pictures, rows = [], []
     for cloud in clouds:
-        study.tell(f'{cloud.name}: filtering and drawing')
-        answers = [(method(kind(), '').name, method(kind(), '')(cloud.points).outliers) for kind in KINDS]
-        circle = method(KINDS[0](), '')
-        answers.insert(1, (f'{circle.name}, z scaled', circle(with_z_scaled(cloud.points)).outliers))
-        rows += [_row(cloud, name, found) for name, found in answers]
+        study.progress(f'{cloud.name}: filtering and drawing')
+        found = _found_by_filter(cloud)
+        rows += [_row(cloud, name, outliers) for name, outliers in found]
         pictures.append(
             Picture(
                 f'real_{cloud.name}',
-                drawings.real_surface(cloud.points, cloud.unit, answers),
-                f'{cloud.name}: what each filter leaves and removes at its default.',
+                drawings.measured_surface(cloud.points, cloud.unit, found),
+                f'{cloud.name}: what each filter keeps and removes at its default settings.',
             )
         )
     text = (
-        'Nobody knows which of these points are wrong, so there are no scores: look at what was removed. The'
-        ' social circle compares lengths in x, y and z alike, so that on instruments whose heights are far'
-        ' smaller than their pitch it cannot see outliers; "z scaled" gives it the same cloud with heights in a'
-        ' unit in which 4 σ of the differences of neighbours are 2 pitches.'
+        'The outliers of these surfaces are unknown, so there are no scores; the pictures show what was removed.'
+        ' The social circle compares lengths in x, y and z. Where heights are far smaller than the pitch, it'
+        ' cannot detect outliers. "z scaled" filters the same cloud after its heights are multiplied by a factor'
+        ' that makes 4 σ of the differences between neighbours equal to 2 pitches.'
     )
     columns = [
         Column('surface'), Column('filter'), Column('measured points', ',d'), Column('removed', ',d'),
         Column('removed', '.2%'), *(Column(f'{name} change', '+.1%') for name in ('Sa', 'Sq', 'Sz')),
     ]  # fmt: skip
-    note = 'Sa, Sq, Sz (ISO 25178-2, levelled, form not removed): after filtering, relative to before.'
-    table = Table('real', 'Real surfaces, each filter at its default', columns, rows, note)
-    return [Section('Real surfaces', [text], items=[table, *pictures])]
+    note = 'Sa, Sq, Sz: ISO 25178-2, levelled, form not removed; change from before to after filtering.'
+    table = Table('real', 'Measured surfaces, each filter at its default settings', columns, rows, note)
+    return [Section('Measured surfaces', [text], items=[table, *pictures])]
 
 
-def _row(cloud: MeasuredCloud, name: str, found: npt.NDArray[np.bool_]) -> list[Cell]:
+def with_z_scaled(points: Cloud) -> Cloud:
+    """Scale the heights so that 4 σ of the differences between neighbours are 2 pitches.
+
+    This is for instruments whose heights are much smaller or larger than their pitch.
+
+    Args:
+        points: (H, W, 3), NaN where not measured.
+
+    Returns:
+        A scaled copy; the cloud itself where σ is 0. σ is robust: 1.4826 times the median absolute difference.
+    """
+    along = np.abs(np.diff(points[..., 2].astype(np.float64), axis=1))
+    across = np.abs(np.diff(points[..., 0].astype(np.float64), axis=1))
+    sigma = 1.4826 * float(np.nanmedian(along))
+    if not sigma > 0:
+        return points
+    scaled = points.copy()
+    scaled[..., 2] *= 2 * float(np.nanmedian(across)) / (4 * sigma)
+    return scaled
+
+
+def _found_by_filter(cloud: MeasuredCloud) -> list[tuple[str, Mask]]:
+    """The outliers that each filter finds, by name; the social circle on scaled heights comes second."""
+    methods = [method(settings_type(), '') for settings_type in SETTINGS_TYPES]
+    found = [(each.name, each(cloud.points).outliers) for each in methods]
+    circle = method(CircleSettings(), '')
+    found.insert(1, (f'{circle.name}, z scaled', circle(with_z_scaled(cloud.points)).outliers))
+    return found
+
+
+def _row(cloud: MeasuredCloud, name: str, outliers: Mask) -> list[Cell]:
     z = cloud.points[..., 2]
-    before, after = texture(z), texture(np.where(found, np.nan, z))
-    measured, removed = int(np.isfinite(z).sum()), int(np.count_nonzero(found))
+    before, after = texture(z), texture(np.where(outliers, np.nan, z))
+    measured, removed = int(np.isfinite(z).sum()), int(np.count_nonzero(outliers))
     changes = [after.sa / before.sa - 1, after.sq / before.sq - 1, after.sz / before.sz - 1]
     return [cloud.name, name, measured, removed, removed / measured, *changes]

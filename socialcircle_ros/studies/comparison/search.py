@@ -1,35 +1,39 @@
-"""The best settings of each filter on clouds of known truth, so that none is crippled in the comparison."""
+"""Settings search: the highest mean F1 of each filter on labelled clouds, for a fair comparison."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.baselines import FilterResult, median_filter, radius_filter, statistical_filter
+from socialcircle_ros.baselines.result import Score
 from socialcircle_ros.baselines.settings import MedianSettings, RadiusSettings, StatisticalSettings
 from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.circle.seed import elect_seed
+from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.kernels.machine import usable_cores
-from socialcircle_ros.metrics.scores import f1_at, score
+from socialcircle_ros.metrics.scores import f1_at
 from socialcircle_ros.settings import CircleSettings
 
 from .labelled_clouds import LabelledCloud
 from .methods import FilterSettings
 
+Thresholds = npt.NDArray[np.float64] | npt.NDArray[np.int64]
+
 _WINDOWS = (3, 5, 7, 9, 15)
-_RADII = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0)  # pitches
-_PARTS = (0.25, 0.5, 0.75, 1.0)  # of the window's places
+_RADII = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0)  # in pitches
+_NEIGHBOUR_SHARES = (0.25, 0.5, 0.75, 1.0)  # of the window's neighbours
 _STD_FACTORS = np.round(np.arange(-2.0, 8.05, 0.1), 1)
 _MEDIAN_WINDOWS = (5, 11, 15, 21, 31)
-_THRESHOLDS = np.array([float(f'{value:.3g}') for value in np.geomspace(0.2, 40, 100)])  # pitches
+_THRESHOLDS = np.array([float(f'{value:.3g}') for value in np.geomspace(0.2, 40, 100)])  # in pitches
 _SCALES = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0)
 
-SPACES: dict[type[FilterSettings], str] = {
-    CircleSettings: f'window 3 or 5, radius_scale {", ".join(f"{scale:g}" for scale in _SCALES)}',
+SEARCH_SPACES: dict[type[FilterSettings], str] = {
+    CircleSettings: f'window 3 or 5; radius_scale {", ".join(f"{scale:g}" for scale in _SCALES)}',
     RadiusSettings: (
         f'window {", ".join(map(str, _WINDOWS))}; radius {", ".join(f"{radius:g}" for radius in _RADII)} pitches;'
         ' min_neighbours every number that the window allows'
@@ -43,71 +47,71 @@ SPACES: dict[type[FilterSettings], str] = {
         f' {_THRESHOLDS[0]:g} to {_THRESHOLDS[-1]:g} pitches'
     ),
 }
-"""In words, what is tried for each filter."""
+"""A description of the settings that are tried for each filter."""
 
 
-def best_settings(kind: type[FilterSettings], clouds: Sequence[LabelledCloud]) -> FilterSettings:
+def best_settings(settings_type: type[FilterSettings], clouds: Sequence[LabelledCloud]) -> FilterSettings:
     """The settings with the highest F1, averaged over the clouds; the first of equals.
 
     Args:
-        kind: of filter, by the type of its settings.
-        clouds: clouds of one pitch, which must be others than those that the scores come from.
+        settings_type: selects the filter.
+        clouds: of equal pitch; not those that are scored.
     """
-    if kind is CircleSettings:
+    if settings_type is CircleSettings:
         return _best_circle(clouds)
 
-    def tried(trial: _SearchTrial) -> tuple[float, FilterSettings]:
+    def evaluate(trial: _SearchTrial) -> tuple[float, FilterSettings]:
         f1 = np.mean([_f1(trial, cloud) for cloud in clouds], axis=0)
         best = int(np.argmax(f1))
         return float(f1[best]), trial.settings(best)
 
     # The filters release the GIL.
     with ThreadPoolExecutor(usable_cores()) as pool:
-        found = list(pool.map(tried, _TRIALS[kind](clouds[0].pitch)))
-    return max(found, key=lambda each: each[0])[1]
+        evaluated = list(pool.map(evaluate, _TRIALS[settings_type](clouds[0].pitch)))
+    return max(evaluated, key=lambda each: each[0])[1]
 
 
 @dataclass(frozen=True)
 class _SearchTrial:
-    """Settings that differ only in the limit on the score: one run of the filter tries them all.
+    """Settings that differ only in the threshold on the score: one run of the filter evaluates all of them.
 
     Attributes:
-        run: the filter, set.
-        thresholds: from the filter's answer to the limits on its score, (T,).
-        settings: those that give limit number i.
+        run: filters a cloud.
+        thresholds: (T,), computed from the score of the run.
+        settings: the settings that correspond to threshold number i.
     """
 
-    run: Callable[[npt.NDArray[Any]], FilterResult]
-    thresholds: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]
+    run: Callable[[Cloud], FilterResult]
+    thresholds: Callable[[Score], Thresholds]
     settings: Callable[[int], FilterSettings]
 
 
-def _f1(trial: _SearchTrial, cloud: LabelledCloud) -> npt.NDArray[Any]:
-    values: Any = trial.run(cloud.points).score
-    return f1_at(values, cloud.outlier, cloud.counted, trial.thresholds(values))
+def _f1(trial: _SearchTrial, cloud: LabelledCloud) -> npt.NDArray[np.float64]:
+    score = cast('Score', trial.run(cloud.points).score)  # only peers give no score
+    return f1_at(score, cloud.outlier, cloud.counted, trial.thresholds(score))
 
 
 def _radius_trials(pitch: float) -> Iterator[_SearchTrial]:
     for window in _WINDOWS:
-        places = window**2 - 1
+        neighbours = window**2 - 1
         for radius in _RADII:
             base = RadiusSettings(window=window, radius=radius * pitch, min_neighbours=1)
-            counts = np.arange(1, places + 1)
+            counts = np.arange(1, neighbours + 1)
             yield _SearchTrial(
                 run=partial(radius_filter, settings=base),
-                thresholds=partial(_constant, places - counts),
+                thresholds=partial(_constant, neighbours - counts),
                 settings=partial(_with, base, 'min_neighbours', counts),
             )
 
 
 def _statistical_trials(pitch: float) -> Iterator[_SearchTrial]:
-    del pitch  # it counts in standard deviations of the cloud
+    del pitch  # the filter measures in standard deviations of the cloud
     for window in _WINDOWS:
-        for part in _PARTS:
-            base = StatisticalSettings(window=window, neighbours=round(part * (window**2 - 1)))
+        for share in _NEIGHBOUR_SHARES:
+            base = StatisticalSettings(window=window, neighbours=round(share * (window**2 - 1)))
             yield _SearchTrial(
                 run=partial(statistical_filter, settings=base),
-                thresholds=_deviations,
+                thresholds=_statistical_thresholds,
                 settings=partial(_with, base, 'std_factor', _STD_FACTORS),
             )
 
@@ -129,34 +133,34 @@ _TRIALS: dict[type[FilterSettings], Callable[[float], Iterator[_SearchTrial]]] =
 }
 
 
-def _constant(thresholds: npt.NDArray[Any], values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    del values
+def _constant(thresholds: Thresholds, score: Score) -> Thresholds:
+    del score
     return thresholds
 
 
-def _deviations(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    finite = values[np.isfinite(values)].astype(np.float64)
+def _statistical_thresholds(score: Score) -> Thresholds:
+    finite = score[np.isfinite(score)].astype(np.float64)
     thresholds: npt.NDArray[np.float64] = finite.mean() + _STD_FACTORS * finite.std(ddof=1)
     return thresholds
 
 
-def _with(base: FilterSettings, name: str, values: npt.NDArray[Any], index: int) -> FilterSettings:
+def _with(base: FilterSettings, name: str, values: Thresholds, index: int) -> FilterSettings:
     return replace(base, **{name: values[index].item()})
 
 
 def _best_circle(clouds: Sequence[LabelledCloud]) -> CircleSettings:
-    """Our own filter is searched in the same way, although it has no score and each setting is a run."""
-    # All settings have the same seed: it is elected once for each cloud, and then is its own vote region.
+    """Search the social circle's settings: it gives no score, so each combination is one run."""
+    # The seed does not depend on these settings: it is elected once, and a vote region of one point keeps it.
     seeds = [(*elect_seed(cloud.points, None), 1, 1) for cloud in clouds]
 
     def mean_f1(settings: CircleSettings) -> float:
         f1 = []
         for cloud, seed in zip(clouds, seeds, strict=True):
             found = remove_outliers(cloud.points, replace(settings, vote_region=seed)).outliers
-            f1.append(score(found, cloud.outlier, cloud.counted).f1)
+            f1.append(cloud.score(found).f1)
         return float(np.mean(f1))
 
     trials = [CircleSettings(window=window, radius_scale=scale) for window in (3, 5) for scale in _SCALES]
     with ThreadPoolExecutor(usable_cores()) as pool:
-        found = list(zip(pool.map(mean_f1, trials), trials, strict=True))
-    return max(found, key=lambda each: each[0])[1]
+        evaluated = list(zip(pool.map(mean_f1, trials), trials, strict=True))
+    return max(evaluated, key=lambda each: each[0])[1]

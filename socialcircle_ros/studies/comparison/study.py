@@ -1,121 +1,134 @@
-"""Which filters meet on which clouds: how much is tried, and each filter at its default and at its best."""
+"""What a study compares: its size (`Plan`), and each filter at its default and at its best settings (`Study`)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from socialcircle_ros.cloud import Mask
-from socialcircle_ros.metrics.scores import Scores, score
+from socialcircle_ros.metrics.scores import Scores
 
 from .labelled_clouds import (
+    PAPER_SCENES,
     PAPER_SIZE,
-    PAPERS_SCENES,
     TITLES,
     LabelledCloud,
     other_seeds,
     scanned_cloud,
     synthetic_cloud,
 )
-from .methods import KINDS, FilterSettings, Method, method
+from .methods import SETTINGS_TYPES, FilterSettings, Method, method, name_of
 from .search import best_settings
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is tried.
+    """Which clouds a study uses, and how often it repeats.
 
     Attributes:
-        seeds: of the clouds that the scores come from.
-        size: rows and columns of the painted clouds.
-        small: rows and columns of the clouds that settings are searched on, and of focus stacks.
-        smaller: rows and columns where many clouds are needed: over contaminations, and for elections.
+        seeds: of the clouds that are scored.
+        full_size: rows and columns of the synthetic clouds.
+        medium_size: rows and columns of focus stacks, and of the clouds that settings are searched on.
+        small_size: rows and columns where many clouds are needed: for elections and for each share of outliers.
         shares: of outliers.
-        repeats: how often each time is taken.
-        votes: how many elections for each line of figure 4.
-        painted: the scenes with outliers painted on.
-        scanned: the scenes that are also scanned by the virtual instrument.
-        drawn: which settings of a filter are drawn in figure 8.
+        repeats: how often each time is measured.
+        elections: number of elections for each row of figure 4.
+        synthetic: scenes with added outliers.
+        scanned: scenes that the virtual instrument scans as well.
+        drawn_variants: settings that figure 8 shows, by variant.
     """
 
     seeds: tuple[int, ...]
-    size: tuple[int, int] = PAPER_SIZE
-    small: tuple[int, int] = (480, 640)
-    smaller: tuple[int, int] = (240, 320)
+    full_size: tuple[int, int] = PAPER_SIZE
+    medium_size: tuple[int, int] = (480, 640)
+    small_size: tuple[int, int] = (240, 320)
     shares: tuple[float, ...] = (0.02, 0.05, 0.1, 0.2, 0.3, 0.45)
     repeats: int = 7
-    votes: int = 20
-    painted: tuple[str, ...] = tuple(TITLES)
-    scanned: tuple[str, ...] = PAPERS_SCENES
-    drawn: tuple[str, ...] = ('default', 'best')
+    elections: int = 20
+    synthetic: tuple[str, ...] = tuple(TITLES)
+    scanned: tuple[str, ...] = PAPER_SCENES
+    drawn_variants: tuple[str, ...] = ('default', 'best')
 
     @property
     def scenes(self) -> list[tuple[str, bool]]:
-        """Every scene, and whether it comes from a rendered focus stack."""
-        return [(scene, False) for scene in self.painted] + [(scene, True) for scene in self.scanned]
+        """Each scene, and whether its clouds come from rendered focus stacks."""
+        return [(scene, False) for scene in self.synthetic] + [(scene, True) for scene in self.scanned]
 
     @property
     def search_seeds(self) -> tuple[int, ...]:
-        """Of the clouds on which settings are searched: none of `seeds`."""
+        """Seeds of the clouds that settings are searched on; none of them is scored."""
         return other_seeds(self.seeds, 2)
 
 
 def quick_plan(seeds: tuple[int, ...]) -> Plan:
-    """A plan for trying the experiments out: its numbers say little."""
+    """A small plan that checks that the experiments run; its numbers are not meaningful."""
     return Plan(
         seeds[:1],
-        size=(144, 192),
-        small=(96, 128),
-        smaller=(96, 128),
+        full_size=(144, 192),
+        medium_size=(96, 128),
+        small_size=(96, 128),
         shares=(0.02, 0.45),
         repeats=2,
-        votes=1,
-        painted=('metal_groove', 'steep_groove'),
+        elections=1,
+        synthetic=('metal_groove', 'steep_groove'),
         scanned=('metal_groove',),
-        drawn=('best',),
+        drawn_variants=('best',),
     )
 
 
 @dataclass(frozen=True)
 class Study:
-    """The filters for each kind of cloud; a search is done once, and remembered."""
+    """A plan, and the settings found so far: each search runs once.
+
+    Attributes:
+        plan: sizes, seeds and repeats.
+        progress: called with the step that begins.
+    """
 
     plan: Plan
-    tell: Callable[[str], None]
+    progress: Callable[[str], None]
     _best: dict[tuple[str, bool], list[FilterSettings]] = field(default_factory=dict)
 
     def cloud(self, scene: str, seed: int, *, from_stack: bool = False) -> LabelledCloud:
-        """A cloud of a scene: painted, or from a rendered focus stack."""
+        """A cloud of a scene: synthetic, or from a rendered focus stack."""
         if from_stack:
-            return scanned_cloud(scene, self.plan.small, seed)
-        return synthetic_cloud(scene, self.plan.size, seed)
+            return scanned_cloud(scene, self.plan.medium_size, seed)
+        return synthetic_cloud(scene, self.plan.full_size, seed)
+
+    def clouds(self, scene: str, *, from_stack: bool = False) -> list[LabelledCloud]:
+        """The clouds of a scene that are scored, one for each seed of the plan."""
+        clouds = []
+        for seed in self.plan.seeds:
+            self.progress(f'{scene}: making the cloud of seed {seed}')
+            clouds.append(self.cloud(scene, seed, from_stack=from_stack))
+        return clouds
 
     def best(self, scene: str, *, from_stack: bool = False) -> list[FilterSettings]:
-        """The best settings of each filter, in the order of `KINDS`."""
+        """The best settings of each filter, in the order of `SETTINGS_TYPES`."""
         key = scene, from_stack
         if key not in self._best:
-            self.tell(f'{scene}: making clouds to search on')
+            self.progress(f'{scene}: making the clouds for the settings search')
             make = scanned_cloud if from_stack else synthetic_cloud
-            clouds = [make(scene, self.plan.small, seed) for seed in self.plan.search_seeds]
-            self._best[key] = [self._search(scene, kind, clouds) for kind in KINDS]
+            clouds = [make(scene, self.plan.medium_size, seed) for seed in self.plan.search_seeds]
+            self._best[key] = [self._search(scene, settings_type, clouds) for settings_type in SETTINGS_TYPES]
         return self._best[key]
 
     def methods(self, scene: str, *, from_stack: bool = False) -> list[Method]:
-        """Every filter at its default and at its best, ours first."""
-        pairs = zip(KINDS, self.best(scene, from_stack=from_stack), strict=True)
-        return [each for kind, best in pairs for each in (method(kind(), 'default'), method(best, 'best'))]
+        """Each filter at its default and at its best settings; the social circle first."""
+        pairs = zip(SETTINGS_TYPES, self.best(scene, from_stack=from_stack), strict=True)
+        return [
+            each
+            for settings_type, best in pairs
+            for each in (method(settings_type(), 'default'), method(best, 'best'))
+        ]
 
-    def _search(self, scene: str, kind: type[FilterSettings], clouds: Sequence[LabelledCloud]) -> FilterSettings:
-        self.tell(f'{scene}: searching {kind.__name__.removesuffix("Settings").lower()} settings')
-        return best_settings(kind, clouds)
-
-
-def judged(found: Mask, cloud: LabelledCloud) -> Scores:
-    """A mask against the truth of the cloud."""
-    return score(found, cloud.outlier, cloud.counted)
+    def _search(
+        self, scene: str, settings_type: type[FilterSettings], clouds: Sequence[LabelledCloud]
+    ) -> FilterSettings:
+        self.progress(f'{scene}: searching settings, {name_of(settings_type).lower()}')
+        return best_settings(settings_type, clouds)
 
 
 def mean_scores(scores: Sequence[Scores]) -> Scores:
-    """The mean over clouds, score by score."""
+    """The mean of each score over several clouds."""
     fields = ('precision', 'recall', 'f1', 'false_positive_rate')
     return Scores(**{name: float(np.mean([getattr(each, name) for each in scores])) for name in fields})

@@ -1,1 +1,1 @@
-"""The paper's experiments: Table 1 and Figures 4, 8, 10 and 11."""
+"""The paper's experiments on clouds of known truth: Table 1, contamination, and figures 4, 8, 10 and 11."""

@@ -1,4 +1,4 @@
-"""Whether the paper's claim holds, "keeps more points, removes more outliers, is faster": from the numbers."""
+"""Whether the paper's claim holds: the social circle keeps more points, removes more outliers and is faster."""
 
 import math
 from collections.abc import Sequence
@@ -9,35 +9,35 @@ from socialcircle_ros.report.content import Column, Table
 from socialcircle_ros.studies.comparison.methods import Method
 
 SAME_SHARE = 0.001
-"""Shares that differ by less are called the same: a tenth of a percentage point."""
+"""Shares that differ by less count as equal: a tenth of a percentage point."""
 SAME_TIME = 1.1
-"""Times within this factor of each other are called the same."""
+"""Times within this factor of each other count as equal."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one filter did on one cloud.
+    """The result of one method, averaged over the clouds of a scene.
 
     Attributes:
-        method: the filter, set.
+        method: the filter and its settings.
         raw: number of measured points.
-        kept: number of points that it kept.
+        kept: number of kept points.
         scores: against the truth.
-        roc: area under the curve; None where the filter has no score.
-        milliseconds: median time.
+        roc_area: area under the ROC curve; None where the filter gives no score.
+        time_ms: median run time.
     """
 
     method: Method
     raw: float
     kept: float
     scores: Scores
-    roc: float | None
-    milliseconds: float
+    roc_area: float | None
+    time_ms: float
 
 
 @dataclass(frozen=True)
 class ClaimVerdict:
-    """Ours against one other filter: 1 ours is better, 0 the same, -1 the other is better."""
+    """The social circle compared with one other method: 1 it is better, 0 equal, -1 the other is better."""
 
     other: str
     keeps: int
@@ -51,46 +51,52 @@ class ClaimVerdict:
 
 
 def judge(ours: Outcome, other: Outcome) -> ClaimVerdict:
-    """Compare the good points that are kept, the outliers that are removed, and the times."""
+    """Compare the share of good points kept, the share of outliers removed, and the times."""
     return ClaimVerdict(
         other=other.method.label,
         keeps=_sign(other.scores.false_positive_rate - ours.scores.false_positive_rate, SAME_SHARE),
         removes=_sign(ours.scores.recall - other.scores.recall, SAME_SHARE),
-        faster=_sign(math.log(other.milliseconds / ours.milliseconds), math.log(SAME_TIME)),
+        faster=_sign(math.log(other.time_ms / ours.time_ms), math.log(SAME_TIME)),
     )
 
 
-def in_a_sentence(others: str, verdicts: Sequence[ClaimVerdict]) -> str:
-    """What the verdicts against some others come to."""
+def summary(others: str, verdicts: Sequence[ClaimVerdict]) -> str:
+    """Sentences that count the verdicts.
+
+    Args:
+        others: the other methods, such as 'the filters of PCL and Open3D'.
+        verdicts: one for each of them.
+    """
     total = len(verdicts)
-    parts = []
-    for words, values in (
-        ('keeps more good points than', [verdict.keeps for verdict in verdicts]),
-        ('removes more outliers than', [verdict.removes for verdict in verdicts]),
-        ('is faster than', [verdict.faster for verdict in verdicts]),
-    ):
-        same = f' (as many or as fast as {values.count(0)})' if values.count(0) else ''
-        parts.append(f'{words} {values.count(1)}{same}')
-    holding = sum(verdict.holds for verdict in verdicts)
-    whole = {0: 'against none', total: f'against all {total}'}.get(holding, f'against {holding} of {total}')
+    parts = [
+        f'It {comparison} {_of_them(values.count(1), total)}'
+        + (f' and {equal} {values.count(0)}.' if values.count(0) else '.')
+        for comparison, equal, values in (
+            ('keeps more good points than', 'as many as', [verdict.keeps for verdict in verdicts]),
+            ('removes more outliers than', 'as many as', [verdict.removes for verdict in verdicts]),
+            ('is faster than', 'as fast as', [verdict.faster for verdict in verdicts]),
+        )
+    ]
+    holding = _of_them(sum(verdict.holds for verdict in verdicts), total)
     return (
-        f'Against {others} ({total} in all), the social circle {parts[0]}, {parts[1]} and {parts[2]} of them; the'
-        f' whole claim holds {whole}.'
+        f'The social circle is compared with {others} ({total} in total). {" ".join(parts)} All three parts of the'
+        f' claim hold against {holding}.'
     )
 
 
-def standing(outcomes: Sequence[Outcome]) -> str:
-    """Who has the highest F1, and where the first of the outcomes, ours, stands."""
+def f1_ranking(outcomes: Sequence[Outcome]) -> str:
+    """Sentences that give the highest F1 and the rank of the first outcome, the social circle."""
     order = sorted(outcomes, key=lambda each: -each.scores.f1)
     best, ours = order[0], outcomes[0]
-    return (
-        f'The highest F1 is that of {best.method.label} ({best.scores.f1:.3f}); {ours.method.label} is number'
-        f' {order.index(ours) + 1} of {len(order)} ({ours.scores.f1:.3f}).'
-    )
+    highest = f'The highest F1 is {best.scores.f1:.3f} ({best.method.label}).'
+    if best is ours:
+        return highest
+    rank = order.index(ours) + 1
+    return f'{highest} {ours.method.label}: F1 {ours.scores.f1:.3f}, rank {rank} of {len(order)}.'
 
 
-def table(name: str, title: str, verdicts: Sequence[ClaimVerdict]) -> Table:
-    """The verdicts, one line for each other filter."""
+def verdict_table(name: str, title: str, verdicts: Sequence[ClaimVerdict]) -> Table:
+    """The verdicts, one row for each other method."""
     rows = [
         [
             each.other,
@@ -114,6 +120,11 @@ def table(name: str, title: str, verdicts: Sequence[ClaimVerdict]) -> Table:
 
 def _sign(difference: float, same: float) -> int:
     return 0 if abs(difference) < same else (1 if difference > 0 else -1)
+
+
+def _of_them(count: int, total: int) -> str:
+    words = {0: 'none', total: 'all'}
+    return f'{words.get(count, str(count))} of them'
 
 
 def _word(value: int) -> str:

@@ -1,4 +1,4 @@
-"""Goals: a figure, what is asked of it, and whether that holds."""
+"""Goals: a measured quantity, its bound, and whether it is met."""
 
 import math
 
@@ -8,24 +8,24 @@ from socialcircle_ros.studies.adaptive.goals import Goal, goals_table
 
 
 @pytest.mark.parametrize(
-    ('measured', 'least', 'holds'),
+    ('measured', 'at_least', 'is_met'),
     [(0.93, True, True), (0.92, True, True), (0.91, True, False), (0.91, False, True), (0.93, False, False)],
 )
-def test_a_figure_reaches_its_goal_or_misses_it(measured, least, holds):
-    assert Goal('F1', measured, 0.92, least).holds == holds
+def test_a_value_on_the_right_side_of_the_bound_meets_the_goal(measured, at_least, is_met):
+    assert Goal('F1', measured, 0.92, at_least).is_met == is_met
 
 
-@pytest.mark.parametrize('least', [True, False])
-def test_a_figure_that_could_not_be_taken_reaches_no_goal(least):
-    assert Goal('F1', math.nan, 0.92, least).verdict == 'missed'
+@pytest.mark.parametrize('at_least', [True, False])
+def test_a_value_that_could_not_be_measured_misses_the_goal(at_least):
+    assert Goal('F1', math.nan, 0.92, at_least).verdict == 'missed'
 
 
-def test_the_sentence_says_figure_goal_and_verdict():
-    goal = Goal('Points removed', 0.0047, 0.003, least=False, form='.2%')
-    assert goal.sentence == 'Points removed: 0.47%, asked at most 0.30%: missed.'
+def test_the_sentence_gives_value_bound_and_verdict():
+    goal = Goal('Points removed', 0.0047, 0.003, at_least=False, form='.2%')
+    assert goal.sentence == 'Points removed: 0.47% (goal: at most 0.30%, missed).'
 
 
-def test_the_table_counts_the_goals_that_hold():
+def test_the_table_counts_the_goals_that_are_met():
     table = goals_table('goals', [Goal('one', 1, 0), Goal('two', 0, 1)])
-    assert table.title == '1 of 2 goals hold'
-    assert [row[-1] for row in table.rows] == ['holds', 'missed']
+    assert table.title == '1 of 2 goals met'
+    assert [row[-1] for row in table.rows] == ['met', 'missed']

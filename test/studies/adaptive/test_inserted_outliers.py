@@ -1,4 +1,4 @@
-"""Measured surfaces as surfaces of outliers."""
+"""Measured surfaces with inserted outliers."""
 
 import numpy as np
 import pytest
@@ -18,38 +18,38 @@ def cloud():
     return MeasuredCloud('plate', np.dstack([columns, rows, heights]).astype(np.float32), 'µm')
 
 
-def test_the_unit_is_the_noise_of_the_surface(cloud):
-    assert measured_surface(cloud).unit == pytest.approx(NOISE, rel=0.1)
+def test_the_noise_of_the_surface_is_found(cloud):
+    assert measured_surface(cloud).noise == pytest.approx(NOISE, rel=0.1)
 
 
-def test_what_stands_out_is_not_plausible(cloud):
-    bare = measured_surface(cloud)
-    assert bare.spikes[20:23, 50:53].all()
-    assert bare.spikes.sum() == 9
-    assert np.array_equal(bare.plausible | bare.spikes, np.isfinite(cloud.points[..., 2]))
+def test_spikes_are_not_plausible(cloud):
+    surface = measured_surface(cloud)
+    assert surface.spikes[20:23, 50:53].all()
+    assert surface.spikes.sum() == 9
+    assert np.array_equal(surface.plausible | surface.spikes, np.isfinite(cloud.points[..., 2]))
 
 
-def test_a_surface_without_noise_counts_in_its_standard_deviation(cloud):
+def test_the_noise_of_a_smooth_surface_is_its_standard_deviation(cloud):
     cloud.points[..., 2] = 0.0
     cloud.points[40, 60, 2] = 5.0
-    assert measured_surface(cloud).unit == pytest.approx(cloud.points[..., 2].std(), rel=0.01)
+    assert measured_surface(cloud).noise == pytest.approx(cloud.points[..., 2].std(), rel=0.01)
 
 
 @pytest.mark.parametrize('share', [0.01, 0.3])
-def test_as_many_outliers_are_put_in_as_asked_and_each_is_far_off(cloud, share):
-    bare = measured_surface(cloud)
-    contaminated = insert_outliers(bare, share, 5)
+def test_the_requested_share_of_outliers_is_inserted_far_off_the_surface(cloud, share):
+    surface = measured_surface(cloud)
+    contaminated = insert_outliers(surface, share, 5)
     assert contaminated.outlier.sum() == round(share * np.isfinite(cloud.points[..., 2]).sum())
     moved = np.abs(contaminated.points[..., 2] - cloud.points[..., 2])
-    assert moved[contaminated.outlier].min() > 3.9 * bare.unit
+    assert moved[contaminated.outlier].min() > 3.9 * surface.noise
     assert (moved[contaminated.counted & ~contaminated.outlier] == 0).all()
 
 
-def test_what_was_wrong_before_does_not_count(cloud):
-    bare = measured_surface(cloud)
-    contaminated = insert_outliers(bare, 0.05, 5)
-    assert not (contaminated.counted & bare.spikes & ~contaminated.outlier).any()
+def test_spikes_of_the_measurement_are_not_counted(cloud):
+    surface = measured_surface(cloud)
+    contaminated = insert_outliers(surface, 0.05, 5)
+    assert not (contaminated.counted & surface.spikes & ~contaminated.outlier).any()
 
 
-def test_the_tuned_median_does_well_on_outliers_that_stand_alone(cloud):
-    assert insert_outliers(measured_surface(cloud), 0.01, 5).best_median() > 0.7
+def test_the_tuned_median_finds_isolated_outliers(cloud):
+    assert insert_outliers(measured_surface(cloud), 0.01, 5).best_median_f1() > 0.7

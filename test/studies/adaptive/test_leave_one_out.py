@@ -1,4 +1,4 @@
-"""The adaptive mode on surfaces that its rules were not chosen on."""
+"""Leave-one-out validation of the adaptive mode's rules."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from socialcircle_ros.studies.adaptive.leave_one_out import leave_one_out
 from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
 BLIND = Rules(steep=2.0)
-"""No border is so steep: isolated points alone are outliers."""
+"""No border is so steep: only isolated points are outliers."""
 
 
 def plate(name, seed, islands=0):
@@ -22,17 +22,18 @@ def plate(name, seed, islands=0):
     return measured_surface(MeasuredCloud(name, np.dstack([columns, rows, heights.astype(np.float32)]), 'µm'))
 
 
-def found(surfaces):
-    told = []
-    section, goal = leave_one_out(surfaces, (1, 2, 3), told.append)
-    assert told
+def validate(surfaces):
+    """The rows of the table by surface, and the goal."""
+    steps = []
+    section, (goal,) = leave_one_out(surfaces, (1, 2, 3), steps.append)
+    assert steps
     (table,) = section.tables
     return {row[0]: row[1:] for row in table.rows}, goal
 
 
-def test_the_rules_that_are_best_on_the_others_are_judged(monkeypatch):
+def test_the_rules_that_are_best_on_the_other_surfaces_are_judged(monkeypatch):
     monkeypatch.setattr(module, 'candidates', lambda: [BLIND, Rules(), BLIND])
-    rows, goal = found([plate('one', 1), plate('two', 2)])
+    rows, goal = validate([plate('one', 1), plate('two', 2)])
     for steep, _, _, f1, removed in rows.values():
         assert steep == Rules().steep
         assert f1 > 0.7
@@ -40,8 +41,8 @@ def test_the_rules_that_are_best_on_the_others_are_judged(monkeypatch):
     assert goal.measured == pytest.approx(np.median([row[3] for row in rows.values()]))
 
 
-def test_rules_that_harm_an_untouched_surface_are_not_chosen_where_it_was_to_be_seen(monkeypatch):
+def test_rules_that_harm_an_untouched_surface_are_not_chosen_if_it_takes_part_in_the_choice(monkeypatch):
     monkeypatch.setattr(module, 'candidates', lambda: [BLIND, Rules(steep=0.8)])
-    rows, _ = found([plate('plain', 1), plate('islands', 2, islands=80)])
+    rows, _ = validate([plate('plain', 1), plate('islands', 2, islands=80)])
     assert rows['plain'][0] == BLIND.steep
     assert rows['islands'][0] == 0.8

@@ -1,4 +1,4 @@
-"""Whether the claim holds."""
+"""Whether the paper's claim holds."""
 
 import pytest
 
@@ -6,19 +6,19 @@ from socialcircle_ros.baselines.settings import RadiusSettings
 from socialcircle_ros.metrics.scores import Scores
 from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.studies.comparison.methods import method
-from socialcircle_ros.studies.paper.verdicts import Outcome, in_a_sentence, judge, standing, table
+from socialcircle_ros.studies.paper.verdicts import Outcome, f1_ranking, judge, summary, verdict_table
 
 
-def outcome(settings, recall, false_positive_rate, milliseconds):
+def outcome(settings, recall, false_positive_rate, time_ms):
     scores = Scores(1.0, recall, 1.0, false_positive_rate)
-    return Outcome(method(settings, 'default'), 100, 90, scores, None, milliseconds)
+    return Outcome(method(settings, 'default'), 100, 90, scores, None, time_ms)
 
 
 OURS = outcome(CircleSettings(), 0.9, 0.01, 10.0)
 
 
 @pytest.mark.parametrize(
-    ('recall', 'rate', 'time', 'expected'),
+    ('recall', 'rate', 'time_ms', 'expected'),
     [
         (0.8, 0.02, 20.0, (1, 1, 1)),
         (0.95, 0.001, 5.0, (-1, -1, -1)),
@@ -26,27 +26,44 @@ OURS = outcome(CircleSettings(), 0.9, 0.01, 10.0)
         (0.95, 0.02, 9.5, (1, -1, 0)),
     ],
 )
-def test_each_part_of_the_claim_is_judged_for_itself(recall, rate, time, expected):
-    found = judge(OURS, outcome(RadiusSettings(), recall, rate, time))
-    assert (found.keeps, found.removes, found.faster) == expected
-    assert found.holds == (expected == (1, 1, 1))
+def test_each_part_of_the_claim_is_judged_separately(recall, rate, time_ms, expected):
+    verdict = judge(OURS, outcome(RadiusSettings(), recall, rate, time_ms))
+    assert (verdict.keeps, verdict.removes, verdict.faster) == expected
+    assert verdict.holds == (expected == (1, 1, 1))
 
 
-def test_the_sentence_and_the_table_say_what_the_numbers_say():
+def test_the_summary_and_the_table_follow_from_the_numbers():
     worse, better = outcome(RadiusSettings(), 0.8, 0.02, 20.0), outcome(RadiusSettings(), 0.95, 0.02, 5.0)
-    found = [judge(OURS, worse), judge(OURS, better)]
-    assert in_a_sentence('other filters', found) == (
-        'Against other filters (2 in all), the social circle keeps more good points than 2, removes more outliers'
-        ' than 1 and is faster than 1 of them; the whole claim holds against 1 of 2.'
+    verdicts = [judge(OURS, worse), judge(OURS, better)]
+    assert summary('other filters', verdicts) == (
+        'The social circle is compared with other filters (2 in total). It keeps more good points than all of'
+        ' them. It removes more outliers than 1 of them. It is faster than 1 of them. All three parts of the claim'
+        ' hold against 1 of them.'
     )
-    rows = table('name', 'title', found).rows
+    rows = verdict_table('name', 'title', verdicts).rows
     assert [row[1:] for row in rows] == [['yes', 'yes', 'yes', 'holds'], ['yes', 'no', 'no', 'does not hold']]
 
 
-def test_the_standing_is_by_f1():
-    def with_f1(settings, f1):
-        return Outcome(method(settings, 'default'), 100, 90, Scores(1.0, 1.0, f1, 0.0), None, 1.0)
+def test_the_summary_counts_equal_results_separately():
+    equal = judge(OURS, outcome(RadiusSettings(), 0.9, 0.01, 10.0))
+    assert summary('one filter', [equal]) == (
+        'The social circle is compared with one filter (1 in total). It keeps more good points than none of them'
+        ' and as many as 1. It removes more outliers than none of them and as many as 1. It is faster than none of'
+        ' them and as fast as 1. All three parts of the claim hold against none of them.'
+    )
 
-    assert standing([with_f1(CircleSettings(), 0.9), with_f1(RadiusSettings(), 0.95)]) == (
-        'The highest F1 is that of Radius, default (0.950); Social circle, default is number 2 of 2 (0.900).'
+
+def with_f1(settings, f1):
+    return Outcome(method(settings, 'default'), 100, 90, Scores(1.0, 1.0, f1, 0.0), None, 1.0)
+
+
+def test_the_ranking_is_by_f1():
+    assert f1_ranking([with_f1(CircleSettings(), 0.9), with_f1(RadiusSettings(), 0.95)]) == (
+        'The highest F1 is 0.950 (Radius, default). Social circle, default: F1 0.900, rank 2 of 2.'
+    )
+
+
+def test_the_ranking_names_the_first_rank_once():
+    assert f1_ranking([with_f1(CircleSettings(), 0.96), with_f1(RadiusSettings(), 0.95)]) == (
+        'The highest F1 is 0.960 (Social circle, default).'
     )
