@@ -26,7 +26,7 @@ EXPERIMENTS: dict[str, Sequence[Callable[[Study], list[Section]]]] = {
 _PAPER_TITLE = 'The social circle compared with other filters'
 _PAPER_INTRODUCTION = (
     'The experiments of "Fast outlier removing method for point cloud of microscopic 3D measurement based on'
-    ' social circle", repeated on clouds whose outliers are known. Does the social circle keep more points, remove'
+    ' social circle", repeated on clouds with known outliers. Does the social circle keep more points, remove'
     ' more outliers and take less time than other filters? Every sentence under "What was found" is computed from'
     ' this run.'
 )

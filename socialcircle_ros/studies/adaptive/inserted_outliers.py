@@ -48,7 +48,7 @@ class ContaminatedSurface:
     Attributes:
         points: (H, W, 3).
         outlier: (H, W) bool, the inserted outliers.
-        counted: (H, W) bool, points whose truth is certain.
+        counted: (H, W) bool, points of certain truth.
         noise: of the measured surface.
     """
 

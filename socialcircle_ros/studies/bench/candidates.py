@@ -37,7 +37,7 @@ SHARE = 0.1
 """Share of outliers in the cloud."""
 
 EXPANSION = 'expansion'
-"""Includes the radius, whose time is negligible."""
+"""Includes the radius, which takes negligible time."""
 VOTE, LARGE_VOTE = 'vote 60×60', 'vote 200×200'
 EXACT, ADAPTIVE = 'exact mode', 'adaptive mode'
 RADIUS, STATISTICAL = 'radius baseline', 'statistical baseline'

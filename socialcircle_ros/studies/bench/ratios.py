@@ -131,7 +131,7 @@ def benchmark(candidates: list[Candidate], repeats: int, progress: Callable[[str
 
 
 def ratios(figures: list[Figure]) -> list[Ratio]:
-    """The ratios of the goals whose two candidates were timed, for each number of this package's threads.
+    """The ratio of each goal with two timed candidates, for each number of this package's threads.
 
     A peer counts with its shortest median time.
     """

@@ -1,4 +1,4 @@
-"""Labelled clouds: organized clouds whose outliers are known.
+"""Labelled clouds: organized clouds with known outliers.
 
 They are synthetic scenes with added outliers, or scans by the virtual instrument. Clouds of real instruments have
 unknown outliers; they are in `measured`.
@@ -42,8 +42,8 @@ class LabelledCloud:
     Attributes:
         title: heading in tables and pictures.
         points: (H, W, 3) float32.
-        outlier: (H, W) bool, points whose distance to the true surface exceeds a bound.
-        counted: (H, W) bool, measured points whose truth is certain; scores use these only.
+        outlier: (H, W) bool, points further from the true surface than a bound.
+        counted: (H, W) bool, measured points of certain truth; scores use these only.
         z_true: (H, W) float64, the true surface.
         pitch: distance of neighbouring points along x.
         groups: (H, W) bool by name: outliers by cluster size, or pixels by cause.

@@ -1,4 +1,4 @@
-"""Measured clouds: surfaces of real instruments, whose outliers are unknown.
+"""Measured clouds: surfaces of real instruments with unknown outliers.
 
 The experiment shows what each filter removes and how the texture parameters change; it computes no score.
 """
@@ -65,7 +65,7 @@ def measured_surfaces(study: Study, clouds: Sequence[MeasuredCloud]) -> list[Sec
 def with_z_scaled(points: Cloud) -> Cloud:
     """Scale the heights so that 4 σ of the differences between neighbours are 2 pitches.
 
-    This is for instruments whose heights are much smaller or larger than their pitch.
+    This is for instruments with heights much smaller or larger than the pitch.
 
     Args:
         points: (H, W, 3), NaN where not measured.
