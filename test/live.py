@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -203,3 +204,36 @@ def mapped_by(process):
                 Path(line.split(maxsplit=5)[5]) for line in maps.read_text().splitlines() if '/dev/shm' in line
             }
     return found
+
+
+@pytest.fixture
+def start_cell(tmp_path):
+    """Starts cells that are closed at the end of the test."""
+    cells = []
+
+    def start(*args, **kwargs):
+        cells.append(Cell(tmp_path, *args, **kwargs))
+        return cells[-1]
+
+    yield start
+    for cell in cells:
+        cell.close()
+
+
+@pytest.fixture(scope='module')
+def shared_cell(tmp_path_factory):
+    cell = Cell(tmp_path_factory.mktemp('cell'))
+    yield cell
+    cell.close()
+
+
+@pytest.fixture
+def cell(shared_cell):
+    """An active node with default parameters and nothing behind it."""
+    shared_cell.set(
+        circle__mode='paper', circle__window=3, circle__radius=0.0, circle__radius_scale=1.0,
+        circle__vote_region=[0] * 4, reprocess_last=True, output__mask=True, output__score=False,
+    )  # fmt: skip
+    shared_cell.trigger('reset')
+    shared_cell.forget()
+    return shared_cell

@@ -216,27 +216,27 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from socialcircle_ros.clients import live_times
+    from socialcircle_ros.studies.bench import live
 
     console = Console()
-    rows, columns = live_times.SHAPE
+    rows, columns = live.SHAPE
     with tempfile.TemporaryDirectory() as name, console.status('') as status:
         folder = Path(name)
-        status.update(f'{repeats} stacks of {live_times.FRAMES} frames ...')
-        stacks, _, _ = live_times.time_stacks(folder, repeats)
-        status.update(f'The same, and {live_times.BESIDE_RATE:.0f} clouds a second beside them ...')
-        beside, sent, answered = live_times.time_stacks(folder, repeats, beside=live_times.BESIDE_RATE)
+        status.update(f'{repeats} stacks of {live.FRAMES} frames ...')
+        stacks, _, _ = live.time_stacks(folder, repeats)
+        status.update(f'The same, and {live.SIDE_RATE:.0f} clouds a second beside them ...')
+        beside, sent, answered = live.time_stacks(folder, repeats, side_rate=live.SIDE_RATE)
         status.update(f'{repeats} clouds through the node and through a relay ...')
-        filtered, relayed = live_times.time_clouds(folder, repeats)
-        status.update(f'{live_times.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s ...')
-        endurance = live_times.endure(folder, seconds)
+        filtered, relayed = live.time_clouds(folder, repeats)
+        status.update(f'{live.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s ...')
+        endurance = live.endure(folder, seconds)
     table = Table(title=f'The live node at {columns}×{rows}, in ms', box=None, padding=(0, 2, 0, 0))
     table.add_column('from publish() to the bytes at a subscriber')
     for heading in ('median', 'least', 'most'):
         table.add_column(heading, justify='right')
     for trip, times in (
-        (f'last of {live_times.FRAMES} frames to stack/points', stacks),
-        (f'the same, {live_times.BESIDE_RATE:.0f} clouds a second beside them', beside),
+        (f'last of {live.FRAMES} frames to stack/points', stacks),
+        (f'the same, {live.SIDE_RATE:.0f} clouds a second beside them', beside),
         ('cloud to points_filtered', filtered),
         ('the same cloud through a bare relay', relayed),
     ):
@@ -245,7 +245,7 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
     console.print(
         f'{repeats + 1} stacks beside clouds: no frame lost, {answered} of {sent} clouds answered\n'
         f'node to relay: {filtered.median / relayed.median:.2f} by median, {filtered.least / relayed.least:.2f} by'
-        f' least\n{live_times.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s: {endurance.answered} of'
+        f' least\n{live.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s: {endurance.answered} of'
         f' {endurance.sent} answered; resident memory {endurance.megabytes_before:.0f} MB before,'
         f' {endurance.megabytes_after:.0f} MB after; a cloud is {endurance.cloud_megabytes:.1f} MB',
         highlight=False,

@@ -10,8 +10,8 @@ from .options import require_ros
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from socialcircle_ros.clients.process import Answer, Client
-    from socialcircle_ros.recording.truth import Truth
+    from socialcircle_ros.clients.cloud_client import Client, Response
+    from socialcircle_ros.recording.truth import RecordedTruth
 
 NAMESPACE = '/socialcircle_demo'
 SHIPPED = ('metal_groove.mcap', 'parts.mcap', 'padded.mcap', 'stack.mcap')
@@ -47,7 +47,8 @@ def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> 
     prepare_process()
     from rich.console import Console
 
-    from socialcircle_ros.clients.process import Client, NodeProcess
+    from socialcircle_ros.clients.cloud_client import Client
+    from socialcircle_ros.clients.process import NodeProcess
     from socialcircle_ros.errors import SocialCircleError
 
     console = Console()
@@ -152,7 +153,7 @@ def _run(recording: Path, client: 'Client', output: Path, table: 'Table') -> lis
     ):
         truth = truths_of(reader)
 
-        def keep(name: str, namespace: str, time: int, cloud: bytes | None, answer: 'Answer') -> None:
+        def keep(name: str, namespace: str, time: int, cloud: bytes | None, answer: 'Response') -> None:
             before = cloud or answer.stack_points or b''
             results = (
                 answer.filtered,
@@ -245,7 +246,7 @@ def _table() -> 'Table':
     return table
 
 
-def _row(name: str, answer: 'Answer', truth: 'Truth | None') -> list[str]:
+def _row(name: str, answer: 'Response', truth: 'RecordedTruth | None') -> list[str]:
     """One line of the table; precision and recall where the recording knows the truth."""
     from socialcircle_ros.messages.image import OUTLIER, decode_mono8
     from socialcircle_ros.metrics.scores import score
@@ -263,7 +264,7 @@ def _row(name: str, answer: 'Answer', truth: 'Truth | None') -> list[str]:
         f'{values["seed_row"]},{values["seed_column"]}',
         f'{float(values["radius"]):.3g}',
         *(_milliseconds(values.get(f'time_{stage}_ms')) for stage in ('vote', 'radius', 'expansion', 'total')),
-        f'{1e3 * answer.latency:.1f}',
+        f'{answer.latency_ms:.1f}',
         *known,
     ]
 
@@ -273,7 +274,7 @@ def _milliseconds(text: str | None) -> str:
     return '' if text is None else f'{float(text):.1f}'
 
 
-def _draw(path: Path, name: str, cloud: bytes, answer: 'Answer') -> None:
+def _draw(path: Path, name: str, cloud: bytes, answer: 'Response') -> None:
     """The picture of one cloud, before and after."""
     from socialcircle_ros.messages.image import OUTLIER, decode_mono8
     from socialcircle_ros.messages.point_cloud import PointCloud

@@ -19,7 +19,7 @@ MASK = '/truth/outlier_mask'
 
 
 @dataclass(frozen=True)
-class Truth:
+class RecordedTruth:
     """Which points of a cloud are outliers.
 
     Attributes:
@@ -31,7 +31,7 @@ class Truth:
     counted: npt.NDArray[np.bool_]
 
 
-Truths = Callable[[str, bytes], Truth | None]
+Truths = Callable[[str, bytes], RecordedTruth | None]
 """From a namespace and a serialized cloud in it to the truth; None where nothing is known."""
 
 
@@ -50,13 +50,13 @@ def truths_of(reader: RecordingReader) -> Truths:
     surface = next((message.data for message in reader.messages([SURFACE])), None)
     description = next((message.data for message in reader.messages([DESCRIPTION])), None)
 
-    def of_cloud(namespace: str, cloud: bytes) -> Truth | None:
+    def of_cloud(namespace: str, cloud: bytes) -> RecordedTruth | None:
         shape = PointCloud.decode(cloud)
         beside = masks.get((namespace, shape.header.stamp))
         if beside is not None:
             mask = decode_mono8(beside)
             if mask.shape == (shape.height, shape.width):
-                return Truth(mask == OUTLIER, mask != NOT_MEASURED)
+                return RecordedTruth(mask == OUTLIER, mask != NOT_MEASURED)
         if surface is None or description is None:
             return None
         values = Status.decode(description).values
@@ -68,6 +68,6 @@ def truths_of(reader: RecordingReader) -> Truths:
         verdict = TrueSurface(true * 1e6, true.astype('u1'), good * 1e6, bad * 1e6).classify(
             shape.xyz()[..., 2] * 1e6
         )
-        return Truth(verdict.bad, verdict.good | verdict.bad)
+        return RecordedTruth(verdict.bad, verdict.good | verdict.bad)
 
     return of_cloud

@@ -80,8 +80,8 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
         (['play', 'nowhere.mcap'], 1, 'nowhere.mcap'),
         (['play', BAGS / 'parts.mcap', '--rate', '0'], 2, 'must be above 0'),
         (['play', BAGS / 'parts.mcap', '--topic', '/nowhere'], 1, 'has no topic /nowhere'),
-        (['play', BAGS / 'parts.mcap', '--namespace', 'bad x'], 2, "'bad x' is no name for topics"),
-        (['play', BAGS / 'parts.mcap', '--namespace', '1st'], 2, 'no digit in front'),
+        (['play', BAGS / 'parts.mcap', '--namespace', 'bad x'], 2, "'bad x' is not a valid namespace"),
+        (['play', BAGS / 'parts.mcap', '--namespace', '1st'], 2, 'no digit at the start'),
         (['record', '-o', 'no/folder/x.mcap'], 1, 'no/folder'),
         (['demo', 'nowhere.npz'], 1, 'nowhere.npz does not exist'),
         (['demo', 'nowhere.mcap'], 1, 'nowhere.mcap'),
@@ -112,14 +112,14 @@ def test_a_type_that_is_not_installed_is_left_out_and_told(run, tmp_path):
     done = run('play', 'odd.mcap', '--wait', '0')
     assert done.code == 0, done.err
     assert "Not played: /odd: Type 'odd_msgs/msg/Odd' is not installed here" in done.err
-    assert 'Nobody listens to /odd/mask' in done.err
+    assert 'No node subscribes to /odd/mask' in done.err
     assert '1 message played' in done.out
 
 
 def test_recording_nothing_says_so(run):
     done = run('record', '/nowhere', '-o', 'x.mcap', '--duration', '0.5')
     assert done.code == 0
-    assert 'Nothing came on /nowhere' in done.err
+    assert 'No message came on /nowhere' in done.err
 
 
 def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
@@ -187,13 +187,13 @@ def test_a_replay_does_not_wait_for_who_listens_to_what_nobody_wants(run, tmp_pa
         # Far longer than `run` waits for the whole.
         done = run('play', BAGS / 'parts.mcap', '--namespace', '/wanted', '--rate', '8', '--wait', '3600')
         assert done.code == 0, done.err
-        assert 'Nobody listens to /wanted/truth/outlier_mask; playing anyway' in done.err
+        assert 'No node subscribes to /wanted/truth/outlier_mask; playing anyway' in done.err
     assert '8 messages written' in recorder.output[0]
 
 
 def test_a_replay_ended_by_its_supervisor_says_nothing_odd(tmp_path):
     with started(tmp_path, 'play', BAGS / 'parts.mcap', '--loop', '--wait', '0', '--namespace', '/term') as player:
-        assert 'Nobody listens to' in player.stderr.readline()
+        assert 'No node subscribes to' in player.stderr.readline()
         player.send_signal(signal.SIGTERM)
         player.wait(60)
     assert player.returncode == 0
@@ -203,7 +203,7 @@ def test_a_replay_ended_by_its_supervisor_says_nothing_odd(tmp_path):
 
 def test_ctrl_c_ends_a_replay_in_a_loop(tmp_path):
     with started(tmp_path, 'play', BAGS / 'parts.mcap', '--loop', '--wait', '0', '--namespace', '/loop') as player:
-        assert 'Nobody listens to' in player.stderr.readline()
+        assert 'No node subscribes to' in player.stderr.readline()
     assert player.returncode in (0, 130)
     assert 'Traceback' not in player.output[1]
 

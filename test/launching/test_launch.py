@@ -84,7 +84,7 @@ class TestStarted:
     def outliers(self, namespace, launch):
         from examples import cloud
 
-        from socialcircle_ros.clients.process import Client
+        from socialcircle_ros.clients.cloud_client import Client
 
         with Client(f'/{namespace}') as client:
             client.wait_for_node(launch, 180.0)

@@ -9,7 +9,7 @@ from examples import cloud
 from live import PATIENCE
 from sensor_msgs.msg import Image, JointState, PointCloud2
 
-from socialcircle_ros.clients.replay import Player
+from socialcircle_ros.clients.player import Player
 from socialcircle_ros.messages import image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image as Frame

@@ -9,6 +9,7 @@ from socialcircle_ros.interface import POINTS
 from socialcircle_ros.node.transport import prepare_process
 
 RELAYED = 'relayed'
+"""The topic on which the relay publishes."""
 
 
 def main() -> int:

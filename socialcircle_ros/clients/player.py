@@ -1,0 +1,260 @@
+"""The player: publishes the messages of a recording, byte for byte, with their recorded timing."""
+
+import math
+import time
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import rclpy
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.node import Node
+from rclpy.validate_namespace import validate_namespace
+from rosgraph_msgs.msg import Clock
+
+from socialcircle_ros.errors import RecordingError, SettingError
+from socialcircle_ros.recording import Message, RecordingReader, Topic, open_recording
+
+from .message_types import message_class
+from .qos import replay_qos
+
+if TYPE_CHECKING:
+    from rclpy.publisher import Publisher
+
+CLOCK_PERIOD_NS = 25_000_000
+"""Recorded time between two messages on /clock."""
+
+_LONGEST_SLEEP_S = 0.05  # then the player looks at the graph and at Ctrl-C again
+_SETTLED_S = 2.0  # some topics never get a subscriber, such as truth masks and earlier results
+_DELIVERY_S = 5.0
+
+
+class Player(Node):
+    """Publishes the messages of a recording with their recorded timing.
+
+    Args:
+        topics: the topics to publish.
+        prefix: put before the name of each topic, such as `/demo`; empty: the names are as recorded.
+        context: the ROS context; None: the default one.
+
+    Attributes:
+        skipped: one sentence for each topic that cannot be published, because its type is not installed.
+    """
+
+    def __init__(self, topics: Iterable[Topic], prefix: str = '', context: Context | None = None) -> None:
+        super().__init__('socialcircle_play', context=context)
+        self.skipped: list[str] = []
+        # rclpy's Node already has an attribute `_publishers`.
+        self._topic_publishers: dict[str, Publisher] = {}
+        for topic in topics:
+            try:
+                message_type = message_class(topic.type)
+            except RecordingError as error:
+                self.skipped.append(f'{topic.name}: {error}')
+                continue
+            self._topic_publishers[topic.name] = self.create_publisher(
+                message_type, prefix + topic.name, replay_qos(topic.qos)
+            )
+        self._clock_publisher: Publisher | None = None
+
+    def wait_for_listeners(
+        self, topics: Collection[str], timeout_s: float, settled_s: float = math.inf
+    ) -> list[str]:
+        """Wait until each topic has a compatible subscriber.
+
+        Args:
+            topics: names as recorded.
+            timeout_s: longest wait.
+            settled_s: longest wait for another subscriber, as soon as one topic has a subscriber.
+
+        Returns:
+            The topics that still have no subscriber.
+        """
+        publishers = {name: self._topic_publishers[name] for name in topics if name in self._topic_publishers}
+        changed_at = time.monotonic()
+        deadline, before = changed_at + timeout_s, list(publishers)
+        while rclpy.ok(context=self.context):
+            unheard = [name for name, publisher in publishers.items() if publisher.get_subscription_count() == 0]
+            now = time.monotonic()
+            if unheard != before:
+                before, changed_at = unheard, now
+            settled = len(unheard) < len(publishers) and now - changed_at > settled_s
+            if not unheard or now > deadline or settled:
+                return unheard
+            time.sleep(_LONGEST_SLEEP_S)
+        return []
+
+    def play(
+        self,
+        messages: Iterable[Message],
+        *,
+        rate: float = 1.0,
+        clock: bool = False,
+        published: Callable[[Message], None] = lambda message: None,
+    ) -> None:
+        """Publish messages until they end or the context is shut down.
+
+        Args:
+            messages: in the order of their log times. Messages of topics without a publisher are skipped.
+            rate: 2 plays twice as fast as recorded.
+            clock: whether to publish recorded time on /clock, for nodes with use_sim_time.
+            published: called after each message.
+        """
+        start: tuple[float, int] | None = None  # s on the monotonic clock, and the first log time in ns
+        for message in messages:
+            publisher = self._topic_publishers.get(message.topic)
+            if publisher is None:
+                continue
+            start = start or (time.monotonic(), message.log_time)
+            if not self._wait_for_moment(message.log_time, start, rate, clock=clock):
+                return
+            publisher.publish(bytes(message.data))
+            published(message)
+
+    def wait_until_delivered(self, timeout_s: float) -> bool:
+        """Wait until reliable subscribers have acknowledged every message.
+
+        Returns:
+            Whether they did within `timeout_s` for each topic.
+        """
+        timeout = Duration(seconds=timeout_s)
+        return all(publisher.wait_for_all_acked(timeout) for publisher in self._topic_publishers.values())
+
+    def _wait_for_moment(self, log_time: int, start: tuple[float, int], rate: float, *, clock: bool) -> bool:
+        """Sleep until a message is due, and publish recorded time meanwhile.
+
+        Returns:
+            Whether the context is still valid.
+        """
+        started_at, first = start
+        while rclpy.ok(context=self.context):
+            now = min(first + int((time.monotonic() - started_at) * rate * 1e9), log_time)
+            if clock:
+                self._publish_clock(now)
+            if now >= log_time:
+                return True
+            pause_s = min((log_time - now) / rate / 1e9, _LONGEST_SLEEP_S)
+            time.sleep(min(pause_s, CLOCK_PERIOD_NS / 1e9 / rate) if clock else pause_s)
+        return False
+
+    def _publish_clock(self, now: int) -> None:
+        if self._clock_publisher is None:
+            self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(now, 1_000_000_000)
+        self._clock_publisher.publish(message)
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What was played.
+
+    Attributes:
+        messages: the number of messages that were published.
+        damage: one sentence if the recording is damaged.
+    """
+
+    messages: int
+    damage: str | None
+
+
+def play_recording(
+    recording: Path,
+    topics: Collection[str] = (),
+    *,
+    prefix: str = '',
+    rate: float = 1.0,
+    loop: bool = False,
+    clock: bool = False,
+    wait_s: float = 10.0,
+    tell: Callable[[str], None] = lambda sentence: None,
+    progress: Callable[[int, int], None] = lambda played, total: None,
+) -> Replay:
+    """Publish a recording from a node of its own, until it ends or until Ctrl-C.
+
+    Args:
+        recording: an MCAP file or a rosbag2 directory.
+        topics: the topics to play; none: all.
+        prefix: put before the name of each topic; see `topic_prefix`.
+        rate: 2 plays twice as fast as recorded.
+        loop: whether to start again at the end.
+        clock: whether to publish recorded time on /clock.
+        wait_s: longest wait for the first subscriber.
+        tell: called with a sentence for what is not played, and for what has no subscriber.
+        progress: called after each message with the number of messages played in this round and the number of
+            messages in the recording.
+
+    Raises:
+        RecordingError: the recording cannot be read, or has no such topic.
+    """
+    with open_recording(recording) as reader:
+        chosen = _chosen_topics(reader, topics)
+        names = [topic.name for topic in chosen]
+        rclpy.init()
+        player = Player(chosen, prefix)
+        try:
+            for reason in player.skipped:
+                tell(f'Not played: {reason}')
+            unheard = player.wait_for_listeners(names, wait_s, _SETTLED_S)
+            if unheard:
+                listed = ', '.join(prefix + name for name in unheard)
+                tell(f'No node subscribes to {listed}; playing anyway.')
+            total = 0
+            while True:
+                played = _play_once(player, reader, names, rate, clock, progress)
+                total += played
+                if not loop or played == 0 or not rclpy.ok():
+                    break
+            if rclpy.ok():
+                player.wait_until_delivered(_DELIVERY_S)
+            return Replay(total, reader.damage)
+        finally:
+            player.destroy_node()
+            rclpy.try_shutdown()
+
+
+def topic_prefix(namespace: str) -> str:
+    """The prefix that puts topics into a namespace: '' for the root, `/cell1` for `cell1`.
+
+    Raises:
+        SettingError: ROS does not allow such a namespace.
+    """
+    stripped = namespace.strip('/')
+    prefix = f'/{stripped}' if stripped else ''
+    try:
+        validate_namespace(prefix or '/')
+    except InvalidNamespaceException:
+        raise SettingError(
+            f'{namespace!r} is not a valid namespace: use letters, digits, _ and /, and no digit at the start.'
+        ) from None
+    return prefix
+
+
+def _chosen_topics(reader: RecordingReader, topics: Collection[str]) -> list[Topic]:
+    for name in topics:
+        if name not in reader.topics:
+            raise RecordingError(f'{reader.path} has no topic {name}; it has: {", ".join(sorted(reader.topics))}.')
+    return [topic for name, topic in reader.topics.items() if not topics or name in topics]
+
+
+def _play_once(
+    player: Player,
+    reader: RecordingReader,
+    names: Collection[str],
+    rate: float,
+    clock: bool,
+    progress: Callable[[int, int], None],
+) -> int:
+    """Play the recording once; the number of messages that were published."""
+    played = 0
+
+    def published(_: Message) -> None:
+        nonlocal played
+        played += 1
+        progress(played, reader.message_count)
+
+    player.play(reader.messages(names), rate=rate, clock=clock, published=published)
+    return played
