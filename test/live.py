@@ -1,4 +1,4 @@
-"""A cell for live tests: the real node as its own process, and a peer that talks to it over DDS."""
+"""A cell for live tests: the real node in a process of its own, and a peer that talks to it over DDS."""
 
 import contextlib
 import itertools
@@ -10,35 +10,38 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
+from socialcircle_ros import interface
+from socialcircle_ros.clients.message_types import message_class
 from socialcircle_ros.clients.process import NodeProcess
+from socialcircle_ros.clients.qos import reliable
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 
-PATIENCE = 60.0  # s: far longer than anything takes, also where everything is compiled for the first time
+PATIENCE = 60.0  # s: far longer than any step takes, including the first compilation
 NUMBERS = itertools.count()
-RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-RESULTS = ('points_filtered', 'outlier_mask', 'social_circle/measurement')
+RELIABLE = reliable()
+TOPICS = (interface.FILTERED, interface.MASK, interface.MEASUREMENT)
+RESULTS = tuple(topic.within('').removeprefix('/') for topic in TOPICS)
 
 
 class Cell:
-    """One node in a namespace of its own, and the peer beside it."""
+    """A node in a namespace of its own, and a peer."""
 
     def __init__(self, folder, parameters=None, arguments=(), *, active=True):
         number = next(NUMBERS)
         self.namespace = f'/cell{os.getpid()}_{number}'
-        self.name = f'{self.namespace}/social_circle'
+        self.name = f'{self.namespace}/{interface.NODE_NAME}'
         self.node_process = NodeProcess(self.namespace, folder / f'node{number}.log', parameters, arguments)
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
@@ -47,11 +50,10 @@ class Cell:
         self.services = {}
         self.orphans = set()
         self.inbox = {name: [] for name in (*RESULTS, 'diagnostics')}
-        kinds = dict(zip(RESULTS, (PointCloud2, Image, DiagnosticStatus), strict=True))
-        for name, kind in kinds.items():
-            self.peer.create_subscription(kind, name, self.keep(name), RELIABLE, raw=True)
-        self.peer.create_subscription(DiagnosticArray, '/diagnostics', self.diagnosed, 10)
-        self.clouds = self.peer.create_publisher(PointCloud2, 'points', RELIABLE)
+        for topic, name in zip(TOPICS, RESULTS, strict=True):
+            self.peer.create_subscription(message_class(topic.type), name, self.keep(name), RELIABLE, raw=True)
+        self.peer.create_subscription(DiagnosticArray, interface.DIAGNOSTICS.name, self.diagnosed, 10)
+        self.clouds = self.peer.create_publisher(PointCloud2, interface.POINTS.name, RELIABLE)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.peer)
         self.thread = threading.Thread(target=self.spin)
@@ -81,7 +83,7 @@ class Cell:
                     self.changed.notify_all()
 
     def wait_for(self, condition):
-        """Wait until `condition` gives something true, and give it; looks again at each message and each 50 ms."""
+        """The first true value of `condition`, which is tried at each message and every 50 ms."""
         found = None
         for _ in range(int(PATIENCE / 0.05)):
             with self.changed:
@@ -90,16 +92,16 @@ class Cell:
                     return found
                 self.changed.wait(0.05)
         log = self.node_process.log.read_text()
-        raise AssertionError(f'nothing came of it within {PATIENCE:.0f} s; the node says:\n{log}')
+        raise AssertionError(f'the condition did not hold within {PATIENCE:.0f} s; the log of the node:\n{log}')
 
     def call(self, kind, name, request):
         """Call a service of the node.
 
-        A response can be lost while the server has not yet discovered its reader (rmw_fastrtps says so in the
-        node's log), so that a call without an answer is made again.
+        A call without a response is repeated: a response is lost if the server has not yet discovered its reader
+        (rmw_fastrtps logs this).
         """
         if name not in self.services:
-            self.services[name] = self.peer.create_client(kind, f'social_circle/{name}')
+            self.services[name] = self.peer.create_client(kind, f'{interface.NODE_NAME}/{name}')
         client = self.services[name]
         self.wait_for(client.service_is_ready)
         futures = []
@@ -123,7 +125,7 @@ class Cell:
         return self.call(ChangeState, 'change_state', request).success
 
     def set(self, **values):
-        """Set parameters one at a time, as `ros2 param set` does; names with __ for the dot."""
+        """Set parameters one at a time, as `ros2 param set` does; `__` in a name stands for the dot."""
         request = SetParameters.Request(parameters=self.messages(values))
         return self.call(SetParameters, 'set_parameters', request).results
 
@@ -160,7 +162,7 @@ class Cell:
         self.clouds.publish(cloud)
 
     def answer(self):
-        """The next answer, complete: cloud, mask, measurement."""
+        """The next complete result: cloud, mask and measurement."""
         self.wait_for(lambda: all(self.inbox[name] for name in RESULTS))
         cloud, mask, measurement = (self.inbox[name][-1] for name in RESULTS)
         self.forget()
@@ -178,7 +180,7 @@ class Cell:
         )
 
     def kill(self):
-        """End the node the hard way, which leaves its shared memory behind; `close` tidies that up."""
+        """Kill the node. Its shared memory remains until `close` removes it."""
         process = self.node_process.process
         self.orphans |= mapped_by(process.pid)
         process.kill()
@@ -196,7 +198,7 @@ class Cell:
 
 
 def mapped_by(process):
-    """The shared memory that a process has mapped; '*': any process."""
+    """The shared memory that a process has mapped; '*': that any process has mapped."""
     found = set()
     for maps in Path('/proc').glob(f'{process}/maps'):
         with contextlib.suppress(OSError):
@@ -208,7 +210,7 @@ def mapped_by(process):
 
 @pytest.fixture
 def start_cell(tmp_path):
-    """Starts cells that are closed at the end of the test."""
+    """Starts cells, and closes them at the end of the test."""
     cells = []
 
     def start(*args, **kwargs):
@@ -229,7 +231,7 @@ def shared_cell(tmp_path_factory):
 
 @pytest.fixture
 def cell(shared_cell):
-    """An active node with default parameters and nothing behind it."""
+    """An active node with default parameters that has not received a cloud."""
     shared_cell.set(
         circle__mode='paper', circle__window=3, circle__radius=0.0, circle__radius_scale=1.0,
         circle__vote_region=[0] * 4, reprocess_last=True, output__mask=True, output__score=False,

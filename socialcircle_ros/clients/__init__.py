@@ -1,1 +1,4 @@
-"""What talks to a node from outside: process, player, recorder, remote parameters."""
+"""Clients of a running node: node process, cloud client, player, recorder, round trips, and the remote node.
+
+Nothing here filters. What the tuning page shows is in `panel`, the node itself in `node`.
+"""

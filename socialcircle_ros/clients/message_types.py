@@ -17,7 +17,7 @@ def message_class(type_name: str) -> type:
     package, _, name = type_name.replace('/msg/', '/').partition('/')
     try:
         found = getattr(importlib.import_module(f'{package}.msg'), name)
-    except (ImportError, AttributeError, ValueError):
+    except (ImportError, AttributeError, TypeError, ValueError):  # TypeError: the recording names no type
         found = None
     if not isinstance(found, type):
         raise RecordingError(

@@ -1,183 +1,172 @@
-"""Another node of ours, seen over the graph: its parameters, its clouds and answers, whether it is there.
+"""A running node, seen over the graph: its presence, its parameters, and its clouds with their results.
 
-What the tuning page asks of a node (`panel.link.Link`), on rclpy. Messages are taken on the executor's thread,
-which only keeps the newest; a watcher looks after the node; services are called from any other thread.
+`RemoteNode` implements `panel.link.Link` on rclpy. Three kinds of threads use it: the thread of the connection
+receives messages, a watcher checks the node every 0.3 s, and the page calls services from its own threads.
 """
 
 import contextlib
 import dataclasses
 import threading
 import time
-from collections import OrderedDict, deque
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, ParameterType
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
-from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_parameter_events
+from rclpy.qos import qos_profile_parameter_events
+from rclpy.task import Future
 from rclpy.validate_full_topic_name import validate_full_topic_name
-from sensor_msgs.msg import Image as ImageMessage
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
+from socialcircle_ros import interface
 from socialcircle_ros.errors import MessageError, SettingError
-from socialcircle_ros.messages.diagnostics import OK, WARN, Status
-from socialcircle_ros.messages.header import stamp_of
-from socialcircle_ros.messages.image import Image, decode_mono8
-from socialcircle_ros.panel.link import Descriptor, LogEntry, ParameterKind, Presence, ShownCloud, Snapshot
-from socialcircle_ros.settings import RosValue, choices_in, sentence_and_unit
+from socialcircle_ros.interface import NodeService, NodeTopic
+from socialcircle_ros.messages.diagnostics import WARN
+from socialcircle_ros.panel.link import LogEntry, ParameterKind, Presence, ShownCloud, Snapshot
+from socialcircle_ros.settings import RosValue
 
-_HEARTBEAT_LOST = 3.5  # s; the node's comes each second
-_WATCHING = 0.3  # s between two looks at the graph
-_CALL, _TRIES = (
-    2.0,
-    3,
-)  # s for an answer of a service, and how often it is asked: an answer can be lost at discovery
-_LISTENING = 5.0  # s in which a subscriber of our clouds is found, and has one delivered
-_QUIET = 2.0  # s after which we no longer count as a publisher, before the node misses our clouds
-_ASKING, _ASKS = 1.0, 5  # s between two tries to see the last cloud, and how many there are
-_CLOUDS = 12  # that wait for their answer, at most
-_CLOUD_BYTES = 512 << 20
-_EVENTS = 100
+from .connection import Connection
+from .health import NodeHealth, health_of
+from .matching import CloudMatcher, MatchedCloud
+from .message_types import message_class
+from .parameters import as_kind, descriptor_of, python_value
+from .qos import reliable
 
-_KINDS = {
-    ParameterType.PARAMETER_BOOL: ParameterKind.BOOLEAN,
-    ParameterType.PARAMETER_INTEGER: ParameterKind.INTEGER,
-    ParameterType.PARAMETER_DOUBLE: ParameterKind.REAL,
-    ParameterType.PARAMETER_STRING: ParameterKind.TEXT,
-    ParameterType.PARAMETER_INTEGER_ARRAY: ParameterKind.INTEGERS,
-}
+if TYPE_CHECKING:
+    from rclpy.publisher import Publisher
+
+_HEARTBEAT_TIMEOUT_S = 3.5  # the node publishes its diagnostics each second
+_WATCH_PERIOD_S = 0.3
+_CALL_TIMEOUT_S, _CALL_TRIES = 2.0, 3  # a response can be lost during discovery
+_DELIVERY_TIMEOUT_S = 5.0  # to discover the subscribers of a cloud, and to deliver it to them
+_IDLE_PUBLISHER_S = 2.0  # less than the time after which the node reports a publisher without clouds
+_REQUEST_PERIOD_S, _REQUESTS = 1.0, 5  # for the last cloud
+_LOG_LENGTH = 100
 
 
 class RemoteNode:
-    """A connection to one node, which may come and go; a context manager that ends it.
+    """A connection to one node, which may come and go; a context manager that ends the connection.
 
     Args:
-        target: the node's name, absolute or relative to the namespace that `arguments` give.
+        target: name of the node, absolute or relative to the namespace that `arguments` give.
         arguments: of ROS, as on the command line (--ros-args ...).
 
     Raises:
-        SettingError: no node can have that name.
+        SettingError: no node can have this name.
     """
 
-    def __init__(self, target: str, arguments: list[str] | None = None) -> None:
+    def __init__(self, target: str, arguments: Sequence[str] = ()) -> None:
+        is_absolute = target.startswith('/')
         try:
-            validate_full_topic_name(target if target.startswith('/') else f'/{target}')
+            validate_full_topic_name(target if is_absolute else f'/{target}')
         except NameValidationException:
             raise SettingError(
-                f'{target!r} cannot be the name of a node; give one such as /cell1/social_circle.'
+                f'{target!r} cannot be the name of a node; use a name such as /cell1/social_circle.'
             ) from None
-        self._context = rclpy.Context()
-        rclpy.init(args=arguments or [], context=self._context)
-        namespace = target.rpartition('/')[0] if target.startswith('/') else ''
-        self._node = Node('socialcircle_tune', namespace=namespace, context=self._context)
-        own = self._node.get_namespace().rstrip('/')
-        self._name = target if target.startswith('/') else f'{own}/{target}'
-        self._namespace = self._name.rpartition('/')[0]
+        namespace = target.rpartition('/')[0] if is_absolute else ''
+        self._connection = Connection('socialcircle_tune', namespace, arguments)
+        self._node = self._connection.node
+        self._name = target if is_absolute else f'{self._node.get_namespace().rstrip("/")}/{target}'
+        self._namespace, _, self._base_name = self._name.rpartition('/')
         self._changed = threading.Condition()
-        self._snapshot = Snapshot(sentence=self._absent())
-        self._events: deque[LogEntry] = deque(maxlen=_EVENTS)
-        self._event_count = 0
-        self._asked: Mapping[str, RosValue] = {}
-        self._heartbeat = float('-inf')
-        self._health = (OK, '', '')  # level, sentence, state
-        self._seen: set[bytes] = set()  # endpoints of the node's incarnations that have told their parameters
-        self._inputs: OrderedDict[int, bytes] = OrderedDict()
-        self._mask: tuple[int, Any] | None = None
-        self._measurement: tuple[int, Status] | None = None
-        self._publisher: Any = None
-        self._published_at = 0.0
+        # The condition guards what follows, up to the publisher.
+        self._snapshot = Snapshot(sentence=self._absent_sentence())
+        self._log: deque[LogEntry] = deque(maxlen=_LOG_LENGTH)
+        self._log_count = 0
+        self._requested: Mapping[str, RosValue] = {}  # values of the change that is under way
+        self._health: NodeHealth | None = None
+        self._heartbeat_at = float('-inf')
+        self._matcher = CloudMatcher()
         self._publishing = threading.Lock()
-        self._subscribe()
+        self._publisher: Publisher | None = None
+        self._published_at = 0.0
+        # Only the watcher uses these.
+        self._known_endpoints: set[bytes] = set()
+        self._requested_at, self._requests_left = 0.0, 0
         self._parameters = AsyncParameterClient(self._node, self._name)
-        self._saving = self._node.create_client(Trigger, f'{self._name}/save_parameters')
-        self._showing = self._node.create_client(Trigger, f'{self._name}/publish_last')
-        self._asked_at, self._asks_left = 0.0, 0
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._saving = self._node.create_client(Trigger, self._service(interface.SAVE_PARAMETERS))
+        self._showing = self._node.create_client(Trigger, self._service(interface.PUBLISH_LAST))
+        self._subscribe()
         self._stopping = threading.Event()
-        self._threads = [
-            threading.Thread(target=self._spin, name='remote'),
-            threading.Thread(target=self._watch, name='watcher'),
-        ]
-        for thread in self._threads:
-            thread.start()
+        self._connection.start(self._watch)
 
     # What the page asks
 
     @property
     def name(self) -> str:
-        """The node's full name."""
+        """The full name of the node."""
         return self._name
 
     def wait(self, revision: int, timeout_s: float) -> Snapshot:
-        """The newest snapshot, as soon as it is newer than `revision`, or after `timeout_s`."""
+        """The newest snapshot, as soon as it is newer than `revision`, or after `timeout_s` seconds."""
         with self._changed:
             self._changed.wait_for(lambda: self._snapshot.revision > revision, timeout_s)
             return self._snapshot
 
     def change(self, values: Mapping[str, RosValue]) -> str:
-        """Set parameters, all or none; '' where they were accepted, else the reason of the refusal."""
+        """Set parameters, all or none.
+
+        Returns:
+            '' if the node accepted them, else the reason of the refusal.
+        """
         if not self._parameters.services_are_ready():
-            return f'{self._name} is not there to be changed.'
-        kinds = {row.name: row.kind for row in self._snapshot.descriptors}
-        wanted = {
-            name: float(value) if kinds.get(name) is ParameterKind.REAL and type(value) is int else value
-            for name, value in values.items()
-        }
-        messages = [Parameter(name, value=value) for name, value in wanted.items()]
+            return f'{self._name} is not running; nothing was changed.'
+        kinds = self._kinds()
+        requested = {name: as_kind(value, kinds.get(name)) for name, value in values.items()}
+        messages = [Parameter(name, value=value) for name, value in requested.items()]
         with self._changed:
-            self._asked = wanted
+            self._requested = requested
         try:
-            response = self._call(lambda: self._parameters.set_parameters_atomically(messages))
-            if response is None:
-                return f'{self._name} does not answer, so that the change may not be in force.'
-            if not response.result.successful:
-                return str(response.result.reason) or 'The node gave no reason.'
-            self._take_values(wanted)
+            future = self._call(lambda: self._parameters.set_parameters_atomically(messages))
+            if future is None:
+                return f'{self._name} does not answer; the change may not be in force.'
+            result = future.result().result
+            if not result.successful:
+                return str(result.reason) or 'The node gave no reason.'
+            self._take_values(requested)
         finally:
             with self._changed:
-                self._asked = {}
+                self._requested = {}
         return ''
 
     def publish(self, cloud: bytes) -> str:
-        """Send a serialized PointCloud2 to the node; '' where it was delivered, else what was in the way."""
-        topic = f'{self._namespace}/points'
+        """Send a serialized PointCloud2 to the node.
+
+        Returns:
+            '' if the cloud was delivered, else one sentence that says why not.
+        """
+        topic = self._topic(interface.POINTS)
         with self._publishing:
             if self._publisher is None:
-                self._publisher = self._node.create_publisher(PointCloud2, topic, _reliable())
+                self._publisher = self._node.create_publisher(PointCloud2, topic, reliable())
             self._published_at = time.monotonic()
-            end = time.monotonic() + _LISTENING
-            # We listen to our own clouds; the node is the other subscriber.
+            deadline = self._published_at + _DELIVERY_TIMEOUT_S
+            # The first subscriber is this connection, the second is the node.
             while self._publisher.get_subscription_count() < 2:
-                if time.monotonic() > end or self._stopping.wait(0.02):
-                    return f'Nobody but this page listens on {topic}; the cloud was not sent.'
+                if time.monotonic() > deadline or self._stopping.wait(0.02):
+                    return f'No node but this page subscribes to {topic}; the cloud was not sent.'
             self._publisher.publish(cloud)
-            delivered = self._publisher.wait_for_all_acked(Duration(seconds=_LISTENING))
+            delivered = self._publisher.wait_for_all_acked(Duration(seconds=_DELIVERY_TIMEOUT_S))
             self._published_at = time.monotonic()
-            return '' if delivered else f'Not every listener on {topic} has received the cloud.'
+            return '' if delivered else f'Not every subscriber of {topic} has received the cloud.'
 
     def save(self) -> str:
-        """Have the node write its parameters to its file; its answer in words."""
+        """Ask the node to write its parameters to its file; the node's answer in words."""
         if not self._saving.service_is_ready():
-            return f'{self._name} is not there to save its parameters.'
-        response = self._call(lambda: self._saving.call_async(Trigger.Request()))
-        return response.message if response is not None else f'{self._name} does not answer.'
+            return f'{self._name} is not running; its parameters were not saved.'
+        future = self._call(lambda: self._saving.call_async(Trigger.Request()))
+        return future.result().message if future is not None else f'{self._name} does not answer.'
 
     def close(self) -> None:
         """Leave the graph."""
         self._stopping.set()
-        rclpy.shutdown(context=self._context)
-        for thread in self._threads:
-            thread.join()
-        self._node.destroy_node()
+        self._connection.close()
 
     def __enter__(self) -> 'RemoteNode':  # noqa: PYI034 - Self is not in Python 3.10
         return self
@@ -185,257 +174,225 @@ class RemoteNode:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    # What comes in, on the executor's thread
+    # Messages, on the thread of the connection
 
     def _subscribe(self) -> None:
-        node, space = self._node, self._namespace
-        for topic in (f'{space}/points', f'{space}/stack/points', f'{self._name}/last_points'):
-            node.create_subscription(PointCloud2, topic, self._cloud_arrived, _reliable(), raw=True)
-        node.create_subscription(ImageMessage, f'{space}/outlier_mask', self._mask_arrived, _reliable(), raw=True)
-        node.create_subscription(
-            DiagnosticStatus, f'{self._name}/measurement', self._measured, _reliable(), raw=True
+        add = {
+            interface.POINTS: self._matcher.add_cloud,
+            interface.STACK_POINTS: self._matcher.add_cloud,
+            interface.LAST_POINTS: self._matcher.add_cloud,
+            interface.MASK: self._matcher.add_mask,
+            interface.MEASUREMENT: self._matcher.add_measurement,
+        }
+        for topic, add_message in add.items():
+            self._node.create_subscription(
+                message_class(topic.type), self._topic(topic), self._match_with(add_message), reliable(), raw=True
+            )
+        diagnostics = interface.DIAGNOSTICS
+        self._node.create_subscription(DiagnosticArray, diagnostics.name, self._on_diagnostics, diagnostics.depth)
+        self._node.create_subscription(
+            ParameterEvent, '/parameter_events', self._on_parameter_event, qos_profile_parameter_events
         )
-        node.create_subscription(DiagnosticArray, '/diagnostics', self._diagnosed, 10)
-        node.create_subscription(
-            ParameterEvent, '/parameter_events', self._parameters_changed, qos_profile_parameter_events
-        )
 
-    def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            self._executor.spin()
+    def _match_with(self, add_message: Callable[[bytes], MatchedCloud | None]) -> Callable[[bytes], None]:
+        """The callback that gives messages to the matcher, and shows a cloud when its results are complete."""
 
-    def _cloud_arrived(self, message: bytes) -> None:
-        with contextlib.suppress(MessageError), self._changed:  # the node refuses it, and says why
-            self._inputs[stamp_of(message)] = message
-            self._inputs.move_to_end(stamp_of(message))
-            while len(self._inputs) > _CLOUDS or sum(map(len, self._inputs.values())) > _CLOUD_BYTES:
-                self._inputs.popitem(last=False)
-            self._pair()
+        def receive(message: bytes) -> None:
+            # The node refuses a bad cloud, and says why.
+            with contextlib.suppress(MessageError), self._changed:
+                matched = add_message(message)
+                if matched is not None:
+                    before = self._snapshot.shown_cloud
+                    shown = ShownCloud(before.number + 1 if before else 1, *matched)
+                    self._show(dataclasses.replace(self._snapshot, shown_cloud=shown))
 
-    def _mask_arrived(self, message: bytes) -> None:
-        with contextlib.suppress(MessageError), self._changed:
-            self._mask = (Image.decode(message).header.stamp, decode_mono8(message))
-            self._pair()
+        return receive
 
-    def _measured(self, message: bytes) -> None:
-        with contextlib.suppress(MessageError, ValueError), self._changed:
-            status = Status.decode(message)
-            seconds, _, nanoseconds = status.values.get('stamp', '').partition('.')
-            self._measurement = (int(seconds) * 1_000_000_000 + int(nanoseconds), status)
-            self._pair()
+    def _on_diagnostics(self, array: DiagnosticArray) -> None:
+        health = health_of(self._name, array)
+        if health is not None:
+            with self._changed:
+                self._heartbeat_at, self._health = time.monotonic(), health
 
-    def _pair(self) -> None:
-        """Make an answer of a cloud, its mask and its measurement, which come in any order."""
-        if self._mask is None or self._measurement is None:
-            return
-        stamp, mask = self._mask
-        measured_stamp, measurement = self._measurement
-        cloud = self._inputs.get(stamp)
-        before = self._snapshot.shown_cloud
-        if cloud is None or measured_stamp != stamp:
-            return
-        # A cloud that is filtered again has the stamp that it had, so that one of the two may be the last time's.
-        if before and (before.mask is mask or before.measurement is measurement):
-            return
-        self._update(shown_cloud=ShownCloud(before.number + 1 if before else 1, cloud, mask, measurement))
-
-    def _diagnosed(self, array: DiagnosticArray) -> None:
-        for status in array.status:
-            if status.hardware_id == self._name:
-                state = next((pair.value for pair in status.values if pair.key == 'state'), '')
-                with self._changed:
-                    self._heartbeat = time.monotonic()
-                    self._health = (int.from_bytes(status.level, 'little'), status.message, state)
-
-    def _parameters_changed(self, event: ParameterEvent) -> None:
+    def _on_parameter_event(self, event: ParameterEvent) -> None:
         if event.node == self._name:
             changed = {item.name: item.value for item in [*event.new_parameters, *event.changed_parameters]}
-            self._take_values(
-                {name: plain for name, value in changed.items() if (plain := _plain(value)) is not None}
-            )
+            values = {name: python_value(value) for name, value in changed.items()}
+            self._take_values({name: value for name, value in values.items() if value is not None})
 
-    # The node itself
+    # The watcher
 
     def _watch(self) -> None:
-        """Look after the node: whether it is there, and what its parameters are."""
+        """Check the node until the connection is closed."""
         try:
-            while not self._stopping.wait(_WATCHING):
-                self._look()
+            while not self._stopping.wait(_WATCH_PERIOD_S):
+                self._retire_idle_publisher()
+                self._check_node()
         except Exception:
-            if self._context.ok():  # else the graph was left meanwhile
+            if self._connection.context.ok():  # else the connection was closed meanwhile
                 raise
 
-    def _look(self) -> None:
-        self._retire_publisher()
-        beating = time.monotonic() - self._heartbeat < _HEARTBEAT_LOST
-        alive = beating and self._parameters.services_are_ready()
-        if alive:
-            endpoints = self._endpoints()
-            if (endpoints - self._seen or not self._snapshot.descriptors) and self._describe():
-                again = bool(self._seen)
-                self._seen |= endpoints
-                self._asks_left = _ASKS
-                self._happened('The node was started again.' if again else 'The node is there.')
+    def _check_node(self) -> None:
+        """Note whether the node runs, and read the parameters of a node that has started."""
+        has_heartbeat = time.monotonic() - self._heartbeat_at < _HEARTBEAT_TIMEOUT_S
+        is_alive = has_heartbeat and self._parameters.services_are_ready()
+        if is_alive:
+            self._read_parameters_of_new_node()
         with self._changed:
-            presence, level, sentence = self._presence(alive)
-            before = self._snapshot.presence
-            if (presence, level, sentence) != (before, self._snapshot.level, self._snapshot.sentence):
-                if not alive and before in (Presence.ACTIVE, Presence.INACTIVE):
-                    self._happened('The node no longer answers.', bad=True)
-                self._update(presence=presence, level=level, sentence=sentence)
+            presence, level, sentence = self._presence(is_alive=is_alive)
+            before = self._snapshot
+            if (presence, level, sentence) != (before.presence, before.level, before.sentence):
+                if not is_alive and before.presence in (Presence.ACTIVE, Presence.INACTIVE):
+                    self._add_to_log('The node no longer answers.', bad=True)
+                self._show(dataclasses.replace(self._snapshot, presence=presence, level=level, sentence=sentence))
         if presence is Presence.ACTIVE:
-            self._ask_for_the_last_cloud()
+            self._request_last_cloud()
 
-    def _ask_for_the_last_cloud(self) -> None:
-        """See the cloud that came before this page; again where it was lost while we were being discovered."""
-        due = self._asks_left and time.monotonic() - self._asked_at > _ASKING
-        if self._snapshot.shown_cloud is None and due and self._showing.service_is_ready():
-            self._asked_at = time.monotonic()
-            response = self._call(lambda: self._showing.call_async(Trigger.Request()))
-            told = response is not None and not response.success  # that there is none
-            self._asks_left = 0 if told else self._asks_left - 1
+    def _read_parameters_of_new_node(self) -> None:
+        """Read the parameters unless those of this process of the node are known."""
+        endpoints = self._diagnostics_endpoints()
+        is_new = bool(endpoints - self._known_endpoints) or not self._snapshot.descriptors
+        if is_new and self._read_parameters():
+            restarted = bool(self._known_endpoints)
+            self._known_endpoints |= endpoints
+            self._requests_left = _REQUESTS
+            self._add_to_log('The node was started again.' if restarted else 'The node is running.')
 
-    def _presence(self, alive: bool) -> tuple[Presence, int, str]:
-        level, message, state = self._health
-        if alive and not self._snapshot.descriptors:
-            return Presence.SILENT, WARN, 'Waiting for the node to tell its parameters.'
-        if alive:
-            if self._snapshot.values.get('output.mask') is False:
-                level, message = max(level, WARN), 'Switch output.mask on: without it this page sees no outliers.'
-            return (Presence.ACTIVE if state == 'active' else Presence.INACTIVE), level, message
-        if self._parameters.services_are_ready():
-            return Presence.SILENT, WARN, self._silent()
-        return Presence.ABSENT, WARN, self._absent()
-
-    def _silent(self) -> str:
-        if self._seen:
-            return 'Waiting: the node has stopped answering; if it was ended, start it again.'
-        return 'Waiting: the node does not answer yet. Its very first start compiles for about 20 s.'
-
-    def _absent(self) -> str:
-        others = [
-            f'{space.rstrip("/")}/{name}'
-            for name, space in self._node.get_node_names_and_namespaces()
-            if name == self._name.rpartition('/')[2] and f'{space.rstrip("/")}/{name}' != self._name
-        ]
-        elsewhere = f' There is {" and ".join(sorted(others))}: choose with --node.' if others else ''
-        remap = f' --ros-args -r __ns:={self._namespace}' if self._namespace else ''
-        return f'Waiting for {self._name}; start it with: socialcircle node{remap}.{elsewhere}'
-
-    def _endpoints(self) -> set[bytes]:
-        """What tells one incarnation of the node from the next."""
+    def _diagnostics_endpoints(self) -> set[bytes]:
+        """The node's publishers of diagnostics; a node that is started again has new ones."""
         return {
             bytes(publisher.endpoint_gid)
-            for publisher in self._node.get_publishers_info_by_topic('/diagnostics')
-            if f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}' == self._name
+            for publisher in self._node.get_publishers_info_by_topic(interface.DIAGNOSTICS.name)
+            if _full_name(publisher.node_namespace, publisher.node_name) == self._name
         }
 
-    def _describe(self) -> bool:
-        """Ask for every parameter; whether the node has told them."""
+    def _read_parameters(self) -> bool:
+        """Ask the node for every parameter; whether it has answered."""
         listed = self._call(self._parameters.list_parameters)
         if listed is None:
             return False
-        names = list(listed.result.names)
+        names = list(listed.result().result.names)
         described = self._call(lambda: self._parameters.describe_parameters(names))
         got = self._call(lambda: self._parameters.get_parameters(names))
         if described is None or got is None:
             return False
-        rows, values = [], {}
-        for message, value in zip(described.descriptors, got.values, strict=False):
-            row, plain = descriptor_of(message, value.type), _plain(value)
-            if row is not None and plain is not None:
-                rows.append(row)
-                values[row.name] = float(plain) if row.kind is ParameterKind.REAL else plain  # type: ignore[arg-type]
+        descriptors, values = [], {}
+        for message, value in zip(described.result().descriptors, got.result().values, strict=False):
+            descriptor, plain = descriptor_of(message, value.type), python_value(value)
+            if descriptor is not None and plain is not None:
+                descriptors.append(descriptor)
+                values[descriptor.name] = as_kind(plain, descriptor.kind)
         with self._changed:
-            if not self._snapshot.values:
-                self._update(descriptors=tuple(rows), values=values)
+            is_first = not self._snapshot.values
+            self._show(dataclasses.replace(self._snapshot, descriptors=tuple(descriptors)))
+            if is_first:
+                self._show(dataclasses.replace(self._snapshot, values=values))
             else:
-                self._update(descriptors=tuple(rows))
                 self._take_values(values)
         return True
 
-    def _take_values(self, values: Mapping[str, RosValue]) -> None:
-        """Note values in force, and who changed them."""
-        kinds = {row.name: row.kind for row in self._snapshot.descriptors}
-        with self._changed:
-            known = dict(self._snapshot.values)
-            for name, value in values.items():
-                if name not in kinds:
-                    continue
-                taken = float(value) if kinds[name] is ParameterKind.REAL else value  # type: ignore[arg-type]
-                if known.get(name) != taken:
-                    who = 'this page' if self._asked.get(name) == value else 'elsewhere'
-                    self._happened(f'{name}: {known.get(name)} → {taken} ({who})')
-                    known[name] = taken
-            if known != self._snapshot.values:
-                self._update(values=known)
+    def _request_last_cloud(self) -> None:
+        """Ask for the cloud that came before this page.
 
-    def _retire_publisher(self) -> None:
-        """No longer count as a publisher of clouds, whose silence the node would report."""
+        The request is repeated, because the cloud can be lost during discovery.
+        """
+        is_due = self._requests_left and time.monotonic() - self._requested_at > _REQUEST_PERIOD_S
+        if self._snapshot.shown_cloud is None and is_due and self._showing.service_is_ready():
+            self._requested_at = time.monotonic()
+            future = self._call(lambda: self._showing.call_async(Trigger.Request()))
+            has_no_cloud = future is not None and not future.result().success
+            self._requests_left = 0 if has_no_cloud else self._requests_left - 1
+
+    def _retire_idle_publisher(self) -> None:
+        """Destroy the publisher of clouds when it is idle: the node reports publishers without clouds."""
         with self._publishing:
-            if self._publisher is not None and time.monotonic() - self._published_at > _QUIET:
+            if self._publisher is not None and time.monotonic() - self._published_at > _IDLE_PUBLISHER_S:
                 self._node.destroy_publisher(self._publisher)
                 self._publisher = None
 
-    def _call(self, ask: Callable[[], Any]) -> Any:
-        """Call a service from a thread that is not the executor's; None where no answer comes."""
-        for _ in range(_TRIES):
-            answered = threading.Event()
-            future = ask()
-            future.add_done_callback(lambda _, answered=answered: answered.set())
-            if answered.wait(_CALL):
-                return future.result()
+    # What is known of the node
+
+    def _presence(self, *, is_alive: bool) -> tuple[Presence, int, str]:
+        """The node's presence, its level and one sentence."""
+        if not is_alive or self._health is None:
+            if self._parameters.services_are_ready():
+                return Presence.SILENT, WARN, self._silent_sentence()
+            return Presence.ABSENT, WARN, self._absent_sentence()
+        if not self._snapshot.descriptors:
+            return Presence.SILENT, WARN, 'Waiting for the parameters of the node.'
+        level, sentence = self._health.level, self._health.message
+        if self._snapshot.values.get('output.mask') is False:
+            level = max(level, WARN)
+            sentence = 'Switch output.mask on: without the mask this page cannot show outliers.'
+        presence = Presence.ACTIVE if self._health.state == 'active' else Presence.INACTIVE
+        return presence, level, sentence
+
+    def _silent_sentence(self) -> str:
+        if self._known_endpoints:
+            return 'Waiting: the node has stopped answering; if it has ended, start it again.'
+        return 'Waiting: the node does not answer yet. Its very first start compiles for about 20 s.'
+
+    def _absent_sentence(self) -> str:
+        names = (_full_name(space, name) for name, space in self._node.get_node_names_and_namespaces())
+        others = sorted(
+            name for name in names if name.rpartition('/')[2] == self._base_name and name != self._name
+        )
+        elsewhere = f' There is {" and ".join(others)}: choose with --node.' if others else ''
+        remapping = f' --ros-args -r __ns:={self._namespace}' if self._namespace else ''
+        return f'Waiting for {self._name}; start it with: socialcircle node{remapping}.{elsewhere}'
+
+    def _take_values(self, values: Mapping[str, RosValue]) -> None:
+        """Note values that are in force, and log each change with its origin."""
+        kinds = self._kinds()
+        with self._changed:
+            known = dict(self._snapshot.values)
+            for name, value in values.items():
+                new = as_kind(value, kinds.get(name))
+                if name in kinds and known.get(name) != new:
+                    origin = 'this page' if self._requested.get(name) == value else 'elsewhere'
+                    self._add_to_log(f'{name}: {known.get(name)} → {new} ({origin})')
+                    known[name] = new
+            if known != self._snapshot.values:
+                self._show(dataclasses.replace(self._snapshot, values=known))
+
+    def _kinds(self) -> dict[str, ParameterKind]:
+        return {descriptor.name: descriptor.kind for descriptor in self._snapshot.descriptors}
+
+    def _add_to_log(self, text: str, *, bad: bool = False) -> None:
+        with self._changed:
+            self._log.append(LogEntry(time.time(), text, bad))
+            self._log_count += 1
+            self._show(dataclasses.replace(self._snapshot, log=tuple(self._log), log_total=self._log_count))
+
+    def _show(self, snapshot: Snapshot) -> None:
+        """Make `snapshot` the newest one. The caller holds the condition."""
+        self._snapshot = dataclasses.replace(snapshot, revision=self._snapshot.revision + 1)
+        self._changed.notify_all()
+
+    # The graph
+
+    def _topic(self, topic: NodeTopic) -> str:
+        return topic.within(self._namespace, self._base_name)
+
+    def _service(self, service: NodeService) -> str:
+        return service.name.replace('~', self._name, 1)
+
+    def _call(self, request: Callable[[], Future]) -> Future | None:
+        """Call a service, and wait. The thread must not be that of the connection.
+
+        Returns:
+            The completed future; None if no response came.
+        """
+        for _ in range(_CALL_TRIES):
+            done = threading.Event()
+            future = request()
+            future.add_done_callback(lambda _, done=done: done.set())
+            if done.wait(_CALL_TIMEOUT_S):
+                return future
             if self._stopping.is_set():
                 return None
         return None
 
-    def _happened(self, text: str, *, bad: bool = False) -> None:
-        with self._changed:
-            self._events.append(LogEntry(time.time(), text, bad))
-            self._event_count += 1
-            self._update(log=tuple(self._events), log_total=self._event_count)
 
-    def _update(self, **changes: Any) -> None:
-        with self._changed:
-            revision = self._snapshot.revision + 1
-            self._snapshot = dataclasses.replace(self._snapshot, revision=revision, **changes)
-            self._changed.notify_all()
-
-
-def descriptor_of(message: ParameterDescriptor, kind: int) -> Descriptor | None:
-    """What a node says of a parameter; None where it is of a kind that has no control.
-
-    Args:
-        message: its descriptor.
-        kind: type of its value, of ParameterType: that of the descriptor is not set where typing is dynamic.
-    """
-    if kind not in _KINDS:
-        return None
-    sentence, unit = sentence_and_unit(message.description)
-    real = message.dynamic_typing and kind in (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE)
-    ranges = message.floating_point_range or message.integer_range
-    allowed = message.additional_constraints
-    return Descriptor(
-        name=message.name,
-        kind=ParameterKind.REAL if real else _KINDS[kind],
-        sentence=sentence,
-        unit=unit,
-        allowed=allowed,
-        choices=choices_in(allowed) if kind == ParameterType.PARAMETER_STRING else (),
-        low=ranges[0].from_value if ranges else None,
-        high=ranges[0].to_value if ranges else None,
-        step=ranges[0].step if ranges else 0,
-        read_only=message.read_only,
-    )
-
-
-def _plain(value: Any) -> RosValue | None:
-    """A ParameterValue with Python's own types; None where it is not set, or of a kind without a control."""
-    if value.type not in _KINDS:
-        return None
-    plain = parameter_value_to_python(value)
-    return plain if isinstance(plain, (bool, int, float, str)) else [int(item) for item in plain]
-
-
-def _reliable() -> QoSProfile:
-    return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+def _full_name(namespace: str, name: str) -> str:
+    return f'{namespace.rstrip("/")}/{name}'

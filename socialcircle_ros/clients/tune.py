@@ -1,8 +1,8 @@
-"""The node `socialcircle_tune`: it serves the tuning page and connects it to the node that is tuned."""
+"""The tuning page with its connection to the node that is tuned."""
 
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from socialcircle_ros.panel.page import page_of
@@ -18,31 +18,31 @@ def tune(
     port: int,
     presets: Path,
     recording: Path | None,
-    arguments: list[str],
+    arguments: Sequence[str],
     serving: Callable[[str, str], None],
 ) -> None:
-    """Serve the page until Ctrl-C or SIGTERM.
+    """Serve the tuning page until Ctrl-C or SIGTERM.
 
     Args:
         target: name of the node that is tuned, absolute or relative to the namespace.
         host: the address to listen on.
-        port: the port; where it is in use, the next free one is taken.
-        presets: folder of the presets.
-        recording: a recording to open at the start; None: none.
-        arguments: for ROS, as on the command line (--ros-args ...).
-        serving: called with the node's full name and the address of the page when the page can be opened.
+        port: the first port to try.
+        presets: the folder of the presets.
+        recording: a recording to open at the start.
+        arguments: of ROS, as on the command line (--ros-args ...).
+        serving: called once with the full name of the node and the address of the page.
 
     Raises:
-        SettingError: `target` is not the name of a node.
-        SocialCircleError: viser is not installed, or this machine has no such address.
+        SocialCircleError: viser is not installed.
+        SettingError: no node can have the name `target`.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    with RemoteNode(target, arguments) as link:
-        server, page = page_of(link, Presets(presets), host, port)
+    with RemoteNode(target, arguments) as node:
+        server, page = page_of(node, Presets(presets), host, port)
         try:
-            serving(link.name, f'http://{host}:{server.get_port()}')
+            serving(node.name, f'http://{host}:{server.get_port()}')
             if recording is not None:
                 page.open_recording(recording)
             page.run(stop.is_set)

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 from .cdr import CdrReader, CdrWriter
 
+_NANOSECONDS = 1_000_000_000
+
 
 @dataclass(frozen=True)
 class Header:
-    """When and where a message was measured."""
+    """When and in which frame of reference a message was measured."""
 
     seconds: int = 0
     nanoseconds: int = 0
@@ -15,17 +17,21 @@ class Header:
 
     @property
     def stamp(self) -> int:
-        """Time in nanoseconds."""
-        return self.seconds * 1_000_000_000 + self.nanoseconds
+        """The time in ns."""
+        return self.seconds * _NANOSECONDS + self.nanoseconds
 
     @classmethod
     def at(cls, stamp: int, frame_id: str) -> 'Header':
-        """A header from a time in nanoseconds."""
-        return cls(*divmod(stamp, 1_000_000_000), frame_id)
+        """A header with a stamp in ns."""
+        return cls(*divmod(stamp, _NANOSECONDS), frame_id)
 
     @classmethod
     def read(cls, reader: CdrReader) -> 'Header':
-        """Read the header at the reader's position."""
+        """Read the header at the reader's position.
+
+        Raises:
+            MessageError: the message ends early.
+        """
         return cls(reader.int32(), reader.uint32(), reader.string())
 
     def write(self, writer: CdrWriter) -> None:
@@ -39,6 +45,12 @@ def stamp_of(message: bytes) -> int:
     """The stamp, in ns, of any serialized message that begins with a header.
 
     Raises:
-        MessageError: it ends early.
+        MessageError: the message ends early.
     """
     return Header.read(CdrReader(message)).stamp
+
+
+def stamp_text(stamp: int) -> str:
+    """A stamp in ns as a measurement writes it: seconds with nine decimals, such as `5.000000007`."""
+    seconds, nanoseconds = divmod(stamp, _NANOSECONDS)
+    return f'{seconds}.{nanoseconds:09d}'
