@@ -1,1 +1,4 @@
-"""ROS messages to arrays and back, as CDR bytes; no rclpy."""
+"""Serialized ROS messages (CDR) to arrays and back, without rclpy.
+
+Messages are read in place. Recordings of messages are in `recording`.
+"""

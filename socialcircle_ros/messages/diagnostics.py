@@ -8,12 +8,20 @@ from .cdr import CdrReader, CdrWriter
 TYPE = 'diagnostic_msgs/msg/DiagnosticStatus'
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
-_LEAST_PAIR = 10  # bytes of a KeyValue with two empty strings, padding of the second included
+_MIN_PAIR_SIZE = 10  # bytes of a KeyValue with two empty strings, without the padding between them
 
 
 @dataclass(frozen=True)
 class Status:
-    """A DiagnosticStatus: a level, one sentence, and values by name."""
+    """A DiagnosticStatus.
+
+    Attributes:
+        level: `OK`, `WARN`, `ERROR` or `STALE`.
+        name: of the component.
+        message: one sentence.
+        hardware_id: of the component.
+        values: keys to values, as text.
+    """
 
     level: int
     name: str
@@ -38,9 +46,9 @@ class Status:
         """Read a serialized message.
 
         Raises:
-            MessageError: it ends early, or is of another type.
+            MessageError: the message ends early, or is of another type.
         """
         reader = CdrReader(message)
         level, name, text, hardware_id = reader.uint8(), reader.string(), reader.string(), reader.string()
-        pairs = [(reader.string(), reader.string()) for _ in range(reader.count(_LEAST_PAIR))]
+        pairs = [(reader.string(), reader.string()) for _ in range(reader.count(_MIN_PAIR_SIZE))]
         return cls(level, name, text, hardware_id, dict(pairs))

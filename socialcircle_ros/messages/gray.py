@@ -1,29 +1,28 @@
-"""Gray frames from camera images: what the focus is measured on."""
-
-from typing import Any
+"""Gray images from the colour images and Bayer mosaics of cameras."""
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.kernels.compiled import kernel
 
+GrayImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+
 
 def gray_of_colour(pixels: npt.NDArray[np.uint8], *, blue_first: bool) -> npt.NDArray[np.uint8]:
-    """Luma by ITU-R BT.601, rounded, in whole numbers: (77 R + 150 G + 29 B + 128) / 256.
+    """Luma of a colour image, with the weights of ITU-R BT.601 in integers: (77 R + 150 G + 29 B + 128) / 256.
 
     Args:
         pixels: (H, W, 3) uint8, any strides.
-        blue_first: whether the channels are B, G, R.
+        blue_first: whether the order of the channels is B, G, R.
 
     Returns:
         (H, W) uint8.
     """
-    gray: npt.NDArray[np.uint8] = _luma(pixels[..., ::-1] if blue_first else pixels)
-    return gray
+    return _luma(pixels[..., ::-1] if blue_first else pixels)
 
 
 @kernel
-def _luma(pixels: Any) -> Any:
+def _luma(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     height, width = pixels.shape[:2]
     gray = np.empty((height, width), np.uint8)
     for row in range(height):
@@ -36,12 +35,13 @@ def _luma(pixels: Any) -> Any:
 
 
 @kernel
-def gray_of_mosaic(pixels: Any) -> Any:
-    """The mean of each pixel and its neighbours to the right, below and diagonally below, rounded.
+def gray_of_mosaic(pixels: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """The mean of each 2×2 window of a Bayer mosaic, rounded.
 
-    Each 2×2 window of a Bayer mosaic holds one red, two green and one blue pixel, whatever the pattern, so
-    that the mosaic itself, which a focus measure would take for texture, vanishes. The last row and column
-    look back instead; the image stands half a pixel to the lower right.
+    The window of a pixel holds the pixel and its neighbours to the right, below and diagonally below. Whatever the
+    pattern, each window has one red, two green and one blue pixel. So the mosaic vanishes, which a focus measure
+    would take for texture. A value belongs to the centre of its window, half a pixel to the lower right. The last
+    row and column repeat the windows of the row and column before.
 
     Args:
         pixels: (H, W) uint8, H and W at least 2.

@@ -1,31 +1,47 @@
-"""sensor_msgs/Image: camera frames in, masks out."""
+"""sensor_msgs/Image: camera frames to arrays, and masks and scores to images."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import MessageError
 
 from .cdr import CdrReader, CdrWriter
-from .gray import gray_of_colour, gray_of_mosaic
+from .gray import GrayImage, gray_of_colour, gray_of_mosaic
 from .header import Header
 
 TYPE = 'sensor_msgs/msg/Image'
 
 KEPT, NOT_MEASURED, OUTLIER = 0, 127, 255
-"""What the pixels of an outlier mask say."""
+"""The values of the pixels of an outlier mask."""
 
 _MONO = {'mono8': 1, '8UC1': 1, 'mono16': 2, '16UC1': 2}
+"""Bytes per pixel."""
+
 _COLOUR = {'rgb8': False, 'bgr8': True, '8UC3': True}
 """Whether blue comes first; OpenCV's 8UC3 is BGR."""
+
 _MOSAIC = ('bayer_rggb8', 'bayer_bggr8', 'bayer_gbrg8', 'bayer_grbg8')
 
 
 @dataclass(frozen=True)
 class Image:
-    """An image where it lies in its serialized message."""
+    """The description of an image, and its pixels in place.
+
+    Attributes:
+        message: the serialized message.
+        header: the time and the frame of reference.
+        height: rows of pixels.
+        width: columns of pixels.
+        encoding: of the pixels, such as `mono8`.
+        is_bigendian: whether the first byte of a pixel is its most significant one.
+        step: bytes from one row to the next.
+        data_start: the offset of the first pixel in `message`.
+        data_length: bytes of all rows.
+    """
 
     message: bytes
     header: Header
@@ -39,10 +55,10 @@ class Image:
 
     @classmethod
     def decode(cls, message: bytes) -> 'Image':
-        """Walk through a serialized Image; no pixel is looked at or copied.
+        """Read the description of a serialized Image; the pixels are neither read nor copied.
 
         Raises:
-            MessageError: the bytes are not an Image, or end early.
+            MessageError: the message is not an Image, or ends early.
         """
         reader = CdrReader(message)
         header = Header.read(reader)
@@ -51,17 +67,20 @@ class Image:
         data_start, data_length = reader.octets()
         return cls(message, header, height, width, encoding, is_bigendian, step, data_start, data_length)
 
-    def pixels(self) -> npt.NDArray[Any]:
-        """The image as it was sent, a view: (H, W) uint8 or uint16, or (H, W, 3) uint8 for colour.
+    def pixels(self) -> GrayImage:
+        """The pixels as they were sent.
+
+        Returns:
+            A view of the message: (H, W) uint8 or uint16, or (H, W, 3) uint8 for colour.
 
         Raises:
-            MessageError: an encoding that is not taken here, or an image that contradicts itself.
+            MessageError: the encoding is not supported, or the image contradicts itself.
         """
         channels = 3 if self.encoding in _COLOUR else 1
         size = _MONO.get(self.encoding, 1)
         if self.encoding not in (*_MONO, *_COLOUR, *_MOSAIC):
             raise MessageError(
-                f'The image is {self.encoding!r}; send mono8, mono16, rgb8, bgr8 or bayer_*8 with 8 bits.'
+                f'The encoding {self.encoding!r} is not supported; send mono8, mono16, rgb8, bgr8 or bayer_*8.'
             )
         if self.height == 0 or self.width == 0:
             raise MessageError(f'The image is empty: height {self.height}, width {self.width}.')
@@ -80,25 +99,33 @@ class Image:
         strides = (self.step, 3, 1) if channels == 3 else (self.step, size)
         return np.ndarray(shape, kind, self.message, offset=self.data_start, strides=strides)
 
-    def gray(self) -> npt.NDArray[Any]:
-        """The image in gray, (H, W) uint8 or native uint16; a view where it is gray already.
+    def gray(self) -> GrayImage:
+        """The image in gray.
+
+        Returns:
+            (H, W) uint8 or uint16 in native byte order; a view of the message if the pixels are gray already.
 
         Raises:
-            MessageError: as `pixels`; a mosaic smaller than 2×2.
+            MessageError: as `pixels`, or a Bayer image is smaller than 2×2.
         """
         pixels = self.pixels()
         if self.encoding in _COLOUR:
-            return gray_of_colour(pixels, blue_first=_COLOUR[self.encoding])
+            return gray_of_colour(cast('npt.NDArray[np.uint8]', pixels), blue_first=_COLOUR[self.encoding])
         if self.encoding in _MOSAIC:
             if min(pixels.shape) < 2:
                 raise MessageError(f'A Bayer image needs at least 2×2 pixels, not {pixels.shape}.')
-            return gray_of_mosaic(pixels)  # type: ignore[no-any-return]
-        native = pixels.dtype.newbyteorder('=')
-        return pixels if pixels.flags.aligned and pixels.dtype.isnative else pixels.astype(native)
+            return gray_of_mosaic(cast('npt.NDArray[np.uint8]', pixels))
+        # Only 16-bit pixels can be unaligned or in foreign byte order.
+        return pixels if pixels.flags.aligned and pixels.dtype.isnative else pixels.astype(np.uint16)
 
 
-def encode_image(header: Header, pixels: npt.NDArray[Any]) -> bytes:
-    """A serialized image of `pixels`: (H, W) uint8 as mono8, uint16 as mono16, float32 as 32FC1."""
+def encode_image(header: Header, pixels: GrayImage | npt.NDArray[np.float32]) -> bytes:
+    """Serialize an image.
+
+    Args:
+        header: the time and the frame of reference.
+        pixels: (H, W) uint8, uint16 or float32; the encoding is mono8, mono16 or 32FC1.
+    """
     height, width = pixels.shape
     writer = CdrWriter()
     header.write(writer)
@@ -112,19 +139,30 @@ def encode_image(header: Header, pixels: npt.NDArray[Any]) -> bytes:
     return writer.finish()
 
 
-def mask_pixels(inliers: npt.NDArray[np.bool_], outliers: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
-    """The outlier mask as pixels, (H, W) uint8: 0 kept, 255 outlier, 127 not measured."""
+def mask_pixels(inliers: Mask, outliers: Mask) -> npt.NDArray[np.uint8]:
+    """The pixels of an outlier mask.
+
+    Args:
+        inliers: (H, W) bool, the points that were kept.
+        outliers: (H, W) bool.
+
+    Returns:
+        (H, W) uint8: 0 kept, 255 outlier, 127 not measured.
+    """
     unmeasured = ~(inliers | outliers)
     return outliers * np.uint8(OUTLIER) + unmeasured * np.uint8(NOT_MEASURED)
 
 
 def decode_mono8(message: bytes) -> npt.NDArray[np.uint8]:
-    """The pixels of a serialized mono8 image, such as a mask: (H, W) uint8, a view.
+    """The pixels of a serialized mono8 image, such as a mask.
+
+    Returns:
+        (H, W) uint8, a view of the message.
 
     Raises:
-        MessageError: not a mono8 image, or one that is cut short.
+        MessageError: the message is not a mono8 image, or is cut short.
     """
     image = Image.decode(message)
     if image.encoding not in ('mono8', '8UC1'):
         raise MessageError(f'The image is {image.encoding}; a mask is mono8.')
-    return image.pixels()
+    return cast('npt.NDArray[np.uint8]', image.pixels())

@@ -1,4 +1,4 @@
-"""sensor_msgs/JointState: where the stage was."""
+"""sensor_msgs/JointState: positions of the stage."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,12 +8,18 @@ from .header import Header
 
 TYPE = 'sensor_msgs/msg/JointState'
 
-_LEAST_STRING = 4
+_MIN_STRING_SIZE = 4  # bytes of the length
 
 
 @dataclass(frozen=True)
 class JointState:
-    """Positions of joints at a time; prismatic ones in metres (REP 103). Velocities and efforts are left out."""
+    """Positions of joints at one time, without velocities and efforts.
+
+    Attributes:
+        header: the time.
+        names: of the joints.
+        positions: of the joints; those of prismatic joints are in metres (REP 103).
+    """
 
     header: Header
     names: Sequence[str]
@@ -24,11 +30,11 @@ class JointState:
         """Read a serialized message.
 
         Raises:
-            MessageError: it ends early, or is of another type.
+            MessageError: the message ends early, or is of another type.
         """
         reader = CdrReader(message)
         header = Header.read(reader)
-        names = [reader.string() for _ in range(reader.count(_LEAST_STRING))]
+        names = [reader.string() for _ in range(reader.count(_MIN_STRING_SIZE))]
         positions = [reader.float64() for _ in range(reader.count(8))]
         return cls(header, names, positions)
 
@@ -42,6 +48,6 @@ class JointState:
         writer.uint32(len(self.positions))
         for position in self.positions:
             writer.float64(position)
-        writer.uint32(0)
-        writer.uint32(0)
+        writer.uint32(0)  # velocities
+        writer.uint32(0)  # efforts
         return writer.finish()

@@ -20,7 +20,7 @@ VALUES = st.lists(
 
 
 @given(VALUES)
-def test_what_is_written_is_read(values):
+def test_written_values_are_read_back(values):
     writer = CdrWriter()
     for kind, value in values:
         getattr(writer, kind)(value)
@@ -40,7 +40,7 @@ def test_a_message_that_is_cut_short_is_refused(values, data):
             getattr(reader, kind)()
 
 
-def test_numbers_are_aligned_to_their_size_from_behind_the_header():
+def test_numbers_are_aligned_to_their_size_from_the_end_of_the_header():
     writer = CdrWriter()
     writer.uint8(1)
     writer.float64(1.0)
@@ -57,14 +57,14 @@ def test_other_encodings_are_refused(data):
         CdrReader(data)
 
 
-def test_a_length_beyond_the_message_is_refused_before_anything_is_made_of_it():
+def test_a_length_beyond_the_message_is_refused_before_memory_is_allocated():
     writer = CdrWriter()
     writer.uint32(4_000_000_000)
     with pytest.raises(MessageError, match='4000000000 more bytes follow, but only 0 do'):
         CdrReader(writer.finish()).octets()
 
 
-def test_bytes_that_are_no_text_survive():
+def test_bytes_that_are_not_utf_8_are_written_back_unchanged():
     writer = CdrWriter()
     writer.octets(b'caf\xe9\0')
     again = CdrWriter()

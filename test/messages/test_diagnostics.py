@@ -15,7 +15,7 @@ TEXT = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs'])
 
 
 @given(TEXT, TEXT, TEXT, st.dictionaries(TEXT, TEXT))
-def test_an_encoded_status_is_what_a_stranger_decodes_and_what_is_read_back(name, message, hardware, values):
+def test_an_encoded_status_is_decoded_by_another_library_and_read_back(name, message, hardware, values):
     status = Status(WARN, name, message, hardware, values)
     encoded = status.encode()
     other = DECODE(encoded)

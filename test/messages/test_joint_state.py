@@ -14,7 +14,7 @@ DECODE = generate_dynamic('sensor_msgs/JointState', schema_text('sensor_msgs/msg
 
 
 @given(st.lists(st.text('abc_é', max_size=9), max_size=4), st.lists(st.floats(allow_nan=False), max_size=4))
-def test_an_encoded_joint_state_is_what_a_stranger_decodes_and_what_is_read_back(names, positions):
+def test_an_encoded_joint_state_is_decoded_by_another_library_and_read_back(names, positions):
     state = JointState(Header(3, 4, 'stage'), names, positions)
     other = DECODE(state.encode())
     assert (list(other.name), list(other.position), list(other.velocity)) == (names, positions, [])
