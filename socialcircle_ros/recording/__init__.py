@@ -1,4 +1,7 @@
-"""MCAP files and rosbag2 directories in and out, and the offline pipeline over them."""
+"""Recordings: MCAP files and rosbag2 directories in and out, imported measurement files, and the offline filter.
+
+Messages stay serialized here; `messages` reads and writes their bytes.
+"""
 
 from .importers import ImportedCloud, import_cloud
 from .reader import RecordingReader, open_recording

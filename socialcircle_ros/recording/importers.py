@@ -1,20 +1,21 @@
-"""Files of measurements as organized clouds: `.npz` height maps, PLY and PCD."""
+"""Organized clouds from measurement files: `.npz` height maps, PLY and PCD."""
 
 import zipfile
 import zlib
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.errors import ImportFileError
 
-from .point_files import PointTable, read_pcd, read_ply
+from .point_files import Column, PointTable, read_pcd, read_ply
 
-Array = NDArray[Any]
+_Number = TypeVar('_Number', bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,38 +23,38 @@ class ImportedCloud:
     """An organized cloud from a file.
 
     Attributes:
-        name: Of the file, without its ending.
-        points: x, y and z, (rows, columns, 3) float32 or float64; NaN where nothing was measured.
-        fields: What else the file has for each point, (rows, columns) each, by name.
-        unit: Of the coordinates, as the file says; None where it does not.
+        name: the name of the file without its suffix.
+        points: (rows, columns, 3) float32 or float64, x, y and z; NaN where a point was not measured.
+        fields: the other values of each point by name, (rows, columns) each.
+        unit: of the coordinates; None if the file does not name it.
     """
 
     name: str
-    points: Array
-    fields: dict[str, Array]
+    points: Cloud
+    fields: dict[str, Column]
     unit: str | None
 
 
 def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> ImportedCloud:
     """Read an organized cloud from a file.
 
-    An `.npz` height map has heights `z` (rows, columns) and the pitches `dx` and `dy`, all in one unit (µm
-    unless `unit` says otherwise): x is column · dx, y is row · dy. Its other arrays of the same size become
-    fields, as do the planes of an array (planes, rows, columns).
+    An `.npz` height map has heights `z` (rows, columns) and the pitches `dx` and `dy`, all in one unit: µm, unless
+    `unit` names another. x is column · dx, y is row · dy. Other arrays of the same size become fields, as do the
+    planes of an array (planes, rows, columns).
 
     Args:
-        path: An `.npz`, `.ply` or `.pcd` file.
-        shape: (rows, columns) of a PLY or PCD file that does not say so itself.
+        path: an `.npz`, `.ply` or `.pcd` file.
+        shape: (rows, columns) of a PLY or PCD file that does not hold its shape.
 
     Raises:
-        ImportFileError: The file cannot be used; the message says why and what to do.
+        ImportFileError: the file cannot be used; the message says why and what to do.
     """
     path = Path(path)
-    readers = {'.npz': _height_map, '.ply': _points, '.pcd': _points}
+    readers = {'.npz': _read_height_map, '.ply': _read_points, '.pcd': _read_points}
     if not path.suffix and not path.exists():
         raise ImportFileError(f'{path} does not exist: check the name of the file or folder.')
     if path.suffix.lower() not in readers:
-        raise ImportFileError(f'{path} is of a kind that is not known here: give an .npz, .ply or .pcd file.')
+        raise ImportFileError(f'{path} has an unknown file type: give an .npz, .ply or .pcd file.')
     try:
         return readers[path.suffix.lower()](path, shape)
     except FileNotFoundError:
@@ -62,7 +63,22 @@ def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> I
         raise ImportFileError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
 
 
-def _height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
+def load_npz(path: Path) -> dict[str, Column]:
+    """Load the arrays of an `.npz` archive.
+
+    Raises:
+        ImportFileError: the file is not such an archive, or is cut off.
+    """
+    # zipfile raises a RuntimeError for an encrypted archive, and for one with an unknown compression.
+    with suppress(ValueError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        archive = np.load(path, allow_pickle=False)
+        if isinstance(archive, np.lib.npyio.NpzFile):
+            with archive:
+                return {key: archive[key] for key in archive.files}
+    raise ImportFileError(f'{path} is not an .npz archive of numbers, or is cut off: save it again.')
+
+
+def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
     arrays = load_npz(path)
     if 'frames' in arrays:
         raise ImportFileError(
@@ -73,59 +89,61 @@ def _height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
             raise ImportFileError(
                 f'{path} has no array {key!r}: a height map needs z (rows, columns), dx and dy, the pitches in µm.'
             )
-    z = arrays.pop('z')
-    if z.ndim != 2 or z.size == 0 or z.dtype.kind not in 'fiu':
+    heights = arrays.pop('z')
+    if heights.ndim != 2 or heights.size == 0 or heights.dtype.kind not in 'fiu':
         raise ImportFileError(
-            f'{path} has z of the shape {z.shape} and type {z.dtype}: it must be numbers in rows and columns.'
+            f'{path} has an array z with shape {heights.shape} and type {heights.dtype}: it must hold numbers in'
+            ' rows and columns.'
         )
-    if shape is not None and shape != z.shape:
-        raise ImportFileError(f'{path} has {z.shape[0]} × {z.shape[1]} points, not {shape[0]} × {shape[1]}.')
+    rows, columns = heights.shape
+    if shape is not None and shape != (rows, columns):
+        raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
     dx, dy = (_pitch(path, key, arrays.pop(key)) for key in ('dx', 'dy'))
     unit = str(arrays.pop('unit', 'um'))
-    z = _as_coordinates(z)
-    points = np.empty((*z.shape, 3), z.dtype)
-    points[..., 0] = np.arange(z.shape[1]) * dx
-    points[..., 1] = np.arange(z.shape[0])[:, np.newaxis] * dy
+    z = _as_coordinates(heights)
+    points = np.empty((rows, columns, 3), z.dtype)
+    points[..., 0] = np.arange(columns) * dx
+    points[..., 1] = np.arange(rows)[:, np.newaxis] * dy
     points[..., 2] = z
+    return _checked(path, ImportedCloud(path.stem, points, _fields_of(arrays, (rows, columns)), unit))
+
+
+def _fields_of(arrays: dict[str, Column], shape: tuple[int, int]) -> dict[str, Column]:
+    """The arrays, and planes of arrays, that have the shape of the height map."""
     fields = {}
     for name, array in arrays.items():
-        if array.shape == z.shape and array.dtype.kind in 'fiub':
+        if array.shape[-2:] != shape or array.dtype.kind not in 'fiub':
+            continue
+        if array.ndim == 2:
             fields[name] = _as_field(array)
-        elif array.ndim == 3 and array.shape[1:] == z.shape and array.dtype.kind in 'fiub':
+        elif array.ndim == 3:
             fields |= {f'{name}_{plane}': _as_field(values) for plane, values in enumerate(array)}
-    return _checked(path, ImportedCloud(path.stem, points, fields, unit))
+    return fields
 
 
-def load_npz(path: Path) -> dict[str, Array]:
-    """The arrays of an .npz archive.
+def _pitch(path: Path, key: str, value: Column) -> float:
+    """Read a pitch.
 
     Raises:
-        ImportFileError: it is not one, or is cut off.
+        ImportFileError: it is not one positive number.
     """
-    # A RuntimeError: the archive is encrypted, or compressed in a way that zipfile does not know.
-    with suppress(ValueError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
-        archive = np.load(path, allow_pickle=False)
-        if isinstance(archive, np.lib.npyio.NpzFile):
-            with archive:
-                return {key: archive[key] for key in archive.files}
-    raise ImportFileError(f'{path} is not an .npz archive of numbers, or is cut off: save it again.')
+    if value.size == 1 and value.dtype.kind in 'fiu':
+        pitch = float(value.astype(np.float64).item())
+        if 0 < pitch < np.inf:
+            return pitch
+    raise ImportFileError(f'{path} has no usable {key!r}: it must be one positive number, the pitch in µm.')
 
 
-def _pitch(path: Path, key: str, value: Array) -> float:
-    if value.size != 1 or value.dtype.kind not in 'fiu' or not 0 < value.item() < np.inf:
-        raise ImportFileError(f'{path} has no usable {key!r}: it must be one positive number, the pitch in µm.')
-    return float(value.item())
-
-
-def _points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
+def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
+    """Read a PLY or PCD file."""
     table = read_pcd(path) if path.suffix.lower() == '.pcd' else read_ply(path)
     for axis in 'xyz':
         if axis not in table.columns or table.columns[axis].ndim != 1:
             raise ImportFileError(f'{path} has no coordinate {axis!r} for its points: save it with x, y and z.')
     grid = _Grid(path, table, shape)
     coordinates = [_as_coordinates(table.columns.pop(axis)) for axis in 'xyz']
-    points = np.stack([grid.place(values, np.nan) for values in coordinates], axis=-1)
-    fields = {}
+    points = cast('Cloud', np.stack([grid.place(values, np.nan) for values in coordinates], axis=-1))
+    fields: dict[str, Column] = {}
     for name, values in table.columns.items():
         if values.ndim == 1:
             fields[name] = grid.place(_as_field(values), 0)
@@ -135,43 +153,43 @@ def _points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
 
 
 class _Grid:
-    """Puts the points of a table on their places in rows and columns."""
+    """Arranges the points of a table in rows and columns."""
 
     def __init__(self, path: Path, table: PointTable, shape: tuple[int, int] | None) -> None:
         count = len(table.columns['x'])
         found = table.shape or shape
         if found is None:
             raise ImportFileError(
-                f'{path} is not organized: it does not say how many rows and columns its {count} points '
-                'form, so give the shape.'
+                f'{path} is not organized: it does not tell the numbers of rows and columns of its {count} points,'
+                ' so give the shape.'
             )
         if shape is not None and shape != found:
             raise ImportFileError(f'{path} has {found[0]} × {found[1]} points, not {shape[0]} × {shape[1]}.')
         if table.places is None and found[0] * found[1] != count:
             raise ImportFileError(f'{path} has {count} points, which are not {found[0]} × {found[1]}.')
         if table.places is not None and table.places.max() >= count:
-            raise ImportFileError(f'{path} has a range_grid that names points which are not there: save it again.')
-        self.shape = found
-        self.places = table.places
+            raise ImportFileError(f'{path} has a range_grid that names missing points: save it again.')
+        self._shape = found
+        self._places = table.places
 
-    def place(self, values: Array, empty: float) -> Array:
-        """Arrange `values` (N,) to (rows, columns), with `empty` where the grid has no point."""
-        if self.places is None:
-            return values.reshape(self.shape)
-        placed = np.full(self.places.shape, empty, values.dtype)
-        there = self.places >= 0
-        placed[there] = values[self.places[there]]
-        return placed.reshape(self.shape)
+    def place(self, values: NDArray[_Number], empty: float) -> NDArray[_Number]:
+        """Arrange values (N,) in rows and columns; a place without a point gets the value `empty`."""
+        if self._places is None:
+            return values.reshape(self._shape)
+        placed = np.full(self._places.shape, empty, values.dtype)
+        occupied = self._places >= 0
+        placed[occupied] = values[self._places[occupied]]
+        return placed.reshape(self._shape)
 
 
-def _as_coordinates(values: Array) -> Array:
-    """Float32 stays, and holds a half float; everything else becomes float64, which loses nothing of it."""
+def _as_coordinates(values: Column) -> NDArray[np.float32] | NDArray[np.float64]:
+    """Convert to float32 if that holds every value of the type, as it does for half floats; else to float64."""
     small = values.dtype.kind == 'f' and values.dtype.itemsize <= 4
-    return values.astype(np.float32 if small else np.float64)
+    return values.astype(np.float32) if small else values.astype(np.float64)
 
 
-def _as_field(values: Array) -> Array:
-    """Convert to a type that a PointCloud2 can hold, in the machine's byte order."""
+def _as_field(values: Column) -> Column:
+    """Convert to a type that a PointCloud2 can hold, in native byte order."""
     kind, size = values.dtype.kind, values.dtype.itemsize
     if kind == 'b':
         return values.astype(np.uint8)
@@ -181,6 +199,11 @@ def _as_field(values: Array) -> Array:
 
 
 def _checked(path: Path, cloud: ImportedCloud) -> ImportedCloud:
+    """The cloud, if it has a measured point.
+
+    Raises:
+        ImportFileError: it has none.
+    """
     if not np.isfinite(cloud.points).all(axis=-1).any():
         raise ImportFileError(f'{path} has no measured point: every height is NaN or infinite.')
     return cloud

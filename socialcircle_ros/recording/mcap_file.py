@@ -1,7 +1,7 @@
-"""One MCAP file, sound or damaged, as spans of messages that are loaded one at a time.
+"""One MCAP file, intact or damaged, as spans of messages that are loaded one at a time.
 
-A sound file is opened by the index at its end. A file without one, or with a damaged one, is scanned from its
-beginning to the damage, which rebuilds the index; from then on both are read in the same way.
+An intact file is opened by the index at its end. If the index is missing or damaged, the file is scanned from its
+beginning to its end or to the damage, and the index is rebuilt. Reading is the same in both cases.
 """
 
 import os
@@ -26,22 +26,22 @@ from socialcircle_ros.errors import RecordingError
 
 from .topics import Message, Topic
 
-_HEAD = struct.Struct('<BQ')  # of every record: opcode, length of its body
-_MESSAGE = struct.Struct('<HIQQ')  # of a message's body: channel, sequence, log time, publish time
+_HEAD = struct.Struct('<BQ')  # the start of every record: opcode, length of the body
+_MESSAGE = struct.Struct('<HIQQ')  # the start of a message's body: channel, sequence, log time, publish time
 _FOOTER = struct.Struct('<BQQQI')  # opcode, length, summary start, summary offset start, CRC
 _CONTENT = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
-_RUN_LENGTH = 1 << 20  # messages outside of chunks are gathered into spans of about this many bytes
+_RUN_LENGTH = 1 << 20  # messages outside of chunks are joined to spans of about this many bytes
 
 
 class Damage(Exception):  # noqa: N818 - a finding, not an error of the program
-    """Something in the file is not as it should be; the message says what."""
+    """A part of the file is damaged; the message says how this shows."""
 
 
 _CUT_OFF = 'the recording was cut off'
-_TOO_LONG = 'a record is longer than what holds it'
+_TOO_LONG = 'a record is longer than its chunk or file'
 _NO_TOPIC = 'a message belongs to no topic'
 
-# What reading damaged bytes may raise: our own findings, the disk, and the parsers and decompressors.
+# Raised while damaged bytes are read: by the checks here, the disk, the parsers and the decompressors.
 DAMAGE = (
     Damage,
     OSError,
@@ -57,9 +57,14 @@ DAMAGE = (
 
 
 class Span(NamedTuple):
-    """A chunk, or a run of messages outside of chunks: what is loaded at once.
+    """A chunk, or a run of messages outside of chunks. A span is loaded at once.
 
-    `channels` are the ids that occur in it, None where unknown.
+    Attributes:
+        start_time: the earliest log time, ns.
+        end_time: the latest log time, ns.
+        offset: of the first byte in the file.
+        length: in bytes.
+        channels: the numbers of the channels that occur in it; None if they are not known.
     """
 
     start_time: int
@@ -78,7 +83,14 @@ class _Index:
     damage: str | None = None
 
     def take(self, opcode: int, body: memoryview) -> tuple[int, int] | None:
-        """Note a schema or a channel, count a message; of a message, give the log time and the channel."""
+        """Take a record into the index.
+
+        Returns:
+            The log time and the channel of a message; None for another record.
+
+        Raises:
+            Damage: the message belongs to no channel.
+        """
         if opcode == Opcode.MESSAGE:
             channel, _, log_time, _ = _MESSAGE.unpack_from(body)
             if channel not in self.channels:
@@ -98,18 +110,18 @@ class McapFile:
     """An opened MCAP file.
 
     Attributes:
-        path: Where it is.
-        channels: Topics by the number that messages refer to.
-        spans: In the order of the file.
-        message_count: How many messages it holds, up to the damage if there is one.
-        damage: One sentence if damage was found on opening, else None.
+        path: of the file.
+        channels: the topics by the numbers of their channels, by which messages refer to them.
+        spans: in the order of the file.
+        message_count: the number of messages; in a damaged file, those before the damage.
+        damage: one sentence if damage was found on opening, else None.
     """
 
     def __init__(self, path: Path) -> None:
         """Open the file and read or rebuild its index.
 
         Raises:
-            RecordingError: It cannot be opened, or is not an MCAP file.
+            RecordingError: the file cannot be opened, or is not an MCAP file.
         """
         self.path = path
         self._file = _open(path)
@@ -130,10 +142,10 @@ class McapFile:
         self._file.close()
 
     def messages(self, span: Span) -> Iterator[Message]:
-        """Load a span and give its messages, in the order of the file.
+        """Load a span, and yield its messages in the order of the file.
 
         Raises:
-            One of `DAMAGE`: The span cannot be read from here on.
+            One of `DAMAGE`: the rest of the span cannot be read.
         """
         for opcode, body in self._records(span.offset, span.length):
             if opcode == Opcode.MESSAGE:
@@ -144,22 +156,22 @@ class McapFile:
                 yield Message(self.channels[channel].name, data, log_time, publish_time, sequence)
 
     def damage_sentence(self, offset: int, reason: BaseException) -> str:
-        """Say in one sentence in which part the file is damaged, how that shows, and what is read."""
-        why = str(reason) if isinstance(reason, Damage) else 'its bytes make no sense'
+        """One sentence: where the file is damaged, how this shows, and what is read."""
+        why = str(reason) if isinstance(reason, Damage) else 'its bytes are invalid'
         return (
             f'{self.path} is damaged after byte {offset} of {self._size} ({why}): the messages before the '
-            'damage are read, what follows is lost.'
+            'damage are read, those after it are lost.'
         )
 
     def _check_magic(self) -> None:
         start = self._file.read(16)
         if not start:
             raise RecordingError(
-                f'{self.path} is empty: the recorder was stopped before it wrote anything; record again.'
+                f'{self.path} is empty: the recorder ended before it wrote a message; record again.'
             )
         if start.startswith(b'SQLite format'):
             raise RecordingError(
-                f'{self.path} is an sqlite3 bag: make an MCAP of it with `ros2 bag convert`, then use that.'
+                f'{self.path} is an sqlite3 bag: convert it to MCAP with `ros2 bag convert`, and use the result.'
             )
         if not start.startswith(MCAP0_MAGIC):
             raise RecordingError(
@@ -172,13 +184,12 @@ class McapFile:
         except DAMAGE:
             index = self._index_from_scan()
             index.damage = index.damage or (
-                f'{self.path} has a cut-off or damaged index at its end, but its data is whole: all its '
-                'messages are read.'
+                f'{self.path} has a damaged or cut-off index, but its data is complete: all messages are read.'
             )
         return index or self._index_from_scan()
 
     def _index_from_summary(self) -> _Index | None:
-        """Read the index at the end of the file; None if the file has none that would do."""
+        """Read the index at the end of the file; None if the file has no index, or an incomplete one."""
         end = self._size - len(MCAP0_MAGIC) - _FOOTER.size
         tail = self._read(end, self._size)
         opcode, length, start, _, crc = _FOOTER.unpack_from(tail)
@@ -206,7 +217,7 @@ class McapFile:
         for chunk in sorted(chunks, key=lambda chunk: chunk.chunk_start_offset):
             head = self._read(chunk.chunk_start_offset, chunk.chunk_start_offset + _HEAD.size)
             if _HEAD.unpack(head) != (Opcode.CHUNK, chunk.chunk_length - _HEAD.size):
-                raise Damage('the index does not fit the data')
+                raise Damage('the index does not match the data')
             index.spans.append(
                 Span(
                     chunk.message_start_time,
@@ -220,11 +231,11 @@ class McapFile:
         return index
 
     def _index_from_scan(self) -> _Index:
-        """Rebuild the index by reading the file to its end or to the damage."""
+        """Rebuild the index: read the file to its end or to the damage."""
         index = _Index()
         offset = len(MCAP0_MAGIC)
         opcode = 0
-        joinable = False  # whether the last span is a run of bare messages that ends at `offset`
+        joinable = False  # whether the last span is a run of messages outside of chunks that ends at `offset`
         try:
             while opcode != Opcode.DATA_END:
                 opcode, length = _HEAD.unpack(self._read(offset, offset + _HEAD.size))
@@ -249,13 +260,13 @@ class McapFile:
                 if found := index.take(opcode, body):
                     times.append(found[0])
                     channels.add(found[1])
-        finally:  # of a damaged chunk, the messages before the damage count
+        finally:  # the messages before the damage of a chunk count
             index.spans.append(
                 Span(min(times, default=0), max(times, default=0), offset, length, frozenset(channels))
             )
 
     def _scan_record(self, index: _Index, offset: int, length: int, *, joinable: bool) -> None:
-        """Take a record outside of chunks into the index, in the last span if that is `joinable`."""
+        """Take a record outside of chunks into the index, and into the last span if that is `joinable`."""
         start_time, end_time, start, channels = sys.maxsize, 0, offset, frozenset[int]()
         for opcode, body in self._records(offset, length):
             if found := index.take(opcode, body):
@@ -268,7 +279,7 @@ class McapFile:
         index.spans.append(Span(start_time, end_time, start, offset + length - start, channels))
 
     def _records(self, offset: int, length: int) -> Iterator[tuple[int, memoryview]]:
-        """Give opcode and body of each record in a chunk, or in a run of records outside of chunks."""
+        """Yield opcode and body of each record in a chunk, or in a run of records outside of chunks."""
         if self._read(offset, offset + 1)[0] != Opcode.CHUNK:
             yield from _split(self._read(offset, offset + length))
             return
@@ -291,10 +302,10 @@ class McapFile:
 
 
 class _Clipped:
-    """A file that ends at `end`, so that a damaged length cannot ask for more memory than the file is long.
+    """A file that ends at `end`, so that a damaged length cannot allocate more memory than the file has bytes.
 
-    It may give less than was asked for, and `ReadDataStream` accepts that: so the beginning of a chunk that
-    was cut off is kept.
+    A read may return fewer bytes than requested. `ReadDataStream` accepts this, so that the beginning of a chunk
+    that is cut off is read.
     """
 
     def __init__(self, file: BinaryIO, end: int) -> None:
@@ -317,7 +328,11 @@ def _open(path: Path) -> BinaryIO:
 
 
 def _split(data: bytes, complaint: str = _TOO_LONG) -> Iterator[tuple[int, memoryview]]:
-    """Give opcode and body of each record in a sequence; `complaint` is for one that goes past the end."""
+    """Yield opcode and body of each record in a sequence.
+
+    Raises:
+        Damage: a record goes past the end; the message is `complaint`.
+    """
     view = memoryview(data)
     position = 0
     while position < len(view):
@@ -332,7 +347,11 @@ def _split(data: bytes, complaint: str = _TOO_LONG) -> Iterator[tuple[int, memor
 
 
 def _contents(chunk: Chunk, *, whole: bool) -> bytes:
-    """Decompress a chunk, as far as it goes unless it must be `whole`."""
+    """Decompress a chunk; unless it must be `whole`, as much of it as there is.
+
+    Raises:
+        Damage: the compression is unknown, or the length or checksum of a whole chunk does not match.
+    """
     if chunk.compression == 'lz4':
         data = bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data))
     elif chunk.compression == 'zstd':
@@ -342,7 +361,7 @@ def _contents(chunk: Chunk, *, whole: bool) -> bytes:
     else:
         raise Damage(f'a chunk has the unknown compression {chunk.compression!r}')
     if whole and len(data) != chunk.uncompressed_size:
-        raise Damage('a chunk has not the length that it says')
+        raise Damage('the length of a chunk does not match')
     if whole and chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
         raise Damage('the checksum of a chunk does not match')
     return data

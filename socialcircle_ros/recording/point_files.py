@@ -1,14 +1,12 @@
-"""PLY and PCD files as columns of numbers, and the grid that the points lie on where the file tells it.
+"""PLY and PCD files as columns of numbers, with the grid of the points if the file holds one.
 
-Own code, because nothing small and permissive fits: plyfile is GPL, and pypcd4 brings pydantic and a
-compiled LZF.
+No library is small and has a permissive licence: plyfile is GPL, and pypcd4 needs pydantic and a compiled LZF.
 """
 
 import re
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +14,8 @@ from numpy.typing import NDArray
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.kernels.compiled import kernel
 
-Array = NDArray[Any]
+Column = NDArray[np.generic]
+"""One value for each point, of any type."""
 
 _PLY_TYPES = {
     **dict.fromkeys(('char', 'int8'), 'i1'),
@@ -37,17 +36,18 @@ _PCD_KINDS = {'I': 'i', 'U': 'u', 'F': 'f'}
 
 @dataclass
 class PointTable:
-    """Points of a file as columns.
+    """The points of a file as columns.
 
     Attributes:
-        columns: By name, (N,) each, or (N, count) where a point has several values.
-        shape: (rows, columns) of the grid, if the file says so.
-        places: For each place of the grid, row by row, the index of its point or -1; None: in order.
+        columns: the values by name, (N,) each, or (N, count) if a point has several values.
+        shape: (rows, columns) of the grid; None if the file does not hold it.
+        places: (rows · columns,) the index of the point at each place of the grid, row by row; -1: no point. None:
+            the points are in the order of the grid.
     """
 
-    columns: dict[str, Array]
+    columns: dict[str, Column]
     shape: tuple[int, int] | None
-    places: Array | None = None
+    places: NDArray[np.int64] | None = None
 
 
 @dataclass
@@ -55,14 +55,14 @@ class _PlyElement:
     name: str
     count: int
     properties: list[tuple[str, str]] = field(default_factory=list)  # name, NumPy type
-    list_type: tuple[str, str] | None = None  # of the count, of an entry
+    list_type: tuple[str, str] | None = None  # NumPy types of the count and of an entry
 
 
 def read_pcd(path: Path) -> PointTable:
-    """Read a PCD file: ascii, binary or binary_compressed.
+    """Read a PCD file with ascii, binary or binary_compressed data.
 
     Raises:
-        ImportFileError: The file contradicts itself, is cut off, or is no PCD file.
+        ImportFileError: the file is no PCD file, contradicts itself, or is cut off.
     """
     content = path.read_bytes()
     header, encoding, start = _pcd_header(path, content)
@@ -72,7 +72,7 @@ def read_pcd(path: Path) -> PointTable:
         width, height = int(header['WIDTH'][0]), int(header['HEIGHT'][0])
         points = int(header.get('POINTS', [str(width * height)])[0])
         layout = [
-            # PCL names padding `_`, more than once.
+            # PCL names each padding `_`; the names of a dtype must differ.
             (f'_{place}' if name == '_' else name, f'<{_PCD_KINDS[kind]}{int(size)}', (count,))
             for place, (name, kind, size, count) in enumerate(
                 zip(names, header['TYPE'], header['SIZE'], counts, strict=True)
@@ -81,11 +81,12 @@ def read_pcd(path: Path) -> PointTable:
         record = np.dtype(layout)
     except (KeyError, IndexError, ValueError, TypeError):
         raise ImportFileError(
-            f'{path} has a PCD header that makes no sense: save it again with the program that made it.'
+            f'{path} has an invalid PCD header: save it again with the program that made it.'
         ) from None
     if points != width * height or points <= 0:
         raise ImportFileError(
-            f'{path} says {points} points, but {width} × {height} of them: save it again with matching counts.'
+            f'{path} has a header with {points} points, but {width} × {height} places: save it again with matching'
+            ' counts.'
         )
     data = content[start:]
     if encoding == 'ascii':
@@ -101,7 +102,7 @@ def read_pcd(path: Path) -> PointTable:
     elif encoding == 'binary_compressed':
         columns = _pcd_compressed(path, data, points, record)
     else:
-        raise ImportFileError(f'{path} has PCD data of the unknown kind {encoding!r}: save it as binary.')
+        raise ImportFileError(f'{path} has PCD data of the unknown type {encoding!r}: save it as binary.')
     kept = {
         name: values[:, 0] if values.shape[1] == 1 else values
         for name, values in columns.items()
@@ -111,7 +112,7 @@ def read_pcd(path: Path) -> PointTable:
 
 
 def _pcd_header(path: Path, content: bytes) -> tuple[dict[str, list[str]], str, int]:
-    """Give the header's entries, the kind of the data, and where the data begin."""
+    """Read the entries of the header, the type of the data, and the offset of the data."""
     header: dict[str, list[str]] = {}
     position = 0
     while (end := content.find(b'\n', position)) >= 0:
@@ -124,14 +125,14 @@ def _pcd_header(path: Path, content: bytes) -> tuple[dict[str, list[str]], str, 
         if not words[0].isalpha():
             break
         header[words[0]] = words[1:]
-    raise ImportFileError(f'{path} is not a PCD file, or is cut off in its header: save it again.')
+    raise ImportFileError(f'{path} is not a PCD file, or its header is cut off: save it again.')
 
 
-def _pcd_compressed(path: Path, data: bytes, points: int, record: np.dtype[Any]) -> dict[str, Array]:
-    """Decompress PCL's LZF block: field after field, each for all points."""
+def _pcd_compressed(path: Path, data: bytes, points: int, record: np.dtype[np.void]) -> dict[str, Column]:
+    """Decompress the LZF block of PCL, which holds one field after the other, each for all points."""
     packed, unpacked = (int(size) for size in np.frombuffer(_first(path, data, 8), '<u4'))
     if unpacked != points * record.itemsize:
-        raise ImportFileError(f'{path} has compressed data that do not fit its header: save it again as binary.')
+        raise ImportFileError(f'{path} has compressed data that do not match its header: save it again as binary.')
     out = np.empty(unpacked, np.uint8)
     if _lzf(np.frombuffer(_first(path, data[8:], packed), np.uint8), out) != unpacked:
         raise ImportFileError(f'{path} has damaged compressed data: save it again as binary.')
@@ -147,7 +148,15 @@ def _pcd_compressed(path: Path, data: bytes, points: int, record: np.dtype[Any])
 
 @kernel
 def _lzf(packed: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
-    """Decompress LibLZF's format; the number of bytes that came out, -1 if the input makes no sense."""
+    """Decompress the format of LibLZF.
+
+    Args:
+        packed: the compressed bytes.
+        out: receives the decompressed bytes.
+
+    Returns:
+        The number of decompressed bytes; -1 if the input is invalid.
+    """
     read = 0
     written = 0
     while read < packed.size:
@@ -161,7 +170,7 @@ def _lzf(packed: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
             read += length
             written += length
             continue
-        length = (control >> 5) + 2  # a copy of bytes written before, which may overlap itself
+        length = (control >> 5) + 2  # a copy of earlier output; source and target may overlap
         if length == 9:
             if read >= packed.size:
                 return -1
@@ -184,7 +193,7 @@ def read_ply(path: Path) -> PointTable:
     """Read the vertices of a PLY file, and its `range_grid` if it has one.
 
     Raises:
-        ImportFileError: The file contradicts itself, is cut off, or is no PLY file.
+        ImportFileError: the file is no PLY file, contradicts itself, or is cut off.
     """
     content = path.read_bytes()
     order, elements, sizes, start = _ply_header(path, content)
@@ -195,7 +204,7 @@ def read_ply(path: Path) -> PointTable:
     table = PointTable({}, shape)
     for element in elements:
         if element.count > len(body):
-            raise _cut_off(path)  # before room is made for what a damaged header promises
+            raise _cut_off(path)  # before memory is allocated for the count of a damaged header
         if element.list_type is None:
             values, body = _ply_rows(path, order, element, body)
             if element.name == 'vertex':
@@ -203,21 +212,21 @@ def read_ply(path: Path) -> PointTable:
         elif element.name == 'range_grid':
             if shape is None or element.count != shape[0] * shape[1]:
                 raise ImportFileError(
-                    f'{path} has a range_grid that does not fit its num_cols and num_rows: save it again.'
+                    f'{path} has a range_grid that does not match its num_cols and num_rows: save it again.'
                 )
             table.places, body = _ply_places(path, order, element, body)
         else:
-            break  # faces follow the vertices, and are of no use here
+            break  # faces are not needed
     if not table.columns:
         raise ImportFileError(f'{path} has no vertices before its faces: save it again with the vertices first.')
     return table
 
 
 def _ply_header(path: Path, content: bytes) -> tuple[str, list[_PlyElement], dict[str, int], int]:
-    """Give the byte order ('=' for ascii), the elements, the grid's size, and where the data begin."""
+    """Read the byte order ('=': ascii), the elements, the sizes of the grid, and the offset of the data."""
     match = re.match(rb'ply\s*?\n(.*?\n)end_header\s*?\n', content, re.DOTALL)
     if match is None:
-        raise ImportFileError(f'{path} is not a PLY file, or is cut off in its header: save it again.')
+        raise ImportFileError(f'{path} is not a PLY file, or its header is cut off: save it again.')
     order = ''
     elements: list[_PlyElement] = []
     sizes: dict[str, int] = {}
@@ -235,16 +244,16 @@ def _ply_header(path: Path, content: bytes) -> tuple[str, list[_PlyElement], dic
             elif words[:1] == ['property']:
                 elements[-1].properties.append((words[2], _PLY_TYPES[words[1]]))
         if not order or any(element.count < 0 for element in elements):
-            raise ValueError(order)  # noqa: TRY301 - told below, with what else may be wrong in a header
+            raise ValueError(order)  # noqa: TRY301 - reported below, as every other fault of the header
     except (KeyError, IndexError, ValueError):
         raise ImportFileError(
-            f'{path} has a PLY header that makes no sense: save it again with the program that made it.'
+            f'{path} has an invalid PLY header: save it again with the program that made it.'
         ) from None
     return order, elements, sizes, match.end()
 
 
-def _ply_rows(path: Path, order: str, element: _PlyElement, body: bytes) -> tuple[dict[str, Array], bytes]:
-    """Read an element without lists; give its columns and the rest of the data."""
+def _ply_rows(path: Path, order: str, element: _PlyElement, body: bytes) -> tuple[dict[str, Column], bytes]:
+    """Read the columns of an element without lists, and give the rest of the data."""
     try:
         record = np.dtype([(name, order + kind) for name, kind in element.properties])
     except ValueError:
@@ -259,8 +268,8 @@ def _ply_rows(path: Path, order: str, element: _PlyElement, body: bytes) -> tupl
     return columns, b''.join(lines[element.count :])
 
 
-def _ply_places(path: Path, order: str, element: _PlyElement, body: bytes) -> tuple[Array, bytes]:
-    """Read the range_grid: for each place a list of no index or one."""
+def _ply_places(path: Path, order: str, element: _PlyElement, body: bytes) -> tuple[NDArray[np.int64], bytes]:
+    """Read the range_grid, which has a list of one index or none for each place, and give the rest of the data."""
     places = np.full(element.count, -1, np.int64)
     counts, entries = (np.dtype(order + kind) for kind in element.list_type or ('u1', 'i4'))
     position = 0
@@ -283,28 +292,38 @@ def _ply_places(path: Path, order: str, element: _PlyElement, body: bytes) -> tu
     return places, body[position:]
 
 
-def _ascii_rows(path: Path, text: bytes, rows: int, columns: int) -> Array:
+def _ascii_rows(path: Path, text: bytes, rows: int, columns: int) -> NDArray[np.float64]:
+    """Read lines of numbers, (rows, columns).
+
+    Raises:
+        ImportFileError: a line has something else, or the shape differs.
+    """
     if not text.strip():
-        raise _cut_off(path)  # NumPy would only warn
+        raise _cut_off(path)  # np.loadtxt only warns
     try:
         table = np.loadtxt(BytesIO(text), np.float64, ndmin=2, comments=None)
     except ValueError:
         raise ImportFileError(
-            f'{path} has a line that is not {columns} numbers: save it again, or remove that line.'
+            f'{path} has a line without {columns} numbers: save it again, or remove that line.'
         ) from None
     if table.shape != (rows, columns):
         raise ImportFileError(
-            f'{path} should have {rows} lines of {columns} numbers but has {table.shape[0]} of '
-            f'{table.shape[1]}: it is cut off or its header is wrong, save it again.'
+            f'{path} should have {rows} lines of {columns} numbers, but has {table.shape[0]} of '
+            f'{table.shape[1]}: it is cut off or its header is wrong; save it again.'
         )
     return table
 
 
 def _first(path: Path, data: bytes, size: int) -> bytes:
+    """The first `size` bytes.
+
+    Raises:
+        ImportFileError: there are fewer.
+    """
     if len(data) < size:
         raise _cut_off(path)
     return data[:size]
 
 
 def _cut_off(path: Path) -> ImportFileError:
-    return ImportFileError(f'{path} is cut off: it has fewer points than its header says, save it again.')
+    return ImportFileError(f'{path} is cut off: it has fewer points than its header says; save it again.')

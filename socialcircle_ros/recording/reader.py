@@ -1,12 +1,10 @@
-"""Reading recordings: an MCAP file, or a rosbag2 directory of one or several."""
+"""Reading recordings: an MCAP file, or a rosbag2 directory with one or several MCAP files."""
 
 import heapq
 import re
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
-from typing import Any
 
 import yaml
 
@@ -20,15 +18,15 @@ class RecordingReader:
     """An opened recording; a context manager that closes it.
 
     Attributes:
-        path: As it was given to `open_recording`.
-        topics: Every topic by its name.
-        message_count: How many messages the recording holds, up to the damage if there is one.
-        damage: None, or one sentence that says where the recording is damaged and what is lost. Known on
-            opening if the index is hurt, and otherwise once `messages` has met the place.
+        path: as given to `open_recording`.
+        topics: all topics by name.
+        message_count: the number of messages; in a damaged recording, those before the damage.
+        damage: one sentence that says where the recording is damaged and what is lost, else None. Damage of the
+            index is known after opening, other damage when `messages` has reached it.
     """
 
     def __init__(self, path: Path, files: list[Path]) -> None:
-        """Open `files`, the parts of one recording in their order; see `open_recording`."""
+        """Open the files of one recording, in their order; see `open_recording`."""
         self.path = path
         self._closing = ExitStack()
         try:
@@ -41,42 +39,41 @@ class RecordingReader:
         self.damage = next((file.damage for file in self._files if file.damage), None)
 
     def messages(self, topics: Collection[str] | None = None, since: int = 0) -> Iterator[Message]:
-        """Give the messages in the order of their log times, equal ones in the order of the file.
+        """Yield the messages in the order of their log times; messages with equal times in the order of the file.
 
-        One chunk is in memory at a time, or as many as overlap in time. At damage, everything before it in
-        its file is given, and everything in the other files of the recording; `damage` says so.
+        One chunk is in memory at a time, or as many as overlap in time. If a file is damaged, its messages before
+        the damage are read, and all messages of the other files; `damage` is set then.
 
         Args:
-            topics: Names of the topics that are wanted; None for all.
-            since: Log time in ns of the first message that is wanted; what lies before is not even loaded.
+            topics: names of the wanted topics; None: all.
+            since: the first wanted log time, ns. Chunks before it are not loaded.
         """
         queue: list[tuple[int, int, int, int, Span | Message]] = []
         for number, file in enumerate(self._files):
             wanted = {id_ for id_, topic in file.channels.items() if topics is None or topic.name in topics}
             for span in file.spans:
                 if span.end_time >= since and (span.channels is None or span.channels & wanted):
-                    queue.append((span.start_time, number, span.offset, -1, span))  # noqa: PERF401 - legible
+                    queue.append((span.start_time, number, span.offset, -1, span))  # noqa: PERF401 - easier to read
         heapq.heapify(queue)
-        cuts: dict[int, int] = {}  # file number → offset of its damage
+        damaged_at: dict[int, int] = {}  # file number → offset of its damage
         count = 0
         while queue:
             _, number, offset, _, item = heapq.heappop(queue)
             if isinstance(item, Message):
                 count += 1
                 yield item
-            elif offset < cuts.get(number, offset + 1):
+            elif offset < damaged_at.get(number, offset + 1):
                 file = self._files[number]
                 try:
                     for place, message in enumerate(file.messages(item)):
                         if message.log_time >= since and (topics is None or message.topic in topics):
                             heapq.heappush(queue, (message.log_time, number, offset, place, message))
                 except DAMAGE as reason:
-                    cuts[number] = offset
+                    damaged_at[number] = offset
                     self.damage = self.damage or file.damage_sentence(offset, reason)
         if topics is None and since == 0 and count != self.message_count and not self.damage:
             self.damage = (
-                f'{self.path} is damaged: its index counts {self.message_count} messages, but {count} were '
-                'found and read.'
+                f'{self.path} is damaged: its index counts {self.message_count} messages, but {count} were found.'
             )
 
     def close(self) -> None:
@@ -86,12 +83,7 @@ class RecordingReader:
     def __enter__(self) -> 'RecordingReader':  # noqa: PYI034 - Self is not in Python 3.10
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _opened(self, path: Path) -> McapFile:
@@ -113,7 +105,7 @@ class RecordingReader:
         if encodings and 'cdr' not in encodings:
             found = ', '.join(sorted(encodings))
             raise RecordingError(
-                f'{self.path} holds no messages of ROS 2, but of the encoding {found}: convert it first, for '
+                f'{self.path} holds no messages of ROS 2; their encoding is {found}: convert it first, for '
                 'ROS 1 with `rosbags-convert`.'
             )
         return topics
@@ -122,14 +114,14 @@ class RecordingReader:
 def open_recording(path: str | Path) -> RecordingReader:
     """Open a recording for reading.
 
-    A damaged file opens too, as long as it begins as an MCAP does: `RecordingReader.damage` says what is
-    lost. A file without an index at its end is read through once to make one.
+    A damaged file is opened as well if it begins as an MCAP file; `RecordingReader.damage` says what is lost. A
+    file without an index is read once to build one.
 
     Args:
-        path: An MCAP file, or a rosbag2 directory with one or several.
+        path: an MCAP file, or a rosbag2 directory with one or several.
 
     Raises:
-        RecordingError: There is no such file, it is no recording, or of a kind that cannot be read here.
+        RecordingError: the file does not exist, is no recording, or has a format that cannot be read here.
     """
     path = Path(path)
     try:
@@ -140,17 +132,17 @@ def open_recording(path: str | Path) -> RecordingReader:
 
 
 def _parts(folder: Path) -> list[Path]:
-    """Name the MCAP files of a rosbag2 directory, in their order."""
+    """The MCAP files of a rosbag2 directory, in their order."""
     found = sorted((file for file in folder.iterdir() if file.is_file()), key=natural_order)
     recorded = [file for file in found if file.suffix == '.mcap']
     if any(file.suffix == '.zstd' for file in found) and not recorded:
         raise RecordingError(
-            f'{folder} is compressed file by file: convert it with `ros2 bag convert` to an MCAP without '
-            'file compression.'
+            f'{folder} is compressed file by file: convert it to MCAP without file compression with '
+            '`ros2 bag convert`.'
         )
     if any(file.suffix == '.db3' for file in found) and not recorded:
         raise RecordingError(
-            f'{folder} is an sqlite3 bag: make an MCAP of it with `ros2 bag convert`, then use that.'
+            f'{folder} is an sqlite3 bag: convert it to MCAP with `ros2 bag convert`, and use the result.'
         )
     listed = [folder / name for name in _listed_files(folder / 'metadata.yaml')]
     if not (listed or recorded):
@@ -159,14 +151,14 @@ def _parts(folder: Path) -> list[Path]:
 
 
 def _listed_files(metadata: Path) -> list[str]:
-    """Read which files a metadata.yaml names; none where it is missing or, after a crash, makes no sense."""
+    """The files that a metadata.yaml names; none if it is missing or, after a crash, invalid."""
     try:
-        content: Any = yaml.safe_load(metadata.read_text(encoding='utf-8'))
+        content = yaml.safe_load(metadata.read_text(encoding='utf-8'))
         return [str(name) for name in content['rosbag2_bagfile_information']['relative_file_paths']]
     except (FileNotFoundError, ValueError, TypeError, KeyError, yaml.YAMLError):
         return []
 
 
 def natural_order(path: Path) -> list[tuple[int, str]]:
-    """Sort `bag_10.mcap` after `bag_9.mcap`."""
+    """A key that sorts `bag_10.mcap` after `bag_9.mcap`."""
     return [(int(part), '') if part.isdigit() else (-1, part) for part in re.split(r'(\d+)', path.name)]

@@ -1,7 +1,7 @@
-"""Message definitions as recordings carry them: rosbag2's schema text and the RIHS01 hash of a type.
+"""Message definitions as recordings hold them: the schema text of rosbag2, and the RIHS01 hash of a type.
 
-The types that this package writes are shipped in `definitions/`, copied from ROS 2 Jazzy's own packages, so
-that a recording can be written without ROS. Any other type is looked for in the installed ROS packages.
+`definitions/` holds the types that this package writes, copied from ROS 2 Jazzy, so that a recording can be
+written without ROS. Other types are read from the installed ROS packages.
 """
 
 import json
@@ -40,17 +40,17 @@ _PRIMITIVES = frozenset(
 
 @cache
 def schema_text(type_name: str) -> str:
-    """Give the text that rosbag2 stores as the schema of a message type.
+    """The text that rosbag2 stores as the schema of a message type.
 
     Args:
-        type_name: As ROS writes it, `sensor_msgs/msg/PointCloud2`.
+        type_name: such as `sensor_msgs/msg/PointCloud2`.
 
     Returns:
-        The `.msg` text, then each dependency once, sorted and depth first, each after a line of 80 `=` and a
-        line `MSG: package/Type`.
+        The `.msg` text, then the text of each dependency once, sorted and depth first, each after a line of 80 `=`
+        and a line `MSG: package/Type`.
 
     Raises:
-        RecordingError: The type, or one that it contains, is neither shipped nor installed.
+        RecordingError: the type, or one that it contains, is neither shipped nor installed.
     """
     seen: set[str] = set()
 
@@ -70,10 +70,10 @@ def schema_text(type_name: str) -> str:
 
 @cache
 def type_hash(type_name: str) -> str:
-    """Give the RIHS01 hash of a message type, `RIHS01_` and 64 hexadecimal digits.
+    """The RIHS01 hash of a message type: `RIHS01_` and 64 hexadecimal digits.
 
     Raises:
-        RecordingError: The type is neither shipped nor installed.
+        RecordingError: the type is neither shipped nor installed.
     """
     shipped: dict[str, str] = json.loads((_SHIPPED / 'hashes.json').read_text(encoding='utf-8'))
     if type_name in shipped:
@@ -84,7 +84,7 @@ def type_hash(type_name: str) -> str:
 
 
 def _dependencies(text: str, package: str) -> list[str]:
-    """Name the message types among the fields of a `.msg` text, as `package/Type`, sorted."""
+    """The message types among the fields of a `.msg` text, as `package/Type`, sorted."""
     types = set(_FIELD_TYPE.findall(text)) - _PRIMITIVES
     return sorted(name if '/' in name else f'{package}/{name}' for name in types)
 
@@ -98,7 +98,11 @@ def _definition(type_name: str) -> str:
 
 
 def _installed(type_name: str, ending: str) -> str:
-    """Read a file of a type from the first installed ROS prefix that has it."""
+    """Read a file of a type from the first ROS prefix that has it.
+
+    Raises:
+        RecordingError: no prefix has it.
+    """
     package, kind, name = _split(type_name)
     prefixes = [*filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)), sys.prefix]
     for prefix in prefixes:

@@ -1,4 +1,4 @@
-"""What a recording is made of: topics and their messages."""
+"""The parts of a recording: topics and messages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ _FOREVER = 'sec: 9223372036\n    nsec: 854775807'
 
 
 def offered_qos(depth: int) -> str:
-    """Reliable, keep last `depth`, volatile, as the YAML of rosbag2 in Jazzy."""
+    """The QoS reliable, keep last `depth`, volatile, as the YAML of rosbag2 in Jazzy."""
     return f"""\
 - history: keep_last
   depth: {depth}
@@ -27,7 +27,7 @@ def offered_qos(depth: int) -> str:
 
 
 DEFAULT_QOS = offered_qos(1)
-"""What our topics offer: the newest message counts."""
+"""The QoS of the topics that this package writes: only the newest message is kept."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Topic:
     """One topic as a recording stores it.
 
     Attributes:
-        name: With its leading slash.
-        type: The message type, `sensor_msgs/msg/PointCloud2`; empty where the recording names none.
-        schema: The definition of the type, byte for byte.
-        schema_encoding: `ros2msg`, or `ros2idl`.
-        encoding: How messages are serialized: `cdr` in every recording of ROS 2.
-        metadata: The channel's metadata; rosbag2 keeps the offered QoS and the type hash there.
+        name: with its leading slash.
+        type: the message type, such as `sensor_msgs/msg/PointCloud2`; empty if the recording does not name it.
+        schema: the definition of the type, byte for byte.
+        schema_encoding: `ros2msg` or `ros2idl`.
+        encoding: the serialization of the messages; `cdr` in every recording of ROS 2.
+        metadata: of the MCAP channel; rosbag2 keeps the offered QoS and the type hash there.
     """
 
     name: str
@@ -57,17 +57,25 @@ class Topic:
 
     @property
     def qos(self) -> str:
-        """The offered QoS profiles, YAML as recorded; empty where unknown."""
+        """The offered QoS profiles, as recorded YAML; empty if unknown."""
         return self.metadata.get('offered_qos_profiles', '')
 
     @property
     def type_hash(self) -> str:
-        """The RIHS01 hash of the type; empty where unknown."""
+        """The RIHS01 hash of the type; empty if unknown."""
         return self.metadata.get('topic_type_hash', '')
 
 
 class Message(NamedTuple):
-    """One recorded message: its topic's name, its serialized bytes, and its times in ns."""
+    """One recorded message.
+
+    Attributes:
+        topic: name of the topic.
+        data: the serialized message.
+        log_time: when it was recorded, ns since 1970.
+        publish_time: when it was published, ns since 1970.
+        sequence: the number that the publisher gave it; 0 if unknown.
+    """
 
     topic: str
     data: bytes
@@ -77,15 +85,15 @@ class Message(NamedTuple):
 
 
 def ros_topic(name: str, type_name: str, qos: str = DEFAULT_QOS) -> Topic:
-    """Describe a topic of a ROS type for a `RecordingWriter`.
+    """A topic of a ROS type, for a `RecordingWriter`.
 
     Args:
-        name: With its leading slash.
-        type_name: As ROS writes it, `sensor_msgs/msg/PointCloud2`.
-        qos: The offered QoS profiles, as the YAML of rosbag2 in Jazzy.
+        name: with its leading slash.
+        type_name: such as `sensor_msgs/msg/PointCloud2`.
+        qos: the offered QoS profiles, as the YAML of rosbag2 in Jazzy.
 
     Raises:
-        RecordingError: The type is neither shipped nor installed.
+        RecordingError: the type is neither shipped nor installed.
     """
     return Topic(
         name=name,

@@ -1,11 +1,9 @@
-"""What a recording knows of the truth: masks beside clouds, or the surface that a stack was made from."""
+"""Known outliers of a recording: from recorded truth masks, or from the true surface of a simulated stack."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.header import stamp_of
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
@@ -16,31 +14,35 @@ from .reader import RecordingReader
 from .simulated import DESCRIPTION, SURFACE
 
 MASK = '/truth/outlier_mask'
+"""The topic of truth masks, in the namespace of the clouds."""
+
+_UM_PER_METRE = 1e6
 
 
 @dataclass(frozen=True)
 class RecordedTruth:
-    """Which points of a cloud are outliers.
+    """The known outliers of a cloud.
 
     Attributes:
-        outlier: (H, W) bool.
-        counted: (H, W) bool: the points whose truth is certain.
+        outlier: (H, W) bool, the outliers.
+        counted: (H, W) bool, the points that are certain to be outliers or not.
     """
 
-    outlier: npt.NDArray[np.bool_]
-    counted: npt.NDArray[np.bool_]
+    outlier: Mask
+    counted: Mask
 
 
 Truths = Callable[[str, bytes], RecordedTruth | None]
-"""From a namespace and a serialized cloud in it to the truth; None where nothing is known."""
+"""From a namespace, and a serialized cloud in it, to the truth; None if it is not known."""
 
 
 def truths_of(reader: RecordingReader) -> Truths:
-    """Read what the recording says of the truth.
+    """Read the truth of a recording.
 
-    A mask on `truth/outlier_mask` (0 surface, 255 outlier, 127 not measured or too close to call) belongs to the
-    cloud of the same namespace, stamp and size. `/truth/surface` and `/truth/description`, which `socialcircle
-    simulate` writes, judge each cloud of the stack by its distance to the true surface.
+    A mask on `truth/outlier_mask` belongs to the cloud with the same namespace, stamp and size. Its pixels are 0
+    for the surface, 255 for an outlier, and 127 for a point that is not measured or too close to call. Other
+    clouds are compared with the true surface that `socialcircle simulate` writes, if the recording has one of
+    their size.
     """
     names = [name for name in reader.topics if name.endswith(MASK)]
     masks = {
@@ -50,24 +52,27 @@ def truths_of(reader: RecordingReader) -> Truths:
     surface = next((message.data for message in reader.messages([SURFACE])), None)
     description = next((message.data for message in reader.messages([DESCRIPTION])), None)
 
-    def of_cloud(namespace: str, cloud: bytes) -> RecordedTruth | None:
-        shape = PointCloud.decode(cloud)
-        beside = masks.get((namespace, shape.header.stamp))
-        if beside is not None:
-            mask = decode_mono8(beside)
-            if mask.shape == (shape.height, shape.width):
+    def truth_of(namespace: str, message: bytes) -> RecordedTruth | None:
+        cloud = PointCloud.decode(message)
+        mask_message = masks.get((namespace, cloud.header.stamp))
+        if mask_message is not None:
+            mask = decode_mono8(mask_message)
+            if mask.shape == (cloud.height, cloud.width):
                 return RecordedTruth(mask == OUTLIER, mask != NOT_MEASURED)
         if surface is None or description is None:
             return None
-        values = Status.decode(description).values
-        true = PointCloud.decode(surface).xyz()[..., 2]
-        if true.shape != (shape.height, shape.width):
-            return None
-        good, bad = (float(values[f'{name}_bound_m']) for name in ('good', 'bad'))
-        # The cause plays no part in what is bad.
-        verdict = TrueSurface(true * 1e6, true.astype('u1'), good * 1e6, bad * 1e6).classify(
-            shape.xyz()[..., 2] * 1e6
-        )
-        return RecordedTruth(verdict.bad, verdict.good | verdict.bad)
+        return _compared_with_surface(cloud, PointCloud.decode(surface), Status.decode(description))
 
-    return of_cloud
+    return truth_of
+
+
+def _compared_with_surface(cloud: PointCloud, surface: PointCloud, description: Status) -> RecordedTruth | None:
+    """Compare the heights of a cloud with the true surface; None if the sizes differ."""
+    if (cloud.height, cloud.width) != (surface.height, surface.width):
+        return None
+    good, bad = (float(description.values[f'{name}_bound_m']) * _UM_PER_METRE for name in ('good', 'bad'))
+    depth = surface.xyz()[..., 2]
+    cause = depth.astype('u1')  # classify() does not use it
+    true_surface = TrueSurface(depth * _UM_PER_METRE, cause, good, bad)
+    verdict = true_surface.classify(cloud.xyz()[..., 2] * _UM_PER_METRE)
+    return RecordedTruth(verdict.bad, verdict.good | verdict.bad)

@@ -1,11 +1,11 @@
-"""Writing recordings as rosbag2 of Jazzy does: an MCAP file, or a directory with one and metadata.yaml."""
+"""Writing recordings as rosbag2 of Jazzy does: an MCAP file, or a directory with one and a metadata.yaml."""
 
 import os
 import shutil
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, cast
+from typing import Literal, cast
 
 import yaml
 from mcap.writer import CompressionType, IndexType, Writer
@@ -16,14 +16,17 @@ from .topics import Topic
 
 Compression = Literal['none', 'lz4', 'zstd']
 
-# rosbag2's own default. A larger message is a chunk of its own.
+QosProfile = dict[str, object]
+"""One profile of `offered_qos_profiles`."""
+
+# The default of rosbag2. A larger message is a chunk of its own.
 _CHUNK_SIZE = 768 * 1024
-# An empty attachment index is what other tools take for damage, and rosbag2 has no attachments.
+# Other tools take an empty attachment index for damage, and rosbag2 writes no attachments.
 _INDEXES = IndexType.ALL & ~IndexType.ATTACHMENT
 _LAST_TIME = 2**63 - 1  # rosbag2 holds times in signed 64 bits
 _LAST_SEQUENCE = 2**32 - 1
 
-# How versions of rosbag2 before 9 (Jazzy) wrote QoS policies, as numbers; now they are words.
+# Metadata before version 9 (Jazzy) holds QoS policies as numbers: the places of these words.
 _POLICY_NAMES = {
     'history': ['system_default', 'keep_last', 'keep_all', 'unknown'],
     'reliability': ['system_default', 'reliable', 'best_effort', 'unknown', 'best_available'],
@@ -42,9 +45,11 @@ _POLICY_NAMES = {
 class RecordingWriter:
     """Writes a recording; a context manager.
 
-    The recording appears under its name when the `with` block ends well. Until then it has a temporary name
-    beside it that ends in `.partial`; an error or Ctrl-C removes that, and a crash leaves nothing that looks
-    complete.
+    The recording gets its name when the `with` block ends without an error. Until then its name ends in
+    `.partial`. An error or Ctrl-C removes it, and after a crash no file looks complete.
+
+    Attributes:
+        path: of the recording, as given.
     """
 
     def __init__(
@@ -58,13 +63,13 @@ class RecordingWriter:
         """Begin a recording.
 
         Args:
-            path: Where to: a file if the name ends in `.mcap`, else a rosbag2 directory.
-            compression: Of the chunks.
-            overwrite: Replace a recording that is there; anything else that is there is never replaced.
-            source: The recording that is being read meanwhile, which must not be written into.
+            path: a file if the name ends in `.mcap`, else a rosbag2 directory.
+            compression: of the chunks.
+            overwrite: whether to replace an existing recording. Other files and folders are never replaced.
+            source: the recording that is read at the same time; it is protected from being written into.
 
         Raises:
-            RecordingError: The path is taken, or cannot be written to.
+            RecordingError: the path exists already, or cannot be written.
         """
         self.path = Path(path)
         self._is_file = self.path.suffix == '.mcap'
@@ -95,13 +100,13 @@ class RecordingWriter:
             raise self._failure(error) from error
 
     def add_topic(self, topic: Topic) -> None:
-        """Add a topic: one of our own by `ros_topic`, or one from a reader, which is taken over as it is.
+        """Add a topic, made by `ros_topic` or taken from a reader.
 
-        Only a QoS that an older rosbag2 wrote in numbers is rewritten in the words of Jazzy, which reads no
-        other.
+        The topic is written as it is, with one exception: QoS policies that an older rosbag2 wrote as numbers
+        become words, because rosbag2 of Jazzy reads only words.
 
         Raises:
-            RecordingError: Another topic with this name was added before.
+            RecordingError: a different topic with this name was added before.
         """
         if topic.name in self._topics:
             if topic != self._topics[topic.name]:
@@ -124,14 +129,14 @@ class RecordingWriter:
         """Write one message.
 
         Args:
-            topic: Name of a topic that was added.
-            data: The serialized message.
-            log_time: When it was recorded, ns since 1970.
-            publish_time: When it was published, ns since 1970; None: as `log_time`.
-            sequence: The publisher's number of the message; 0 where unknown.
+            topic: name of a topic that was added.
+            data: the serialized message.
+            log_time: when it was recorded, ns since 1970.
+            publish_time: when it was published, ns since 1970; None: as `log_time`.
+            sequence: the number that the publisher gave it; 0 if unknown.
 
         Raises:
-            RecordingError: The topic was not added, a number is out of range, or the disk is full.
+            RecordingError: the topic was not added, a number is out of range, or the disk is full.
         """
         publish_time = log_time if publish_time is None else publish_time
         if topic not in self._topics:
@@ -145,7 +150,7 @@ class RecordingWriter:
             raise RecordingError(f'{self.path} cannot hold the sequence number {sequence}: it must fit 32 bits.')
         try:
             self._register_waiting()
-            # The stub says bytes, but any buffer is copied as it is.
+            # mcap's annotation says bytes, but it copies any buffer.
             payload = cast('bytes', data)
             self._writer.add_message(self._channels[topic], log_time, payload, publish_time, sequence)
         except OSError as error:
@@ -158,12 +163,13 @@ class RecordingWriter:
         """Complete the recording and give it its name.
 
         Raises:
-            RecordingError: It cannot be completed; nothing is left behind.
+            RecordingError: the recording cannot be completed; it is removed then.
         """
         information = self._information()
         try:
             if information['message_count'] == 0:
-                # Chunks hold the topics, and without a message mcap writes no chunk but an index of chunks.
+                # mcap writes topics into chunks. Without a message it writes no chunk, and the topics would be
+                # lost.
                 self._stream.seek(0)
                 self._stream.truncate()
                 self._writer = self._begin(chunked=False)
@@ -184,8 +190,8 @@ class RecordingWriter:
             raise self._failure(error) from error
 
     def discard(self) -> None:
-        """Give up the recording and remove what was written of it."""
-        with suppress(OSError):  # a full disk refuses the last buffer; it is to be removed anyway
+        """Remove the unfinished recording."""
+        with suppress(OSError):  # on a full disk the last buffer cannot be written
             self._closing.close()
         with suppress(OSError):
             if self._is_file:
@@ -221,12 +227,10 @@ class RecordingWriter:
             return
         if not self._overwrite:
             raise RecordingError(
-                f'{self.path} exists already: give another name, or ask for it to be overwritten (--overwrite).'
+                f'{self.path} exists already: give another name, or overwrite it with --overwrite.'
             )
         if self._is_file != self.path.is_file() or not (self._is_file or _is_only_a_recording(self.path)):
-            raise RecordingError(
-                f'{self.path} is not a recording, so that it is not overwritten: give another name.'
-            )
+            raise RecordingError(f'{self.path} is not a recording, and is not overwritten: give another name.')
 
     def _begin(self, *, chunked: bool) -> Writer:
         writer = Writer(
@@ -242,8 +246,9 @@ class RecordingWriter:
     def _register_waiting(self) -> None:
         """Write the topics that were added since the last message.
 
-        Not earlier, because mcap drops from a file's end what no message follows, and its index then names
-        what is not there. A topic that is added after the last message is therefore in metadata.yaml only.
+        mcap drops topics at the end of a file that no message follows, but its index still names them. So topics
+        are written just before a message, and a topic that is added after the last message is in metadata.yaml
+        only.
         """
         for topic in self._waiting:
             schema = (topic.type, topic.schema_encoding, topic.schema)
@@ -258,37 +263,29 @@ class RecordingWriter:
         self._waiting.clear()
 
     def _failure(self, error: OSError) -> RecordingError:
+        """Remove the recording; the error to raise."""
         self.discard()
         return RecordingError(
             f'{self.path} cannot be written ({error.strerror}): check the space and the permissions there.'
         )
 
-    def _information(self) -> dict[str, Any]:
-        """Make rosbag2's metadata, version 9: its keys in its order."""
+    def _information(self) -> dict[str, object]:
+        """The metadata of rosbag2, version 9, with its keys in its order."""
         count = sum(self._counts.values())
         start = self._start if count else 0
         starting_time = {'nanoseconds_since_epoch': start}
         duration = {'nanoseconds': self._end - start}
-        topics = [
-            {
-                'topic_metadata': {
-                    'name': topic.name,
-                    'type': topic.type,
-                    'serialization_format': topic.encoding,
-                    'offered_qos_profiles': _qos_in_words(topic.qos),
-                    'type_description_hash': topic.type_hash,
-                },
-                'message_count': self._counts[topic.name],
-            }
-            for topic in self._topics.values()
-        ]
+        # Copies, because YAML would write an alias for the second use of an object.
         return {
             'version': 9,
             'storage_identifier': 'mcap',
             'duration': dict(duration),
             'starting_time': dict(starting_time),
             'message_count': count,
-            'topics_with_message_count': topics,
+            'topics_with_message_count': [
+                {'topic_metadata': _topic_metadata(topic), 'message_count': self._counts[topic.name]}
+                for topic in self._topics.values()
+            ],
             'compression_format': '',
             'compression_mode': '',
             'relative_file_paths': [self._file_name],
@@ -305,26 +302,38 @@ class RecordingWriter:
         }
 
 
+def _topic_metadata(topic: Topic) -> dict[str, object]:
+    return {
+        'name': topic.name,
+        'type': topic.type,
+        'serialization_format': topic.encoding,
+        'offered_qos_profiles': _qos_in_words(topic.qos),
+        'type_description_hash': topic.type_hash,
+    }
+
+
 def _is_only_a_recording(folder: Path) -> bool:
+    """Whether a folder holds nothing but the files of a recording."""
     return all(
         entry.is_file() and (entry.suffix == '.mcap' or entry.name == 'metadata.yaml')
         for entry in folder.iterdir()
     )
 
 
-def _load_qos(text: str) -> list[dict[str, Any]]:
-    """Parse QoS profiles from rosbag2's YAML; none if it makes no sense."""
+def _load_qos(text: str) -> list[QosProfile]:
+    """Parse QoS profiles from the YAML of rosbag2; none if it is invalid."""
     try:
-        profiles: Any = yaml.safe_load(text)
+        profiles = yaml.safe_load(text)
     except yaml.YAMLError:
         return []
     return [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
 
 
-def _qos_in_words(text: str) -> list[dict[str, Any]]:
+def _qos_in_words(text: str) -> list[QosProfile]:
+    """Parse QoS profiles, and replace the numbers of policies by words."""
     return [{key: _policy_name(key, value) for key, value in profile.items()} for profile in _load_qos(text)]
 
 
-def _policy_name(key: str, value: Any) -> Any:
+def _policy_name(key: str, value: object) -> object:
     names = _POLICY_NAMES.get(key, [])
     return names[value] if isinstance(value, int) and 0 <= value < len(names) else value

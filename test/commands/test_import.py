@@ -30,7 +30,7 @@ def test_height_maps_become_clouds_in_the_order_given(run, tmp_path):
     ('arguments', 'code', 'sentence'),
     [
         (['nowhere.npz', '-o', 'x.mcap'], 1, 'nowhere.npz does not exist'),
-        (['notes.txt', '-o', 'x.mcap'], 1, 'notes.txt is of a kind that is not known'),
+        (['notes.txt', '-o', 'x.mcap'], 1, 'notes.txt has an unknown file type'),
         (['frames', '-o', 'x.mcap'], 1, 'frames does not exist'),
         (['cut.npz', '-o', 'x.mcap'], 1, 'cut.npz is not an .npz archive'),
         (['good.npz', '-o', 'x.mcap', '--period', '0'], 2, 'must be above 0'),

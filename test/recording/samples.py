@@ -1,4 +1,4 @@
-"""Recordings for the tests of this room."""
+"""Recordings for the tests of this folder."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ CLOCK = ros_topic('/clock', 'rosgraph_msgs/msg/Clock')
 
 
 def some_messages(count=40, size=20):
-    """Alternate between two topics, one message every 10 ns."""
+    """Messages every 10 ns, alternating between two topics."""
     return [
         Message(('/points', '/clock')[i % 2], bytes([i % 256]) * size, 1000 + 10 * i, 1001 + 10 * i, i)
         for i in range(count)
@@ -28,7 +28,7 @@ def write(path, messages, topics=(POINTS, CLOCK), **options):
 
 
 def write_mcap(path, messages, *, chunk_size=200, compression='NONE', topics=(POINTS, CLOCK), **options):
-    """Write with mcap alone, which leaves the choice of chunks and indexes."""
+    """Write with mcap alone, so that chunks and indexes can be chosen."""
     writer = Writer(str(path), chunk_size=chunk_size, compression=CompressionType[compression], **options)
     writer.start('ros2', 'test')
     channels = {}
@@ -44,7 +44,7 @@ def write_mcap(path, messages, *, chunk_size=200, compression='NONE', topics=(PO
 
 
 def read(path, topics=None):
-    """Give the messages and the damage."""
+    """The messages and the damage."""
     with open_recording(path) as reader:
         return list(reader.messages(topics)), reader.damage
 

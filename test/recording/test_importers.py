@@ -56,10 +56,10 @@ def test_heights_become_floats_that_hold_them(tmp_path, kind, expected):
 @pytest.mark.parametrize(
     ('arrays', 'sentence'),
     [
-        ({'z': np.arange(5.0)}, r'z of the shape \(5,\)'),
-        ({'z': np.zeros((0, 3))}, r'z of the shape \(0, 3\)'),
-        ({'z': np.array([['a', 'b']])}, r'must be numbers in rows and columns'),
-        ({'z': np.zeros((2, 2), complex)}, r'must be numbers in rows and columns'),
+        ({'z': np.arange(5.0)}, r'z with shape \(5,\)'),
+        ({'z': np.zeros((0, 3))}, r'z with shape \(0, 3\)'),
+        ({'z': np.array([['a', 'b']])}, r'must hold numbers in rows and columns'),
+        ({'z': np.zeros((2, 2), complex)}, r'must hold numbers in rows and columns'),
         ({'z': np.full((2, 2), np.nan)}, r'has no measured point'),
         ({'dx': 0.0}, r"no usable 'dx'"),
         ({'dy': np.nan}, r"no usable 'dy'"),
@@ -68,13 +68,13 @@ def test_heights_become_floats_that_hold_them(tmp_path, kind, expected):
         ({'frames': np.zeros((2, 3, 3))}, r'holds a focus stack'),
     ],
 )
-def test_a_height_map_that_is_none_is_refused(tmp_path, arrays, sentence):
+def test_an_invalid_height_map_is_refused(tmp_path, arrays, sentence):
     with pytest.raises(ImportFileError, match=rf'a\.npz has .*{sentence}|a\.npz {sentence}'):
         import_cloud(npz(tmp_path / 'a.npz', **arrays))
 
 
 @pytest.mark.parametrize('key', ['z', 'dx', 'dy'])
-def test_a_height_map_without_what_it_needs_is_refused(tmp_path, key):
+def test_a_height_map_without_a_required_array_is_refused(tmp_path, key):
     arrays = {'z': Z, 'dx': 1.0, 'dy': 1.0}
     del arrays[key]
     np.savez(tmp_path / 'a.npz', **arrays)
@@ -82,7 +82,7 @@ def test_a_height_map_without_what_it_needs_is_refused(tmp_path, key):
         import_cloud(tmp_path / 'a.npz')
 
 
-def test_an_archive_that_is_cut_off_anywhere_is_refused(tmp_path):
+def test_an_archive_cut_off_at_any_byte_is_refused(tmp_path):
     content = npz(tmp_path / 'a.npz').read_bytes()
     for length in range(0, len(content), 11):
         (tmp_path / 'cut.npz').write_bytes(content[:length])
@@ -96,7 +96,7 @@ def test_pickled_objects_are_refused(tmp_path):
         import_cloud(tmp_path / 'a.npz')
 
 
-def test_a_single_array_is_no_archive(tmp_path):
+def test_a_single_array_is_refused(tmp_path):
     with (tmp_path / 'a.npz').open('wb') as file:
         np.save(file, Z)
     with pytest.raises(ImportFileError, match=r'is not an \.npz archive'):
@@ -105,7 +105,7 @@ def test_a_single_array_is_no_archive(tmp_path):
 
 def test_a_ply_without_a_size_needs_a_shape(tmp_path):
     path = ply(tmp_path / 'a.ply')
-    with pytest.raises(ImportFileError, match=r'is not organized: .* 6 points form, so give the shape'):
+    with pytest.raises(ImportFileError, match=r'is not organized: .* 6 points, so give the shape'):
         import_cloud(path)
     cloud = import_cloud(path, shape=(2, 3))
     assert cloud.points.shape == (2, 3, 3)
@@ -123,7 +123,7 @@ def test_a_ply_without_a_size_needs_a_shape(tmp_path):
         ({'line': 'nan nan nan\n'}, (2, 3), r'has no measured point'),
     ],
 )
-def test_points_that_form_no_grid_are_refused(tmp_path, options, shape, sentence):
+def test_points_without_a_grid_are_refused(tmp_path, options, shape, sentence):
     with pytest.raises(ImportFileError, match=sentence):
         import_cloud(ply(tmp_path / 'a.ply', **options), shape=shape)
 
@@ -140,7 +140,7 @@ def test_places_of_a_range_grid_without_a_vertex_are_not_measured(tmp_path):
     np.testing.assert_array_equal(cloud.points[..., 2], [[np.nan, 6], [3, np.nan]])
     np.testing.assert_array_equal(cloud.fields['red'], [[0, 8], [7, 0]])
     path.write_text(header + '1 2 3 7\n4 5 6 8\n' + '0\n1 1\n1 2\n0\n')
-    with pytest.raises(ImportFileError, match='range_grid that names points which are not there'):
+    with pytest.raises(ImportFileError, match='range_grid that names missing points'):
         import_cloud(path)
 
 
@@ -159,9 +159,9 @@ def test_a_pcd_becomes_a_cloud_with_its_fields(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('name', 'sentence'), [('a.npz', 'does not exist'), ('a.stl', 'of a kind that is not known')]
+    ('name', 'sentence'), [('a.npz', 'does not exist'), ('a.stl', 'has an unknown file type')]
 )
-def test_a_file_that_cannot_be_used_is_named(tmp_path, name, sentence):
+def test_an_unusable_file_is_named(tmp_path, name, sentence):
     with pytest.raises(ImportFileError, match=f'{name} .*{sentence}|{name} {sentence}'):
         import_cloud(tmp_path / name)
 
@@ -191,6 +191,6 @@ def test_real_measurements_are_read(name, shape, fields):
 
 
 @pytest.mark.skipif(DATA is None, reason='SOCIALCIRCLE_DATA, the folder of real measurements, is not set')
-def test_a_real_focus_stack_is_no_height_map():
+def test_a_real_focus_stack_is_refused_as_a_height_map():
     with pytest.raises(ImportFileError, match='holds a focus stack'):
         import_cloud(Path(str(DATA), 'stack_tagarno_pcb_bin2.npz'))

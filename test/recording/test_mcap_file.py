@@ -26,12 +26,12 @@ LAYOUTS = {
 @pytest.fixture(params=LAYOUTS)
 def recording(request, tmp_path):
     messages = some_messages()
-    path = write_mcap(tmp_path / 'sound.mcap', messages, topics=SMALL, **LAYOUTS[request.param])
+    path = write_mcap(tmp_path / 'intact.mcap', messages, topics=SMALL, **LAYOUTS[request.param])
     return path, messages
 
 
 def record_ends(data):
-    """Where each record outside of chunks ends."""
+    """The offsets at which records outside of chunks end."""
     stream = BytesIO(data)
     ends = [stream.tell()]
     records = StreamReader(stream, emit_chunks=True).records
@@ -60,12 +60,12 @@ def assert_prefix_and_one_sentence(path, messages):
     return found
 
 
-def test_a_sound_file_gives_every_message_and_no_damage(recording):
+def test_an_intact_file_gives_every_message_and_no_damage(recording):
     path, messages = recording
     assert read(path) == (messages, None)
 
 
-def test_a_file_cut_anywhere_gives_what_was_before_and_one_sentence(recording):
+def test_a_file_cut_at_any_byte_gives_the_messages_before_and_one_sentence(recording):
     path, messages = recording
     lengths = range(8, path.stat().st_size, 7)
     counts = [len(assert_prefix_and_one_sentence(cut(path, length), messages)) for length in lengths]
@@ -73,13 +73,13 @@ def test_a_file_cut_anywhere_gives_what_was_before_and_one_sentence(recording):
     assert counts[-1] == len(messages)
 
 
-def test_a_file_cut_between_records_gives_what_was_before_and_one_sentence(recording):
+def test_a_file_cut_between_records_gives_the_messages_before_and_one_sentence(recording):
     path, messages = recording
     for end in record_ends(path.read_bytes())[1:-1]:
         assert_prefix_and_one_sentence(cut(path, end), messages)
 
 
-def test_messages_at_the_beginning_of_a_chunk_that_is_cut_off_are_read(tmp_path):
+def test_messages_at_the_beginning_of_a_cut_off_chunk_are_read(tmp_path):
     messages = some_messages(40)
     path = write_mcap(tmp_path / 'a.mcap', messages, chunk_size=10**6, topics=SMALL)
     half = cut(path, path.stat().st_size // 3)
@@ -91,7 +91,7 @@ def test_messages_at_the_beginning_of_a_chunk_that_is_cut_off_are_read(tmp_path)
 
 @settings(max_examples=150, deadline=None)
 @given(data=st.data(), layout=st.sampled_from(sorted(LAYOUTS)))
-def test_changed_bytes_never_raise_anything_but_our_error(data, layout, tmp_path_factory):
+def test_changed_bytes_raise_a_recording_error_or_nothing(data, layout, tmp_path_factory):
     messages = some_messages(12)
     folder = tmp_path_factory.mktemp('changed')
     path = write_mcap(folder / 'a.mcap', messages, topics=SMALL, **LAYOUTS[layout])
@@ -126,11 +126,11 @@ def test_a_damaged_index_loses_nothing(recording):
     path.write_bytes(content)
     found, damage = read(path)
     assert found == messages
-    if damage:  # without a checksum the offsets are not noticed: they are of no use here
+    if damage:  # without a checksum, damage of the offsets is not found; they are not used
         assert 'index' in damage
 
 
-def test_an_index_that_does_not_fit_its_data_is_rebuilt(tmp_path):
+def test_an_index_that_does_not_match_its_data_is_rebuilt(tmp_path):
     messages = some_messages()
     path = write_mcap(tmp_path / 'a.mcap', messages, topics=SMALL, enable_crcs=False)
     content = path.read_bytes()
@@ -141,12 +141,12 @@ def test_an_index_that_does_not_fit_its_data_is_rebuilt(tmp_path):
     assert 'index' in damage
 
 
-def test_an_index_that_counts_more_than_there_is_is_reported(tmp_path):
+def test_an_index_that_counts_too_many_messages_is_reported(tmp_path):
     messages = some_messages(10)
     path = write_mcap(tmp_path / 'a.mcap', messages, chunk_size=10**6, topics=SMALL, enable_crcs=False)
     content = path.read_bytes()
     at = content.index(messages[4].data) - 22 - 9
-    path.write_bytes(content[:at] + b'\x77' + content[at + 1 :])  # a record of an unknown kind
+    path.write_bytes(content[:at] + b'\x77' + content[at + 1 :])  # a record with an unknown opcode
     found, damage = read(path)
     assert found == messages[:4] + messages[5:]
     assert 'counts 10 messages, but 9' in damage
@@ -155,7 +155,7 @@ def test_an_index_that_counts_more_than_there_is_is_reported(tmp_path):
 @pytest.mark.parametrize(
     'options', [{'use_statistics': False}, {'repeat_channels': False}, {'use_chunking': False}]
 )
-def test_a_sound_file_without_a_full_index_is_no_damage_and_read_in_order(tmp_path, options):
+def test_an_intact_file_without_a_full_index_is_read_in_order_without_damage(tmp_path, options):
     messages = some_messages()
     shuffled = messages[20:] + messages[:20]
     path = write_mcap(tmp_path / 'a.mcap', shuffled, topics=SMALL, **options)
@@ -168,7 +168,7 @@ def test_garbage_after_the_magic_is_damage(tmp_path):
     assert assert_prefix_and_one_sentence(path, []) == []
 
 
-def test_a_huge_length_does_not_ask_for_huge_memory(tmp_path):
+def test_a_huge_length_allocates_little_memory(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', some_messages(10), chunk_size=10**6, topics=SMALL)
     content = bytearray(path.read_bytes())
     span = McapFile(path).spans[0]
@@ -201,13 +201,13 @@ def test_memory_does_not_grow_with_the_recording(tmp_path, compression):
 @pytest.mark.parametrize(
     ('content', 'sentence'),
     [
-        (b'', r'is empty: the recorder was stopped'),
+        (b'', r'is empty: the recorder ended'),
         (b'SQLite format 3\0' + bytes(100), r'is an sqlite3 bag: .* `ros2 bag convert`'),
         (b'#ROSBAG V2.0\n' + bytes(100), r'is not an MCAP file'),
         (b'\x89MCAP', r'is not an MCAP file'),
     ],
 )
-def test_what_is_no_mcap_is_refused_with_what_to_do(tmp_path, content, sentence):
+def test_another_format_is_refused_with_advice(tmp_path, content, sentence):
     path = tmp_path / 'x.mcap'
     path.write_bytes(content)
     with pytest.raises(RecordingError, match=f'x.mcap {sentence}'):

@@ -78,9 +78,9 @@ def test_every_encoding_gives_the_same_columns(tmp_path, name):
 
 
 @pytest.mark.parametrize('name', FILES)
-def test_a_file_that_is_cut_off_anywhere_is_refused(tmp_path, name):
+def test_a_file_cut_off_at_any_byte_is_refused(tmp_path, name):
     content = FILES[name]
-    # Without its last line break, or the last digits, an ascii file is still a file.
+    # An ascii file is still valid without its last line break or its last digits.
     for length in range(len(content) - 5):
         with pytest.raises(ImportFileError, match=f'cloud.{name[:3]} '):
             read(tmp_path, content[:length], name[:3])
@@ -90,7 +90,7 @@ def test_a_pcd_of_one_row_is_not_organized(tmp_path):
     assert read(tmp_path, pcd_header('ascii', 1, 12) + lines(POINTS)).shape is None
 
 
-def test_padding_in_a_pcd_is_left_out_and_counts_become_columns(tmp_path):
+def test_padding_in_a_pcd_is_skipped_and_counts_become_columns(tmp_path):
     header = (
         b'FIELDS x _ y z normal _\nSIZE 4 1 4 4 4 1\nTYPE F U F F F U\nCOUNT 1 4 1 1 3 2\n'
         b'WIDTH 1\nHEIGHT 2\nPOINTS 2\nDATA binary\n'
@@ -106,14 +106,14 @@ def test_padding_in_a_pcd_is_left_out_and_counts_become_columns(tmp_path):
 @pytest.mark.parametrize(
     ('old', 'new', 'sentence'),
     [
-        (b'WIDTH 4', b'WIDTH 5', r'says 12 points, but 5 × 3'),
-        (b'WIDTH 4', b'WIDTH four', r'header that makes no sense'),
-        (b'SIZE 4 4 4 2', b'SIZE 4 4 4', r'header that makes no sense'),
-        (b'TYPE F F F U', b'TYPE F F F X', r'header that makes no sense'),
-        (b'y z', b'x z', r'header that makes no sense'),
-        (b'DATA ascii', b'DATA zip', r"unknown kind 'zip'"),
-        (b'1.0', b'one', r'has a line that is not 4 numbers'),
-        (b'1.0', b'', r'has a line that is not 4 numbers|should have'),
+        (b'WIDTH 4', b'WIDTH 5', r'a header with 12 points, but 5 × 3 places'),
+        (b'WIDTH 4', b'WIDTH four', r'invalid PCD header'),
+        (b'SIZE 4 4 4 2', b'SIZE 4 4 4', r'invalid PCD header'),
+        (b'TYPE F F F U', b'TYPE F F F X', r'invalid PCD header'),
+        (b'y z', b'x z', r'invalid PCD header'),
+        (b'DATA ascii', b'DATA zip', r"unknown type 'zip'"),
+        (b'1.0', b'one', r'has a line without 4 numbers'),
+        (b'1.0', b'', r'has a line without 4 numbers|should have'),
     ],
 )
 def test_a_pcd_that_contradicts_itself_is_refused(tmp_path, old, new, sentence):
@@ -123,7 +123,7 @@ def test_a_pcd_that_contradicts_itself_is_refused(tmp_path, old, new, sentence):
         read(tmp_path, content.replace(old, new, 1))
 
 
-def test_compressed_data_that_are_damaged_are_refused(tmp_path):
+def test_damaged_compressed_data_are_refused(tmp_path):
     content = pcd('binary_compressed')
     start = len(pcd_header('binary_compressed'))
     damaged = content[: start + 8] + b'\xff' + content[start + 9 :]
@@ -149,7 +149,7 @@ def test_a_range_grid_places_the_vertices(tmp_path, order):
             read(tmp_path, (header + body)[:length], 'ply')
 
 
-def test_the_faces_of_a_ply_are_left_out(tmp_path):
+def test_the_faces_of_a_ply_are_skipped(tmp_path):
     extra = 'element face 1\nproperty list uchar int vertex_indices\n'
     content = ply_header('ascii', extra=extra) + lines(POINTS) + b'3 0 1 2\n'
     assert len(read(tmp_path, content, 'ply').columns['x']) == POINTS.size
@@ -164,11 +164,11 @@ def test_a_comment_may_give_the_size_of_a_ply(tmp_path):
 @pytest.mark.parametrize(
     ('old', 'new', 'sentence'),
     [
-        (b'format ascii', b'format binary', 'header that makes no sense'),
-        (b'vertex 12', b'vertex -2', 'header that makes no sense'),
+        (b'format ascii', b'format binary', 'invalid PLY header'),
+        (b'vertex 12', b'vertex -2', 'invalid PLY header'),
         (b'vertex 12', b'vertex 13', 'should have 13 lines'),
         (b'vertex 12', b'vertex 99999999999999999999', 'is cut off'),
-        (b'float x', b'quad x', 'header that makes no sense'),
+        (b'float x', b'quad x', 'invalid PLY header'),
         (b'element vertex', b'element corner', 'has no vertices'),
     ],
 )
@@ -185,7 +185,7 @@ def test_garbage_is_refused(kind, content, tmp_path_factory):
         read(path, content, kind)
 
 
-def test_lzf_copies_may_overlap_themselves():
+def test_source_and_target_of_an_lzf_copy_may_overlap():
     packed = np.frombuffer(bytes([0, 7, 0b11100000, 3, 0]), np.uint8)  # a 7, then 12 copies of it
     out = np.empty(13, np.uint8)
     assert _lzf(packed, out) == 13
@@ -193,6 +193,6 @@ def test_lzf_copies_may_overlap_themselves():
 
 
 @given(packed=st.binary(max_size=80))
-def test_lzf_never_reads_or_writes_outside(packed):
+def test_lzf_stays_inside_its_buffers(packed):
     out = np.zeros(64, np.uint8)
     assert -1 <= _lzf(np.frombuffer(packed, np.uint8), out) <= 64

@@ -31,7 +31,7 @@ def test_the_text_is_the_definition_then_each_dependency_once_sorted_and_depth_f
     assert parts[1] == 'sensor_msgs/PointField\n' + (SHIPPED / 'sensor_msgs.PointField.msg').read_text()
 
 
-def test_a_type_that_is_contained_twice_is_given_once():
+def test_a_type_that_is_contained_twice_is_written_once():
     text = schema_text('diagnostic_msgs/msg/DiagnosticArray')
     assert text.count('MSG: diagnostic_msgs/KeyValue') == 1
     assert text.index('MSG: diagnostic_msgs/DiagnosticStatus') < text.index('MSG: diagnostic_msgs/KeyValue')
@@ -39,7 +39,7 @@ def test_a_type_that_is_contained_twice_is_given_once():
 
 @pytest.mark.skipif(not (INSTALLED / 'sensor_msgs').is_dir(), reason='ROS is not installed in this environment')
 @pytest.mark.parametrize('path', sorted(SHIPPED.glob('*.msg')), ids=lambda path: path.name)
-def test_what_is_shipped_equals_what_ros_installs(path):
+def test_shipped_definitions_equal_those_of_ros(path):
     package, name, _ = path.name.split('.')
     folder = INSTALLED / package / 'msg'
     description = json.loads((folder / f'{name}.json').read_text())
@@ -62,11 +62,11 @@ def test_an_installed_type_is_found_in_the_prefixes_of_ament(tmp_path, monkeypat
 
 
 @pytest.mark.parametrize('function', [schema_text, type_hash])
-def test_a_type_that_is_nowhere_is_refused_with_what_to_do(function):
+def test_an_unknown_type_is_refused_with_advice(function):
     with pytest.raises(RecordingError, match=r'no_msgs/msg/None .* source the workspace .* no_msgs'):
         function('no_msgs/msg/None')
 
 
-def test_what_is_no_name_of_a_type_is_refused():
+def test_an_invalid_type_name_is_refused():
     with pytest.raises(RecordingError, match=r"'PointCloud2' is not the name of a ROS type"):
         schema_text('PointCloud2')

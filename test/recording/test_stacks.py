@@ -34,7 +34,7 @@ def test_a_folder_of_images_is_a_stack_in_the_order_of_their_names(tmp_path):
     np.testing.assert_array_equal(list(stack.frames()), FRAMES)
 
 
-def test_images_of_16_bits_keep_them(tmp_path):
+def test_16_bit_images_stay_16_bit(tmp_path):
     pillow = pytest.importorskip('PIL.Image')
     deep = FRAMES.astype(np.uint16) * 257
     for number, frame in enumerate(deep):
@@ -45,29 +45,29 @@ def test_images_of_16_bits_keep_them(tmp_path):
 @pytest.mark.parametrize(
     ('arrays', 'sentence'),
     [
-        ({'frames': FRAMES[0], 'z': [0.0]}, r'needs frames of the shape \(N, rows, columns\)'),
+        ({'frames': FRAMES[0], 'z': [0.0]}, r'needs an array frames \(N, rows, columns\)'),
         ({'frames': FRAMES.astype(float), 'z': np.arange(4)}, 'uint8 or uint16'),
-        ({'frames': FRAMES}, 'needs z: one finite number for each of its 4 frames'),
-        ({'frames': FRAMES, 'z': np.arange(3)}, 'needs z: one finite number'),
-        ({'frames': FRAMES, 'z': [0, 1, np.nan, 2]}, 'needs z: one finite number'),
+        ({'frames': FRAMES}, 'needs an array z: one finite number for each of its 4 frames'),
+        ({'frames': FRAMES, 'z': np.arange(3)}, 'needs an array z: one finite number'),
+        ({'frames': FRAMES, 'z': [0, 1, np.nan, 2]}, 'needs an array z: one finite number'),
     ],
 )
-def test_an_archive_that_is_no_stack_is_told_why(tmp_path, arrays, sentence):
+def test_an_archive_without_a_stack_is_refused_with_the_reason(tmp_path, arrays, sentence):
     np.savez(tmp_path / 's.npz', **arrays)
     with pytest.raises(ImportFileError, match=sentence):
         import_stack(tmp_path / 's.npz')
 
 
-def test_a_folder_with_too_few_images_is_told(tmp_path):
+def test_a_folder_with_too_few_images_is_refused(tmp_path):
     with pytest.raises(ImportFileError, match='holds 0 images'):
         import_stack(tmp_path)
 
 
-def test_an_image_that_cannot_be_read_is_named(tmp_path):
+def test_an_unreadable_image_is_named(tmp_path):
     pytest.importorskip('PIL.Image')
     for number in range(3):
         (tmp_path / f'{number}.png').write_bytes(b'no image')
-    with pytest.raises(ImportFileError, match=r'0\.png is not an image'):
+    with pytest.raises(ImportFileError, match=r'0\.png is not a readable image'):
         list(import_stack(tmp_path).frames())
 
 

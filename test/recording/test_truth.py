@@ -1,4 +1,4 @@
-"""What a recording knows of the truth."""
+"""Known outliers of a recording."""
 
 from pathlib import Path
 
@@ -38,12 +38,12 @@ def test_a_mask_belongs_to_the_cloud_of_its_namespace_and_stamp(tmp_path):
     assert truth_of(path, cloud(stamp=5), '/other') is None
 
 
-def test_a_mask_of_another_size_says_nothing(tmp_path):
+def test_a_mask_of_another_size_is_ignored(tmp_path):
     path = recorded_mask(tmp_path / 'night.mcap', np.zeros((7, 8), np.uint8), 5)
     assert truth_of(path, cloud(stamp=5), '/cell') is None
 
 
-def test_a_simulated_stack_is_judged_by_its_distance_to_the_true_surface():
+def test_a_simulated_stack_is_compared_with_its_true_surface():
     with open_recording(BAGS / 'stack.mcap') as reader:
         surface = next(message.data for message in reader.messages(['/truth/surface']))
     perfect = PointCloud.decode(surface).xyz().copy()
@@ -53,7 +53,7 @@ def test_a_simulated_stack_is_judged_by_its_distance_to_the_true_surface():
     assert truth.counted.all()
 
 
-def test_without_a_word_of_it_nothing_is_known(tmp_path):
+def test_a_recording_without_truth_gives_none(tmp_path):
     with RecordingWriter(tmp_path / 'night.mcap') as writer:
         writer.add_topic(ros_topic('/points', point_cloud.TYPE))
         writer.write('/points', cloud(), 1)

@@ -49,7 +49,7 @@ def target(request, tmp_path):
     compression=st.sampled_from(['none', 'lz4', 'zstd']),
     name=st.sampled_from(['a.mcap', 'bag']),
 )
-def test_what_is_written_is_read_again(messages, compression, name, tmp_path_factory):
+def test_written_messages_are_read_back(messages, compression, name, tmp_path_factory):
     topics = (POINTS, CLOCK, small_topic('/größe/ж'))
     path = tmp_path_factory.mktemp('round') / name
     write(path, messages, topics, compression=compression)
@@ -60,7 +60,7 @@ def test_what_is_written_is_read_again(messages, compression, name, tmp_path_fac
             assert reader.topics[topics[first].name] == topics[first]
 
 
-def test_topics_and_messages_of_another_recording_are_taken_over_byte_for_byte(target, tmp_path):
+def test_topics_and_messages_of_another_recording_are_copied_byte_for_byte(target, tmp_path):
     source = write(tmp_path / 'source.mcap', some_messages(), compression='zstd')
     with open_recording(source) as reader, RecordingWriter(target, source=source) as writer:
         for topic in reader.topics.values():
@@ -137,7 +137,7 @@ def test_metadata_has_the_keys_of_rosbag2_in_jazzy(tmp_path):
     assert sorted(path.name for path in bag.iterdir()) == ['bag_0.mcap', 'metadata.yaml']
 
 
-def test_qos_that_an_older_rosbag2_wrote_in_numbers_becomes_words(tmp_path):
+def test_the_numbers_of_an_older_rosbag2_s_qos_become_words(tmp_path):
     topic = small_topic('/a')
     old = type(topic)(**{**vars(topic), 'metadata': {'offered_qos_profiles': OLD_QOS}})
     bag = write(tmp_path / 'bag', [Message('/a', b'', 1, 1, 0)], [old])
@@ -154,7 +154,7 @@ def test_qos_that_an_older_rosbag2_wrote_in_numbers_becomes_words(tmp_path):
     assert information['topics_with_message_count'][0]['topic_metadata']['offered_qos_profiles'] == [profile]
 
 
-def test_qos_that_makes_no_sense_is_kept_as_it_is(tmp_path):
+def test_invalid_qos_is_kept_as_it_is(tmp_path):
     topic = small_topic('/a')
     odd = type(topic)(**{**vars(topic), 'metadata': {'offered_qos_profiles': '[: ??'}})
     path = write(tmp_path / 'a.mcap', [Message('/a', b'', 1, 1, 0)], [odd])
@@ -190,7 +190,7 @@ def test_buffers_other_than_bytes_are_stored_as_they_are(tmp_path):
     assert messages == [Message('/points', b'one', 1, 1, 0), Message('/points', b'two', 2, 2, 0)]
 
 
-def test_until_it_is_complete_a_recording_has_another_name(target):
+def test_an_unfinished_recording_has_another_name(target):
     with RecordingWriter(target) as writer:
         writer.add_topic(POINTS)
         assert not target.exists()
@@ -209,28 +209,28 @@ def test_an_error_or_ctrl_c_leaves_nothing_behind(target, error):
     assert list(target.parent.iterdir()) == []
 
 
-def test_an_error_leaves_what_was_to_be_overwritten(target):
+def test_an_error_keeps_the_recording_that_was_to_be_replaced(target):
     write(target, some_messages(4))
     with pytest.raises(KeyboardInterrupt), RecordingWriter(target, overwrite=True):
         raise KeyboardInterrupt
     assert read(target) == (some_messages(4), None)
 
 
-def test_what_is_there_is_not_overwritten_unless_asked(target):
+def test_an_existing_recording_is_only_overwritten_on_request(target):
     write(target, some_messages(4))
-    with pytest.raises(RecordingError, match=r'exists already: give another name, or ask'):
+    with pytest.raises(RecordingError, match=r'exists already: give another name, or overwrite it'):
         RecordingWriter(target)
     write(target, some_messages(6), overwrite=True)
     assert read(target) == (some_messages(6), None)
     assert list(target.parent.iterdir()) == [target]
 
 
-def test_what_is_no_recording_is_never_overwritten(tmp_path):
+def test_other_files_and_folders_are_never_overwritten(tmp_path):
     folder = tmp_path / 'thesis'
     folder.mkdir()
     (folder / 'thesis.tex').write_text('...')
     for path in (folder, folder / 'thesis.tex'):
-        with pytest.raises(RecordingError, match='is not a recording, so that it is not overwritten'):
+        with pytest.raises(RecordingError, match='is not a recording, and is not overwritten'):
             RecordingWriter(path, overwrite=True)
     (tmp_path / 'a.mcap').mkdir()
     with pytest.raises(RecordingError, match='is not a recording'):
@@ -245,13 +245,13 @@ def test_the_recording_that_is_read_is_not_written_into(target):
             RecordingWriter(path, overwrite=True, source=read_from)
 
 
-def test_a_directory_that_is_not_there_is_named(tmp_path):
+def test_a_missing_directory_is_named(tmp_path):
     with pytest.raises(RecordingError, match=r'none/a\.mcap cannot be written: make the directory .*none first'):
         RecordingWriter(tmp_path / 'none' / 'a.mcap')
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason='the superuser may write everywhere')
-def test_a_directory_that_may_not_be_written_is_reported(target):
+def test_a_directory_without_write_permission_is_reported(target):
     target.parent.chmod(0o500)
     with pytest.raises(RecordingError, match='cannot be written'):
         RecordingWriter(target)
@@ -293,7 +293,7 @@ def test_a_disk_that_is_full_at_the_end_is_reported_and_leaves_nothing_behind(ta
         (('/points', b'', 1, 1, 2**32), r'cannot hold the sequence number'),
     ],
 )
-def test_a_message_that_cannot_be_held_is_refused(tmp_path, message, sentence):
+def test_a_message_that_is_out_of_range_is_refused(tmp_path, message, sentence):
     with RecordingWriter(tmp_path / 'a.mcap') as writer:
         writer.add_topic(POINTS)
         with pytest.raises(RecordingError, match=sentence):
