@@ -77,13 +77,13 @@ class Player(Node):
         changed_at = time.monotonic()
         deadline, before = changed_at + timeout_s, list(publishers)
         while rclpy.ok(context=self.context):
-            unheard = [name for name, publisher in publishers.items() if publisher.get_subscription_count() == 0]
+            missing = [name for name, publisher in publishers.items() if publisher.get_subscription_count() == 0]
             now = time.monotonic()
-            if unheard != before:
-                before, changed_at = unheard, now
-            settled = len(unheard) < len(publishers) and now - changed_at > settled_s
-            if not unheard or now > deadline or settled:
-                return unheard
+            if missing != before:
+                before, changed_at = missing, now
+            settled = len(missing) < len(publishers) and now - changed_at > settled_s
+            if not missing or now > deadline or settled:
+                return missing
             time.sleep(_LONGEST_SLEEP_S)
         return []
 
@@ -175,6 +175,8 @@ def play_recording(
 ) -> Replay:
     """Publish a recording from a node of its own, until it ends or until Ctrl-C.
 
+    The node uses the default context of rclpy, which must not be in use.
+
     Args:
         recording: an MCAP file or a rosbag2 directory.
         topics: the topics to play; none: all.
@@ -198,9 +200,9 @@ def play_recording(
         try:
             for reason in player.skipped:
                 tell(f'Not played: {reason}')
-            unheard = player.wait_for_listeners(names, wait_s, _SETTLED_S)
-            if unheard:
-                listed = ', '.join(prefix + name for name in unheard)
+            missing = player.wait_for_listeners(names, wait_s, _SETTLED_S)
+            if missing:
+                listed = ', '.join(prefix + name for name in missing)
                 tell(f'No node subscribes to {listed}; playing anyway.')
             total = 0
             while True:

@@ -103,6 +103,8 @@ def record_topics(
 ) -> Counter[str]:
     """Record topics from a node of its own, until Ctrl-C or for a given time.
 
+    The node uses the default context of rclpy, which must not be in use.
+
     Args:
         path: an MCAP file if its name ends in `.mcap`, else a rosbag2 directory.
         topics: names of topics; none: every topic that is published.

@@ -12,14 +12,14 @@ import click
 def command(ros_arguments: tuple[str, ...]) -> None:
     """Run the filter as a ROS 2 node until Ctrl-C.
 
-    The same as `ros2 run socialcircle_ros social_circle_node`. It filters each cloud on `points`, and publishes
-    `points_filtered`, `outlier_mask`, `~/measurement` and `/diagnostics`. Arguments go to ROS as they are.
+    The node filters each cloud on `points`, and publishes the filtered cloud, the outlier mask, a measurement and
+    diagnostics. All arguments are passed to ROS. `ros2 run socialcircle_ros social_circle_node` does the same.
     """
     import sys
 
     if ros_arguments and ros_arguments[0] != '--ros-args':
         raise click.UsageError(
-            f'{ros_arguments[0]!r} is not for this command; arguments for ROS follow --ros-args.'
+            f'{ros_arguments[0]!r} is not an argument of this command; arguments for ROS follow --ros-args.'
         )
     from socialcircle_ros.node.main import main
 

@@ -1,4 +1,4 @@
-"""Clouds are joined with their results, in whatever order these come."""
+"""Clouds are joined with their results, in any order of arrival."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""The commands that talk to the graph: play, record, demo, node."""
+"""The commands that use the graph: play, record, demo, node."""
 
 import contextlib
 import signal
@@ -40,7 +40,7 @@ def contents(path):
         return dict(reader.topics), list(reader.messages())
 
 
-def test_what_is_played_is_recorded_byte_for_byte(run, tmp_path):
+def test_a_played_recording_is_recorded_byte_for_byte(run, tmp_path):
     with started(tmp_path, 'record', '/round/points', '/round/truth/outlier_mask', '-o', 'again.mcap') as recorder:
         done = run('play', BAGS / 'parts.mcap', '--namespace', '/round', '--rate', '4', '--wait', '60')
         assert done.code == 0, done.err
@@ -100,7 +100,7 @@ def test_an_error_is_one_sentence(run, tmp_path, arguments, code, sentence):
     assert 'Traceback' not in done.err
 
 
-def test_a_type_that_is_not_installed_is_left_out_and_told(run, tmp_path):
+def test_a_topic_whose_type_is_not_installed_is_skipped_and_reported(run, tmp_path):
     from socialcircle_ros.recording import Topic
 
     odd = Topic('/odd', 'odd_msgs/msg/Odd', b'string text\n', 'ros2msg', 'cdr', {})
@@ -116,7 +116,7 @@ def test_a_type_that_is_not_installed_is_left_out_and_told(run, tmp_path):
     assert '1 message played' in done.out
 
 
-def test_recording_nothing_says_so(run):
+def test_a_topic_without_messages_is_reported(run):
     done = run('record', '/nowhere', '-o', 'x.mcap', '--duration', '0.5')
     assert done.code == 0
     assert 'No message came on /nowhere' in done.err
@@ -182,16 +182,16 @@ def test_the_demo_goes_on_after_a_cloud_that_is_refused(run, tmp_path):
     assert (tmp_path / 'out/demo/mixed.png').exists()
 
 
-def test_a_replay_does_not_wait_for_who_listens_to_what_nobody_wants(run, tmp_path):
+def test_a_replay_does_not_wait_for_topics_that_get_no_subscriber(run, tmp_path):
     with started(tmp_path, 'record', '/wanted/points', '-o', 'again.mcap') as recorder:
-        # Far longer than `run` waits for the whole.
+        # `run` ends the command earlier than this wait.
         done = run('play', BAGS / 'parts.mcap', '--namespace', '/wanted', '--rate', '8', '--wait', '3600')
         assert done.code == 0, done.err
         assert 'No node subscribes to /wanted/truth/outlier_mask; playing anyway' in done.err
     assert '8 messages written' in recorder.output[0]
 
 
-def test_a_replay_ended_by_its_supervisor_says_nothing_odd(tmp_path):
+def test_a_replay_that_is_terminated_ends_cleanly(tmp_path):
     with started(tmp_path, 'play', BAGS / 'parts.mcap', '--loop', '--wait', '0', '--namespace', '/term') as player:
         assert 'No node subscribes to' in player.stderr.readline()
         player.send_signal(signal.SIGTERM)
