@@ -47,7 +47,7 @@ def command(
     from socialcircle_ros.recording import open_recording
     from socialcircle_ros.recording.offline import STACK_POINTS, SourceCloud, measurements_of, source_clouds
     from socialcircle_ros.recording.truth import truths_of
-    from socialcircle_ros.report.measurement import Measurement, look_at, report_page
+    from socialcircle_ros.report.entry import ReportEntry, make_entry, report_page
     from socialcircle_ros.report.page import prepare, save
     from socialcircle_ros.report.thumbnails import colour_bar
     from socialcircle_ros.settings import OutputSettings, PipelineSettings
@@ -63,7 +63,7 @@ def command(
         truths, recorded = truths_of(reader), measurements_of(reader)
         counts: Counter[str] = Counter()
 
-        def one(event: 'tuple[str, SourceCloud] | Refusal') -> Measurement | str:
+        def one(event: 'tuple[str, SourceCloud] | Refusal') -> ReportEntry | str:
             """A measurement, or why there is none."""
             if isinstance(event, Refusal):
                 return event.reason
@@ -73,7 +73,7 @@ def command(
             except SocialCircleError as refusal:
                 return str(refusal)
             truth = truths(cloud.namespace, cloud.points)
-            return look_at(
+            return make_entry(
                 name,
                 cloud.points,
                 result,
@@ -83,7 +83,7 @@ def command(
                 recorded=recorded.get((cloud.namespace, result.status.values['stamp'])),
             )
 
-        measurements: list[Measurement] = []
+        measurements: list[ReportEntry] = []
         with Progress(console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(f'looking at {recording.name}', total=reader.message_count)
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from socialcircle_ros.pipeline.stacks import Refusal
     from socialcircle_ros.recording.offline import SourceCloud
     from socialcircle_ros.sweep.search_space import Values
-    from socialcircle_ros.sweep.trials import Case
+    from socialcircle_ros.sweep.trials import SweepCloud
 
 PAGE, TABLE, BEST, TRIALS = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl'
 
@@ -72,35 +72,35 @@ def command(
     from socialcircle_ros.report.pictures import new_figure
     from socialcircle_ros.settings import CircleSettings, FocusSettings, PipelineSettings, StackSettings, yaml_text
     from socialcircle_ros.sweep.page import in_words, sweep_page, trials_table
-    from socialcircle_ros.sweep.search_space import grid, parse_axis
+    from socialcircle_ros.sweep.search_space import grid, parse_dimension
     from socialcircle_ros.sweep.trials import (
-        Case,
         Search,
+        SweepCloud,
         Trial,
         TrialFile,
         attempt,
         best_of,
-        case_of,
         evenly,
         fingerprint_of,
         remembered,
+        sweep_cloud,
         untried,
     )
 
-    axes = [parse_axis(text) for text in params]
+    search_space = [parse_dimension(text) for text in params]
     given = parameter_values(params_file, parameters)
     groups = [group.from_ros(given) for group in (FocusSettings, StackSettings, CircleSettings)]
     base = {name: value for group in groups for name, value in group.to_ros().items()}
-    as_given = {axis.name: base[axis.name] for axis in axes}
-    wanted = [as_given, *(values for values in ([] if search else grid(axes)) if values != as_given)]
+    as_given = {dimension.name: base[dimension.name] for dimension in search_space}
+    wanted = [as_given, *(values for values in ([] if search else grid(search_space)) if values != as_given)]
     if search:
-        Search(axes, search, ())  # says that Optuna is missing now, not after the first trial
+        Search(search_space, search, ())  # says that Optuna is missing now, not after the first trial
     new_figure(1, 1)  # as well for matplotlib
     prepare(out)
     refused: Counter[str] = Counter()
     damage: str | None = None
 
-    def load(focus: FocusSettings) -> 'list[Case]':
+    def load(focus: FocusSettings) -> 'list[SweepCloud]':
         """The clouds that are filtered, as `focus` measures the stacks."""
         nonlocal damage
         refused.clear()
@@ -110,17 +110,17 @@ def command(
             chosen = evenly(_clouds(events, refused), most)
             damage = reader.damage
 
-        def case(named: 'tuple[str, SourceCloud]') -> 'Case | str':
+        def case(named: 'tuple[str, SourceCloud]') -> 'SweepCloud | str':
             """A cloud with what is to be removed, or why it is none."""
             name, cloud = named
             try:
                 truth = truths(cloud.namespace, cloud.points)
-                found = case_of(name, cloud.points, None if truth is None else (truth.outlier, truth.counted))
+                found = sweep_cloud(name, cloud.points, None if truth is None else (truth.outlier, truth.counted))
                 return dataclasses.replace(found, depth_of_field=cloud.depth_of_field)
             except SocialCircleError as refusal:
                 return str(refusal)
 
-        cases: list[Case] = []
+        cases: list[SweepCloud] = []
         for found in in_order(case, chosen):
             if isinstance(found, str):
                 refused[found] += 1
@@ -154,7 +154,7 @@ def command(
                 file.add(trial)
                 progress.advance(task)
             if search:
-                study = Search(axes, search, file.trials)
+                study = Search(search_space, search, file.trials)
                 for trial in in_order(tried, study):
                     study.tell(trial)
                     file.add(trial)
@@ -169,10 +169,10 @@ def command(
     final = cases(FocusSettings.from_ros(base | best.values))
     known = final[0].known
     line = f'socialcircle {shlex.join(sys.argv[1:])}'
-    table = trials_table(axes, trials, known=known)
+    table = trials_table(search_space, trials, known=known)
     save(out / TABLE, table.csv())
     save(out / BEST, yaml_text(given | best.values, whole=False))
-    save(out / PAGE, sweep_page(recording.name, axes, trials, before, base, final, line))
+    save(out / PAGE, sweep_page(recording.name, search_space, trials, before, base, final, line))
     what = 'F1' if known else 'agreement with what stands out'
     against = 'against the truth' if known else 'against a criterion, as the recording holds no truth'
     click.echo(f'{quantity(len(trials), "trial")} on {quantity(len(final), "cloud")}, {against}.')

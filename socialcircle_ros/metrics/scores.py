@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Mask = npt.NDArray[np.bool_]
+from socialcircle_ros.cloud import Mask
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import SocialCircleError
 
 from .pictures import NEEDED, any_in_tile, over_tiles, thinned
@@ -29,18 +30,16 @@ _COLOURS = {
     _UNCOUNTED: (255, 255, 255),
 }
 
-Mask = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True)
-class Scale:
+class ColourRange:
     """The heights between which the colours run."""
 
     low: float
     high: float
 
 
-def scale_of(heights: npt.NDArray[Any], outliers: Mask) -> Scale:
+def colour_range(heights: npt.NDArray[Any], outliers: Mask) -> ColourRange:
     """The range of the kept heights but for the outer hundredth, so that outliers do not flatten the rest.
 
     Args:
@@ -52,13 +51,13 @@ def scale_of(heights: npt.NDArray[Any], outliers: Mask) -> Scale:
     if not kept.size:
         kept = there[np.isfinite(there)]
     if not kept.size:
-        return Scale(0.0, 1.0)
+        return ColourRange(0.0, 1.0)
     # In double precision: heights near the limits of float32 have differences beyond them.
     low, high = np.percentile(kept.astype(np.float64), [0.5, 99.5])
-    return Scale(float(low), float(high))
+    return ColourRange(float(low), float(high))
 
 
-def as_measured(heights: npt.NDArray[Any], outliers: Mask, scale: Scale) -> bytes:
+def as_measured(heights: npt.NDArray[Any], outliers: Mask, scale: ColourRange) -> bytes:
     """A PNG of the heights; of a tile that holds outliers the highest of them is shown.
 
     Args:
@@ -71,7 +70,7 @@ def as_measured(heights: npt.NDArray[Any], outliers: Mask, scale: Scale) -> byte
     return _png(_levels(np.where(np.isfinite(highest), highest, shown), scale))
 
 
-def cleaned(heights: npt.NDArray[Any], outliers: Mask, scale: Scale) -> bytes:
+def cleaned(heights: npt.NDArray[Any], outliers: Mask, scale: ColourRange) -> bytes:
     """A PNG of the heights that were kept; what was removed has the colour of what is not measured."""
     return _png(_levels(np.where(thinned(outliers, PIXELS), np.nan, thinned(heights, PIXELS)), scale))
 
@@ -109,7 +108,7 @@ def colour_bar() -> bytes:
     return _png(np.tile(np.arange(_LEVELS, dtype=np.uint8), (8, 1)))
 
 
-def _levels(heights: npt.NDArray[Any], scale: Scale) -> npt.NDArray[np.uint8]:
+def _levels(heights: npt.NDArray[Any], scale: ColourRange) -> npt.NDArray[np.uint8]:
     """Heights as indices of colours."""
     span = scale.high - scale.low or 1.0
     there = np.isfinite(heights)

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.cloud import measured_points
+from socialcircle_ros.cloud import Mask, measured_points
 from socialcircle_ros.errors import CloudError
-from socialcircle_ros.metrics.scores import Mask, score
+from socialcircle_ros.metrics.scores import score
 from socialcircle_ros.report import thumbnails as panels
 from socialcircle_ros.report.content import Cell, Column, Panels, Picture, Section, Table
 from socialcircle_ros.report.page import render
 from socialcircle_ros.report.pictures import aspect_of, new_figure
 from socialcircle_ros.settings import PARAMETERS, CircleSettings
 
-from .search_space import Axis, Range, Values, words
-from .trials import CRITERION, Case, Trial, best_of
+from .search_space import Range, SearchDimension, Values, words
+from .trials import CRITERION, SweepCloud, Trial, best_of
 
 _OF_TRUTH = ('F1', 'precision', 'recall')
 _OF_CRITERION = ('agreement', 'of the removed, outstanding', 'of the outstanding, removed')
@@ -35,15 +35,15 @@ _SHOWN = 30  # rows of the table on the page; the CSV has all
 _DRAWN = 3  # clouds with pictures
 
 
-def trials_table(axes: Sequence[Axis], trials: Sequence[Trial], *, known: bool) -> Table:
+def trials_table(search_space: Sequence[SearchDimension], trials: Sequence[Trial], *, known: bool) -> Table:
     """All trials, the best first.
 
     Args:
-        axes: what was varied.
+        search_space: what was varied.
         trials: in any order.
         known: whether they were scored against the truth.
     """
-    names = [axis.name for axis in axes]
+    names = [each.name for each in search_space]
     columns = [
         *(Column(name) for name in names),
         *(Column(name, '.4f') for name in (_OF_TRUTH if known else _OF_CRITERION)),
@@ -66,18 +66,18 @@ def trials_table(axes: Sequence[Axis], trials: Sequence[Trial], *, known: bool) 
 
 def sweep_page(
     name: str,
-    axes: Sequence[Axis],
+    search_space: Sequence[SearchDimension],
     trials: Sequence[Trial],
     given: Trial,
     base: Values,
-    cases: Sequence[Case],
+    cases: Sequence[SweepCloud],
     command: str,
 ) -> str:
     """The HTML page of a sweep.
 
     Args:
         name: of the recording.
-        axes: what was varied.
+        search_space: what was varied.
         trials: all of them, that of the given setting included.
         given: the trial of the parameters as they were given.
         base: all parameters as they were given.
@@ -86,18 +86,20 @@ def sweep_page(
     """
     known = cases[0].known
     best = best_of(trials)
-    table = trials_table(axes, trials, known=known)
+    table = trials_table(search_space, trials, known=known)
     title = f'The best {min(_SHOWN, len(trials))} of {len(trials)} trials'
     shown = replace(table, title=title, rows=table.rows[:_SHOWN], note=f'{table.note} All are in sweep.csv.')
     text = [
-        f'Varied: {"; ".join(words(axes))}.',
+        f'Varied: {"; ".join(words(search_space))}.',
         f'On {len(cases)} clouds of {name}, scored against {_TRUTH if known else _STAND_IN}',
         f'Made by: {command}',
     ]
-    chart = Picture('scores', _scores(axes, trials, best, known=known), 'The score of each trial.')
+    chart = Picture('scores', _scores(search_space, trials, best, known=known), 'The score of each trial.')
     findings = list(_findings(trials, best, given, known=known))
     sections = [
-        Section('Trials', findings=findings, items=[chart, shown], warnings=list(_warnings(axes, best, cases))),
+        Section(
+            'Trials', findings=findings, items=[chart, shown], warnings=list(_warnings(search_space, best, cases))
+        ),
         Section(
             'The best setting',
             [f'The clouds on which it does worst, at most {_DRAWN}.'],
@@ -123,14 +125,14 @@ def _findings(trials: Sequence[Trial], best: Trial, given: Trial, *, known: bool
     yield f'The best setting removes {numbers[0]} of the measured points, the given one {numbers[1]}.'
 
 
-def _warnings(axes: Sequence[Axis], best: Trial, cases: Sequence[Case]) -> Iterator[str]:
+def _warnings(search_space: Sequence[SearchDimension], best: Trial, cases: Sequence[SweepCloud]) -> Iterator[str]:
     """Why the best may not be good."""
-    for axis in axes:
-        ends = [axis.low, axis.high] if isinstance(axis, Range) else [axis.values[0], axis.values[-1]]
-        numbers = PARAMETERS[axis.name].kind in (int, float)
-        if numbers and best.values[axis.name] in ends and (isinstance(axis, Range) or len(axis.values) > 2):
-            value = best.values[axis.name]
-            yield f'{axis.name} is best at the end of what was tried, {value}: what lies beyond may be better.'
+    for each in search_space:
+        ends = [each.low, each.high] if isinstance(each, Range) else [each.values[0], each.values[-1]]
+        numbers = PARAMETERS[each.name].kind in (int, float)
+        if numbers and best.values[each.name] in ends and (isinstance(each, Range) or len(each.values) > 2):
+            value = best.values[each.name]
+            yield f'{each.name} is best at the end of what was tried, {value}: what lies beyond may be better.'
     if not cases[0].known and best.score < 0.5:
         yield 'No setting comes near the criterion: do not take the best over without a look at the pictures.'
 
@@ -140,25 +142,29 @@ def in_words(values: Values) -> str:
     return ', '.join(f'{name} {value}' for name, value in values.items())
 
 
-def _scores(axes: Sequence[Axis], trials: Sequence[Trial], best: Trial, *, known: bool) -> bytes:
+def _scores(
+    search_space: Sequence[SearchDimension], trials: Sequence[Trial], best: Trial, *, known: bool
+) -> bytes:
     """The score over each parameter that is varied; the best in red."""
-    figure = new_figure(4.6 * len(axes), 3.4)
-    for axis, drawn in zip(axes, np.atleast_1d(figure.subplots(1, len(axes), sharey=True)), strict=True):
-        values = [trial.values[axis.name] for trial in trials]
-        if PARAMETERS[axis.name].kind not in (int, float):
+    figure = new_figure(4.6 * len(search_space), 3.4)
+    for each, drawn in zip(
+        search_space, np.atleast_1d(figure.subplots(1, len(search_space), sharey=True)), strict=True
+    ):
+        values = [trial.values[each.name] for trial in trials]
+        if PARAMETERS[each.name].kind not in (int, float):
             values = [str(value) for value in values]
         scores = [trial.score for trial in trials]
         drawn.plot(values, scores, 'o', color='#2a6592', alpha=0.5, markersize=5)
         drawn.plot(values[trials.index(best)], best.score, 'o', color='#d00000', markersize=9)
-        drawn.set_xlabel(axis.name)
-        drawn.set_ylabel((_OF_TRUTH if known else _OF_CRITERION)[0] if axis is axes[0] else '')
+        drawn.set_xlabel(each.name)
+        drawn.set_ylabel((_OF_TRUTH if known else _OF_CRITERION)[0] if each is search_space[0] else '')
         drawn.grid(alpha=0.3)
     out = io.BytesIO()
     figure.savefig(out, format='png')
     return out.getvalue()
 
 
-def _drawn(cases: Sequence[Case], base: Values, best: Trial, given: Trial) -> Iterator[Panels]:
+def _drawn(cases: Sequence[SweepCloud], base: Values, best: Trial, given: Trial) -> Iterator[Panels]:
     """Pictures of the clouds that the best setting does worst on, beside the given setting."""
     answers = [(case, _removed(case, base | best.values)) for case in cases]
     worst = sorted(answers, key=lambda answer: _f1(*answer))[:_DRAWN]
@@ -167,7 +173,7 @@ def _drawn(cases: Sequence[Case], base: Values, best: Trial, given: Trial) -> It
         xyz = case.xyz
         measured = measured_points(xyz)
         heights = np.where(measured, xyz[..., 2], np.nan)
-        scale = panels.scale_of(heights, found)
+        scale = panels.colour_range(heights, found)
         colours = 'removed rightly red, wrongly black; missed amber' if case.known else (
             'removed red, black where it does not stand out; amber stands out'
         )  # fmt: skip
@@ -182,12 +188,12 @@ def _drawn(cases: Sequence[Case], base: Values, best: Trial, given: Trial) -> It
         yield Panels(pictures, aspect_of(xyz), (f'{scale.low:.4g}', f'{scale.high:.4g}', bar))
 
 
-def _f1(case: Case, found: Mask) -> float:
+def _f1(case: SweepCloud, found: Mask) -> float:
     f1 = score(found, case.outlier, case.counted).f1
     return 1.0 if np.isnan(f1) else f1
 
 
-def _removed(case: Case, values: Values) -> Mask:
+def _removed(case: SweepCloud, values: Values) -> Mask:
     try:
         return remove_outliers(case.xyz, CircleSettings.from_ros(values).of_a_stack(case.depth_of_field)).outliers
     except CloudError:

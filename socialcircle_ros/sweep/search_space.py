@@ -39,10 +39,10 @@ class Range:
     whole: bool
 
 
-Axis = Choice | Range
+SearchDimension = Choice | Range
 
 
-def parse_axis(text: str) -> Axis:
+def parse_dimension(text: str) -> SearchDimension:
     """What `--param` says: NAME=LOW:HIGH:STEP, NAME=LOW:HIGH, or NAME=VALUE,VALUE.
 
     Raises:
@@ -61,7 +61,7 @@ def parse_axis(text: str) -> Axis:
     return _range(row, given) if ':' in given else _choice(row, given)
 
 
-def _range(row: Parameter, given: str) -> Axis:
+def _range(row: Parameter, given: str) -> SearchDimension:
     try:
         low, high, *rest = numbers = [float(part) for part in given.split(':')]
         if len(rest) > 1 or not all(map(math.isfinite, numbers)) or row.kind not in (int, float):
@@ -120,58 +120,58 @@ def _check(row: Parameter, value: Any) -> RosValue:
     return group.from_ros({row.name: value}).to_ros()[row.name]
 
 
-def grid(axes: Sequence[Axis]) -> list[Values]:
+def grid(search_space: Sequence[SearchDimension]) -> list[Values]:
     """Every combination, those that measure stacks anew changing last.
 
     Raises:
         SettingError: a range without a step, a parameter that is given twice, or too many combinations.
     """
-    _check_names(axes)
-    for axis in axes:
-        if isinstance(axis, Range):
+    _check_names(search_space)
+    for each in search_space:
+        if isinstance(each, Range):
             raise SettingError(
-                f'{axis.name}={axis.low:g}:{axis.high:g} has no step, which a grid needs: add one, such as'
-                f' {axis.name}={axis.low:g}:{axis.high:g}:{_step(axis)}, or search with --search 50.'
+                f'{each.name}={each.low:g}:{each.high:g} has no step, which a grid needs: add one, such as'
+                f' {each.name}={each.low:g}:{each.high:g}:{_step(each)}, or search with --search 50.'
             )
     order = [group.group for group in GROUPS]
-    slowest_first = sorted(axes, key=lambda axis: order.index(PARAMETERS[axis.name].group))
-    choices = [axis.values for axis in slowest_first if isinstance(axis, Choice)]
+    slowest_first = sorted(search_space, key=lambda each: order.index(PARAMETERS[each.name].group))
+    choices = [each.values for each in slowest_first if isinstance(each, Choice)]
     count = math.prod(map(len, choices))
     if count > MOST:
         raise SettingError(f'The grid has {count} settings; at most {MOST} are tried: use --search instead.')
-    names = [axis.name for axis in slowest_first]
+    names = [each.name for each in slowest_first]
     return [dict(zip(names, values, strict=True)) for values in itertools.product(*choices)]
 
 
-def contains(axes: Sequence[Axis], values: Mapping[str, RosValue]) -> bool:
-    """Whether a setting is one of those that the axes span."""
-    if {axis.name for axis in axes} != values.keys():
+def contains(search_space: Sequence[SearchDimension], values: Mapping[str, RosValue]) -> bool:
+    """Whether a setting is one of those that the search_space span."""
+    if {each.name for each in search_space} != values.keys():
         return False
     return all(
-        axis.low <= float(values[axis.name]) <= axis.high  # type: ignore[arg-type]
-        if isinstance(axis, Range)
-        else values[axis.name] in axis.values
-        for axis in axes
+        each.low <= float(values[each.name]) <= each.high  # type: ignore[arg-type]
+        if isinstance(each, Range)
+        else values[each.name] in each.values
+        for each in search_space
     )
 
 
-def _check_names(axes: Sequence[Axis]) -> None:
-    names = [axis.name for axis in axes]
+def _check_names(search_space: Sequence[SearchDimension]) -> None:
+    names = [each.name for each in search_space]
     for name in names:
         if names.count(name) > 1:
             raise SettingError(f'{name} is given twice; give all its values with one --param.')
 
 
-def _step(axis: Range) -> str:
-    return '1' if axis.whole else f'{(axis.high - axis.low) / 10 or 1:g}'
+def _step(each: Range) -> str:
+    return '1' if each.whole else f'{(each.high - each.low) / 10 or 1:g}'
 
 
-def words(axes: Sequence[Axis]) -> Iterator[str]:
+def words(search_space: Sequence[SearchDimension]) -> Iterator[str]:
     """What is varied, a phrase for each."""
-    for axis in axes:
-        if isinstance(axis, Range):
-            yield f'{axis.name} from {axis.low:g} to {axis.high:g}'
-        elif len(axis.values) > 8:
-            yield f'{axis.name} in {len(axis.values)} steps from {axis.values[0]} to {axis.values[-1]}'
+    for each in search_space:
+        if isinstance(each, Range):
+            yield f'{each.name} from {each.low:g} to {each.high:g}'
+        elif len(each.values) > 8:
+            yield f'{each.name} in {len(each.values)} steps from {each.values[0]} to {each.values[-1]}'
         else:
-            yield f'{axis.name} {", ".join(map(str, axis.values))}'
+            yield f'{each.name} {", ".join(map(str, each.values))}'

@@ -13,14 +13,14 @@ import numpy as np
 from socialcircle_ros.baselines import median_filter
 from socialcircle_ros.baselines.settings import MedianSettings
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.cloud import measured_points
+from socialcircle_ros.cloud import Mask, measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.areal import texture
-from socialcircle_ros.metrics.scores import Mask, Tally, tally
+from socialcircle_ros.metrics.scores import Tally, tally
 from socialcircle_ros.settings import CircleSettings, FocusSettings, RosValue
 
-from .search_space import Axis, Choice, Range, Values, contains
+from .search_space import Choice, Range, SearchDimension, Values, contains
 
 Item = TypeVar('Item')
 
@@ -32,7 +32,7 @@ CRITERION = (
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class SweepCloud:
     """One cloud of a sweep.
 
     Attributes:
@@ -57,16 +57,16 @@ class Case:
         return PointCloud.decode(self.points).xyz()
 
 
-def case_of(name: str, points: bytes, truth: tuple[Mask, Mask] | None) -> Case:
+def sweep_cloud(name: str, points: bytes, truth: tuple[Mask, Mask] | None) -> SweepCloud:
     """A cloud with its truth, or with what stands out in it.
 
     Raises:
         MessageError: it is not an organized cloud.
     """
     if truth is not None:
-        return Case(name, points, *truth, known=True)
+        return SweepCloud(name, points, *truth, known=True)
     xyz = PointCloud.decode(points).xyz()
-    return Case(name, points, median_filter(xyz).outliers, measured_points(xyz), known=False)
+    return SweepCloud(name, points, median_filter(xyz).outliers, measured_points(xyz), known=False)
 
 
 def evenly(items: Iterable[Item], most: int) -> list[Item]:
@@ -81,16 +81,16 @@ def evenly(items: Iterable[Item], most: int) -> list[Item]:
     return [kept[place * len(kept) // most] for place in range(most)] if len(kept) > most else kept
 
 
-Cases = Callable[[FocusSettings], Sequence[Case]]
+CloudSource = Callable[[FocusSettings], Sequence[SweepCloud]]
 """The clouds of a recording, as these settings measure its stacks."""
 
 
-def remembered(load: Cases) -> Cases:
+def remembered(load: CloudSource) -> CloudSource:
     """The same clouds for the same settings; those of the last two settings stay in memory."""
     lock = threading.Lock()
-    kept: dict[FocusSettings, Sequence[Case]] = {}
+    kept: dict[FocusSettings, Sequence[SweepCloud]] = {}
 
-    def cases(focus: FocusSettings) -> Sequence[Case]:
+    def cases(focus: FocusSettings) -> Sequence[SweepCloud]:
         with lock:
             if focus not in kept:
                 while len(kept) > 1:
@@ -128,7 +128,7 @@ class Trial:
     refused: int
 
 
-def attempt(base: Values, values: Values, cases: Cases) -> Trial:
+def attempt(base: Values, values: Values, cases: CloudSource) -> Trial:
     """Filter all clouds with one setting.
 
     Args:
@@ -236,7 +236,7 @@ class TrialFile:
         self._file.close()
 
 
-def fingerprint_of(cases: Sequence[Case], fixed: Mapping[str, RosValue]) -> str:
+def fingerprint_of(cases: Sequence[SweepCloud], fixed: Mapping[str, RosValue]) -> str:
     """What two runs have in common that may share their trials."""
     digest = blake2b(json.dumps(sorted(fixed.items())).encode(), digest_size=16)
     for case in cases:
@@ -250,7 +250,7 @@ class Search:
     """Settings to try next, by Optuna's tree-structured Parzen estimator, from what was tried so far.
 
     Args:
-        axes: what is varied.
+        search_space: what is varied.
         count: how many different settings are wanted, those already tried included.
         done: what was tried.
 
@@ -258,7 +258,7 @@ class Search:
         SocialCircleError: Optuna is not installed.
     """
 
-    def __init__(self, axes: Sequence[Axis], count: int, done: Sequence[Trial]) -> None:
+    def __init__(self, search_space: Sequence[SearchDimension], count: int, done: Sequence[Trial]) -> None:
         try:
             import optuna  # noqa: PLC0415 - an extra
         except ImportError:
@@ -267,9 +267,9 @@ class Search:
                 ' does not.'
             ) from None
         optuna.logging.set_verbosity(optuna.logging.WARNING)
-        self._optuna, self._axes, self._count = optuna, axes, count
-        self._spaces = {axis.name: self._space(axis) for axis in axes}
-        known = [trial for trial in done if contains(axes, trial.values)]
+        self._optuna, self._search_space, self._count = optuna, search_space, count
+        self._spaces = {each.name: self._space(each) for each in search_space}
+        known = [trial for trial in done if contains(search_space, trial.values)]
         # Another seed for a run that goes on, which would begin with the same random settings otherwise.
         sampler = optuna.samplers.TPESampler(seed=len(known), n_startup_trials=max(8, count // 5))
         self._study = optuna.create_study(direction='maximize', sampler=sampler)
@@ -305,35 +305,35 @@ class Search:
         for asked in self._waiting.pop(_key(trial.values), []):
             self._study.tell(asked, trial.score)
 
-    def _space(self, axis: Axis) -> Any:
+    def _space(self, each: SearchDimension) -> Any:
         kinds = self._optuna.distributions
-        if isinstance(axis, Choice):
+        if isinstance(each, Choice):
             # By their numbers where they are numbers in order, so that near values are known to be alike.
-            if len(axis.values) > 2 and all(isinstance(value, (int, float)) for value in axis.values):
-                return kinds.IntDistribution(0, len(axis.values) - 1)
-            return kinds.CategoricalDistribution(range(len(axis.values)))
-        if axis.whole:
-            return kinds.IntDistribution(int(axis.low), int(axis.high))
-        return kinds.FloatDistribution(axis.low, axis.high)
+            if len(each.values) > 2 and all(isinstance(value, (int, float)) for value in each.values):
+                return kinds.IntDistribution(0, len(each.values) - 1)
+            return kinds.CategoricalDistribution(range(len(each.values)))
+        if each.whole:
+            return kinds.IntDistribution(int(each.low), int(each.high))
+        return kinds.FloatDistribution(each.low, each.high)
 
     def _to_optuna(self, values: Values) -> dict[str, Any]:
         return {
-            axis.name: values[axis.name] if isinstance(axis, Range) else axis.values.index(values[axis.name])
-            for axis in self._axes
+            each.name: values[each.name] if isinstance(each, Range) else each.values.index(values[each.name])
+            for each in self._search_space
         }
 
     def _from_optuna(self, params: Mapping[str, Any]) -> Values:
         return {
-            axis.name: _within(axis, params[axis.name])
-            if isinstance(axis, Range)
-            else axis.values[params[axis.name]]
-            for axis in self._axes
+            each.name: _within(each, params[each.name])
+            if isinstance(each, Range)
+            else each.values[params[each.name]]
+            for each in self._search_space
         }
 
 
-def _within(axis: Range, value: float) -> RosValue:
+def _within(each: Range, value: float) -> RosValue:
     """A value of a range with four digits: nobody sets more."""
-    return int(value) if axis.whole else min(max(float(f'{value:.4g}'), axis.low), axis.high)
+    return int(value) if each.whole else min(max(float(f'{value:.4g}'), each.low), each.high)
 
 
 def _key(values: Mapping[str, RosValue]) -> str:

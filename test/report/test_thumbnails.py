@@ -41,7 +41,7 @@ def test_a_single_spike_is_seen_among_the_heights_however_much_is_skipped():
     heights[:, 800:] = 1.0
     outliers[7, 701] = True
     heights[7, 701] = 99.0
-    scale = panels.scale_of(heights, outliers)
+    scale = panels.colour_range(heights, outliers)
     assert (scale.low, scale.high) == (0, 1)
     plain = pixels(panels.as_measured(heights, np.zeros_like(outliers), scale))
     shown = pixels(panels.as_measured(heights, outliers, scale))
@@ -53,7 +53,7 @@ def test_what_was_removed_and_what_was_not_measured_have_the_colour_of_nothing()
     heights = surface()[..., 2]
     outliers = np.zeros(heights.shape, bool)
     outliers[10, 12] = True
-    scale = panels.scale_of(heights, outliers)
+    scale = panels.colour_range(heights, outliers)
     assert (where(panels.cleaned(heights, outliers, scale), NOTHING) == (outliers | np.isnan(heights))).all()
     assert (where(panels.as_measured(heights, outliers, scale), NOTHING) == np.isnan(heights)).all()
     mask = panels.mask(np.isfinite(heights), outliers)
@@ -75,6 +75,6 @@ def test_right_and_wrong_are_told_apart():
 def test_any_heights_can_be_drawn(heights):
     none = np.zeros(heights.shape, bool)
     for outliers in (none, np.isfinite(heights)):
-        scale = panels.scale_of(heights, outliers)
+        scale = panels.colour_range(heights, outliers)
         assert pixels(panels.as_measured(heights, outliers, scale)).shape == (*heights.shape, 3)
         assert pixels(panels.cleaned(heights, outliers, scale)).shape == (*heights.shape, 3)

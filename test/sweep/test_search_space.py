@@ -5,11 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.sweep.search_space import Choice, Range, contains, grid, parse_axis, words
+from socialcircle_ros.sweep.search_space import Choice, Range, contains, grid, parse_dimension, words
 
 
 @pytest.mark.parametrize(
-    ('text', 'axis'),
+    ('text', 'dimension'),
     [
         ('circle.radius_scale=0.5:0.9:0.1', Choice('circle.radius_scale', [0.5, 0.6, 0.7, 0.8, 0.9])),
         ('circle.radius_scale=1:1:1', Choice('circle.radius_scale', [1.0])),
@@ -22,8 +22,8 @@ from socialcircle_ros.sweep.search_space import Choice, Range, contains, grid, p
         ('focus.half_window=2:6', Range('focus.half_window', 2.0, 6.0, whole=True)),
     ],
 )
-def test_values_are_ranges_steps_or_lists(text, axis):
-    assert parse_axis(text) == axis
+def test_values_are_ranges_steps_or_lists(text, dimension):
+    assert parse_dimension(text) == dimension
 
 
 @pytest.mark.parametrize(
@@ -52,22 +52,22 @@ def test_values_are_ranges_steps_or_lists(text, axis):
 )
 def test_what_cannot_be_varied_is_told(text, sentence):
     with pytest.raises(SettingError) as caught:
-        parse_axis(text)
+        parse_dimension(text)
     assert sentence in str(caught.value)
 
 
 @given(st.integers(1, 90), st.integers(0, 60), st.sampled_from([0.1, 0.25, 0.01, 3.0]))
 def test_steps_are_the_decimal_numbers_that_were_meant(low, count, step):
     high = round(low + count * step, 6)
-    axis = parse_axis(f'circle.radius={low}:{high}:{step}')
-    assert list(axis.values) == [float(f'{low + number * step:.10g}') for number in range(count + 1)]
+    dimension = parse_dimension(f'circle.radius={low}:{high}:{step}')
+    assert list(dimension.values) == [float(f'{low + number * step:.10g}') for number in range(count + 1)]
 
 
 def test_a_grid_has_every_combination_and_measures_stacks_anew_as_rarely_as_it_can():
-    axes = [parse_axis(text) for text in ('circle.window=3,5', 'focus.step=1,2')]
-    found = grid(axes)
+    search_space = [parse_dimension(text) for text in ('circle.window=3,5', 'focus.step=1,2')]
+    found = grid(search_space)
     assert [(each['focus.step'], each['circle.window']) for each in found] == [(1, 3), (1, 5), (2, 3), (2, 5)]
-    assert all(contains(axes, values) for values in found)
+    assert all(contains(search_space, values) for values in found)
 
 
 @pytest.mark.parametrize(
@@ -84,22 +84,23 @@ def test_a_grid_has_every_combination_and_measures_stacks_anew_as_rarely_as_it_c
 )
 def test_what_makes_no_grid_is_told(texts, sentence):
     with pytest.raises(SettingError) as caught:
-        grid([parse_axis(text) for text in texts])
+        grid([parse_dimension(text) for text in texts])
     assert sentence in str(caught.value)
 
 
 def test_a_setting_is_contained_in_what_spans_it():
-    axes = [parse_axis('circle.radius_scale=0.5:3'), parse_axis('circle.window=3,5')]
-    assert contains(axes, {'circle.radius_scale': 1, 'circle.window': 5})
-    assert not contains(axes, {'circle.radius_scale': 4.0, 'circle.window': 5})
-    assert not contains(axes, {'circle.radius_scale': 1.0, 'circle.window': 7})
-    assert not contains(axes, {'circle.radius_scale': 1.0})
+    search_space = [parse_dimension('circle.radius_scale=0.5:3'), parse_dimension('circle.window=3,5')]
+    assert contains(search_space, {'circle.radius_scale': 1, 'circle.window': 5})
+    assert not contains(search_space, {'circle.radius_scale': 4.0, 'circle.window': 5})
+    assert not contains(search_space, {'circle.radius_scale': 1.0, 'circle.window': 7})
+    assert not contains(search_space, {'circle.radius_scale': 1.0})
 
 
 def test_what_is_varied_is_said_in_words():
-    axes = [
-        parse_axis(text) for text in ('circle.radius_scale=0.5:3:0.1', 'circle.window=3,5', 'circle.radius=1:2')
+    search_space = [
+        parse_dimension(text)
+        for text in ('circle.radius_scale=0.5:3:0.1', 'circle.window=3,5', 'circle.radius=1:2')
     ]
-    assert list(words(axes)) == [
+    assert list(words(search_space)) == [
         'circle.radius_scale in 26 steps from 0.5 to 3.0', 'circle.window 3, 5', 'circle.radius from 1 to 2',
     ]  # fmt: skip

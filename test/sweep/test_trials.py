@@ -14,17 +14,17 @@ from socialcircle_ros.errors import MessageError, SettingError, SocialCircleErro
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.metrics.scores import Tally, score, tally
-from socialcircle_ros.sweep.search_space import parse_axis
+from socialcircle_ros.sweep.search_space import parse_dimension
 from socialcircle_ros.sweep.trials import (
     Search,
     Trial,
     TrialFile,
     attempt,
     best_of,
-    case_of,
     evenly,
     fingerprint_of,
     remembered,
+    sweep_cloud,
     untried,
 )
 
@@ -37,7 +37,7 @@ def truth():
 
 
 def known(name='/points 0', **options):
-    return case_of(name, cloud(**options), truth())
+    return sweep_cloud(name, cloud(**options), truth())
 
 
 def scale(value):
@@ -62,7 +62,7 @@ def test_a_trial_is_scored_against_the_truth_of_all_clouds_together():
 
 
 def test_without_a_truth_what_stands_out_from_its_neighbours_takes_its_place():
-    case = case_of('/points 0', cloud(), None)
+    case = sweep_cloud('/points 0', cloud(), None)
     assert not case.known
     assert (case.outlier & truth()[0]).sum() == 26
     assert (case.counted == truth()[1]).all()
@@ -70,7 +70,7 @@ def test_without_a_truth_what_stands_out_from_its_neighbours_takes_its_place():
 
 def test_a_cloud_that_has_no_answer_counts_as_one_of_which_nothing_was_removed():
     empty = encode_point_cloud(Header.at(1, ''), np.full((70, 80, 3), np.nan, np.float32))
-    cases = [known(), case_of('/points 1', empty, truth())]
+    cases = [known(), sweep_cloud('/points 1', empty, truth())]
     tried = attempt(BASE, {}, lambda _: cases)
     assert tried.refused == 1
     assert (tried.precision, tried.recall) == (1.0, 0.5)
@@ -83,7 +83,7 @@ def test_where_nothing_is_to_be_removed_and_nothing_is_the_score_is_full():
     y, x = np.mgrid[:70, :80].astype(np.float32)
     flat = encode_point_cloud(Header.at(1, ''), np.dstack([x, y, z]))
     none = np.zeros((70, 80), bool)
-    tried = attempt(BASE, {}, lambda _: [case_of('/points 0', flat, (none, ~none))])
+    tried = attempt(BASE, {}, lambda _: [sweep_cloud('/points 0', flat, (none, ~none))])
     assert (tried.score, tried.precision, tried.recall) == (1.0, None, None)
 
 
@@ -94,7 +94,7 @@ def test_what_cannot_be_set_is_told():
 
 def test_a_cloud_without_rows_and_columns_is_no_case():
     with pytest.raises(MessageError, match='not organized'):
-        case_of('/points 0', cloud(1, 9), None)
+        sweep_cloud('/points 0', cloud(1, 9), None)
 
 
 def test_of_equal_trials_the_one_that_removes_least_is_best():
@@ -195,11 +195,11 @@ class TestSearch:
     def needs_optuna(self):
         pytest.importorskip('optuna')
 
-    AXES = (parse_axis('circle.radius_scale=0.5:3'), parse_axis('circle.window=3:31:2'))
+    SPACE = (parse_dimension('circle.radius_scale=0.5:3'), parse_dimension('circle.window=3:31:2'))
 
-    def search(self, count, done=(), axes=AXES):
+    def search(self, count, done=(), search_space=SPACE):
         """Settings that were tried where the score falls off from radius_scale 2."""
-        study, tried = Search(axes, count, done), []
+        study, tried = Search(search_space, count, done), []
         for values in study:
             tried.append(replace(trial(0), values=values, score=-abs(values.get('circle.radius_scale', 0) - 2)))
             study.tell(tried[-1])
@@ -217,7 +217,7 @@ class TestSearch:
         assert not {json.dumps(each.values) for each in done} & {json.dumps(each.values) for each in more}
 
     def test_it_ends_where_there_is_nothing_new(self):
-        tried = self.search(40, axes=[parse_axis('circle.window=3,5,7')])
+        tried = self.search(40, search_space=[parse_dimension('circle.window=3,5,7')])
         assert sorted(each.values['circle.window'] for each in tried) == [3, 5, 7]
 
     def test_what_lies_outside_is_no_help(self):
@@ -230,4 +230,4 @@ class TestSearch:
 def test_a_search_without_optuna_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(__import__('sys').modules, 'optuna', None)
     with pytest.raises(SocialCircleError, match=r'pip install "socialcircle_ros\[tuning\]"'):
-        Search(TestSearch.AXES, 5, ())
+        Search(TestSearch.SPACE, 5, ())

@@ -7,7 +7,7 @@ from examples import cloud, surface
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import filter_cloud
-from socialcircle_ros.report.measurement import look_at, report_page, settings_table, when
+from socialcircle_ros.report.entry import make_entry, report_page, settings_table, when
 from socialcircle_ros.settings import CircleSettings, OutputSettings
 
 pytest.importorskip('PIL')
@@ -15,7 +15,7 @@ pytest.importorskip('PIL')
 
 def seen(points=None, circle=None, output=None, **more):
     points = points or cloud()
-    return look_at('/points 0', points, filter_cloud(points, circle, output), **more)
+    return make_entry('/points 0', points, filter_cloud(points, circle, output), **more)
 
 
 def texts(measurement):

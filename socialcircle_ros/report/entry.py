@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from socialcircle_ros.cloud import measured_points
+from socialcircle_ros.cloud import Mask, measured_points
 from socialcircle_ros.kernels.machine import hardware
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.areal import Texture, texture
-from socialcircle_ros.metrics.scores import Mask, Scores, score
+from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pipeline.clouds import CloudOutputs
 from socialcircle_ros.settings import PARAMETERS, Settings
 
@@ -28,7 +28,7 @@ _WORDS = (Column(''), Column(''))
 
 
 @dataclass(frozen=True, eq=False)
-class Measurement:
+class ReportEntry:
     """What a report says of one cloud.
 
     Attributes:
@@ -119,7 +119,7 @@ COLUMNS = (
 """Of the table of all measurements."""
 
 
-def look_at(
+def make_entry(
     name: str,
     cloud: bytes,
     result: CloudOutputs,
@@ -128,7 +128,7 @@ def look_at(
     warning: str = '',
     truth: tuple[Mask, Mask] | None = None,
     recorded: diagnostics.Status | None = None,
-) -> Measurement:
+) -> ReportEntry:
     """Draw one cloud before and after, and gather what there is to say of it.
 
     Args:
@@ -148,7 +148,7 @@ def look_at(
     measured = measured_points(xyz)
     outliers = outliers_of(result)
     heights = np.where(measured, xyz[..., 2], np.nan)
-    scale = panels.scale_of(heights, outliers)
+    scale = panels.colour_range(heights, outliers)
     pictures = [
         ('as measured', panels.as_measured(heights, outliers, scale)),
         (f'mask: {result.outliers:,} outliers in red', panels.mask(measured, outliers)),
@@ -168,7 +168,7 @@ def look_at(
         warnings.append(result.status.message)
     if recorded is not None:
         warnings += _differences(recorded.values, result.status.values)
-    return Measurement(
+    return ReportEntry(
         name=name,
         stamp=decoded.header.stamp,
         # Without the clouds themselves: those of a night would fill the memory.
@@ -183,7 +183,7 @@ def look_at(
 
 def report_page(
     name: str,
-    measurements: Sequence[Measurement],
+    measurements: Sequence[ReportEntry],
     settings: Sequence[Settings],
     refused: Mapping[str, int],
     damage: str | None,
