@@ -1,1 +1,1 @@
-"""Numbers that describe a mask or a surface: scores against the truth, areal texture."""
+"""Numbers that describe a mask or a surface: scores against a truth, areal surface texture. No files."""

@@ -1,43 +1,57 @@
 """Areal surface texture parameters (ISO 25178-2) of a height map."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+HeightMap = npt.NDArray[np.float32 | np.float64]
+"""Heights of an organized cloud, (H, W); NaN where not measured."""
+
 
 @dataclass(frozen=True)
 class Texture:
-    """Of the heights less their least squares plane, in the unit of the heights; form is not removed."""
+    """Texture of a surface after a least squares plane is subtracted, in the unit of the heights.
+
+    The form of the surface, such as a curvature, is not removed.
+    """
 
     sa: float
     """Arithmetical mean height: the mean of |z|."""
     sq: float
     """Root mean square height."""
     sz: float
-    """Maximum height: the highest peak less the deepest pit, so that one outlier is enough to change it."""
+    """Maximum height: the highest peak minus the deepest pit. A single outlier changes it."""
 
 
-def texture(heights: npt.NDArray[Any]) -> Texture:
-    """Sa, Sq and Sz of a height map (H, W); NaN is not measured, and does not count.
+def texture(heights: HeightMap) -> Texture:
+    """Compute Sa, Sq and Sz of a height map.
 
-    All are NaN where fewer than three points are measured.
+    Args:
+        heights: (H, W) float32 or float64; NaN is not measured and is left out.
+
+    Returns:
+        The texture; all values are NaN where fewer than three points are measured.
     """
-    there = np.isfinite(heights)
-    count = int(np.count_nonzero(there))
+    measured = np.isfinite(heights)
+    count = int(np.count_nonzero(measured))
     if count < 3:
         return Texture(float('nan'), float('nan'), float('nan'))
-    z = np.where(there, heights, 0.0).astype(np.float64, copy=False)
-    # The plane's equations from sums over rows and columns: less than half the time of a list of points. Centred
-    # coordinates and heights keep them well conditioned on large maps.
-    in_rows, in_columns = there.sum(axis=1), there.sum(axis=0)
-    rows, columns = (np.arange(len(n)) - n @ np.arange(len(n)) / count for n in (in_rows, in_columns))
-    middle = z.sum() / count
-    of_rows, of_columns = z.sum(axis=1) - middle * in_rows, z.sum(axis=0) - middle * in_columns
-    mixed = rows @ (there @ columns)
-    squares = [[in_rows @ rows**2, mixed], [mixed, in_columns @ columns**2]]
-    (down, right), *_ = np.linalg.lstsq(np.array(squares), np.array([of_rows @ rows, of_columns @ columns]))
-    z -= middle + (down * rows)[:, None] + right * columns
-    rest = z[there]
-    return Texture(float(np.mean(np.abs(rest))), float(np.sqrt(np.mean(rest**2))), float(np.ptp(rest)))
+    z = np.where(measured, heights, 0.0).astype(np.float64, copy=False)
+    # Sums over rows and columns give the normal equations of the plane in less than half the time of a list of
+    # points. Coordinates and heights are centred, so that the equations stay well conditioned on large maps.
+    per_row, per_column = measured.sum(axis=1), measured.sum(axis=0)
+    rows, columns = (np.arange(len(n)) - n @ np.arange(len(n)) / count for n in (per_row, per_column))
+    mean = z.sum() / count
+    row_sums, column_sums = z.sum(axis=1) - mean * per_row, z.sum(axis=0) - mean * per_column
+    mixed = rows @ (measured @ columns)
+    squares = [[per_row @ rows**2, mixed], [mixed, per_column @ columns**2]]
+    products = np.array([row_sums @ rows, column_sums @ columns])
+    (row_slope, column_slope), *_ = np.linalg.lstsq(np.array(squares), products)
+    z -= mean + (row_slope * rows)[:, None] + column_slope * columns
+    residuals = z[measured]
+    return Texture(
+        sa=float(np.mean(np.abs(residuals))),
+        sq=float(np.sqrt(np.mean(residuals**2))),
+        sz=float(np.ptp(residuals)),
+    )

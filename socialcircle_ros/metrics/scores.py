@@ -2,133 +2,160 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
 
+from .areal import HeightMap
+
+PointScores = npt.NDArray[np.float32 | np.float64]
+"""A score for each point, (H, W); higher where a point is more likely an outlier."""
+
 
 @dataclass(frozen=True)
 class Scores:
-    """Shares between 0 and 1; NaN where there is nothing to divide by."""
+    """Scores of a binary classification, between 0 and 1; NaN where the denominator is 0."""
 
     precision: float
-    """Of the points called outliers, how many are."""
+    """Share of the points called outliers that are outliers."""
     recall: float
-    """Of the outliers, how many were called so."""
+    """Share of the outliers that were called outliers."""
     f1: float
-    """The harmonic mean of precision and recall."""
+    """Harmonic mean of precision and recall."""
     false_positive_rate: float
-    """Of the good points, how many were called outliers."""
+    """Share of the good points that were called outliers."""
 
 
 @dataclass(frozen=True)
 class Tally:
-    """Counts of points; those of several clouds add up to those of all."""
+    """Counts of points; the counts of several clouds can be added."""
 
-    right: int = 0
-    """Outliers that were called so."""
-    called: int = 0
+    true_positives: int = 0
+    """Outliers that were called outliers."""
+    found: int = 0
     """Points that were called outliers."""
-    there: int = 0
-    """Outliers."""
+    outliers: int = 0
+    """Outliers, found or not."""
     counted: int = 0
-    """Points whose truth is certain."""
+    """Points with a certain truth."""
 
     def __add__(self, other: 'Tally') -> 'Tally':
         return Tally(
-            self.right + other.right,
-            self.called + other.called,
-            self.there + other.there,
+            self.true_positives + other.true_positives,
+            self.found + other.found,
+            self.outliers + other.outliers,
             self.counted + other.counted,
         )
 
     @property
     def scores(self) -> Scores:
-        """What the counts say."""
+        """The scores that follow from the counts."""
         return Scores(
-            precision=_share(self.right, self.called),
-            recall=_share(self.right, self.there),
-            f1=_share(2 * self.right, self.called + self.there),
-            false_positive_rate=_share(self.called - self.right, self.counted - self.there),
+            precision=_share(self.true_positives, self.found),
+            recall=_share(self.true_positives, self.outliers),
+            f1=_share(2 * self.true_positives, self.found + self.outliers),
+            false_positive_rate=_share(self.found - self.true_positives, self.counted - self.outliers),
         )
 
 
 def tally(found: Mask, truth: Mask, counted: Mask) -> Tally:
-    """Count what a mask has in common with the truth.
+    """Count how a mask agrees with the truth.
 
     Args:
-        found: (H, W) what the filter called outliers.
-        truth: (H, W) the outliers.
-        counted: (H, W) the points whose truth is certain; the others do not count.
+        found: (H, W) points that the filter called outliers.
+        truth: (H, W) outliers.
+        counted: (H, W) points with a certain truth; other points are ignored.
     """
     masks = (found & truth & counted, found & counted, truth & counted, counted)
     return Tally(*(int(np.count_nonzero(mask)) for mask in masks))
 
 
 def score(found: Mask, truth: Mask, counted: Mask) -> Scores:
-    """Compare a mask with the truth; as `tally`, for one cloud."""
+    """Score the mask of one cloud against the truth.
+
+    Args:
+        found: (H, W) points that the filter called outliers.
+        truth: (H, W) outliers.
+        counted: (H, W) points with a certain truth; other points are ignored.
+
+    Example:
+        >>> found, truth = np.array([[True, True, False]]), np.array([[True, False, False]])
+        >>> score(found, truth, np.ones_like(truth)).precision
+        0.5
+    """
     return tally(found, truth, counted).scores
 
 
-def roc_area(values: npt.NDArray[Any], truth: Mask, counted: Mask) -> float:
-    """Area under the receiver operating characteristic: 1 for a perfect order of the points, 0.5 for chance.
+def roc_area(values: PointScores, truth: Mask, counted: Mask) -> float:
+    """Compute the area under the receiver operating characteristic.
 
-    It is the share of all pairs of an outlier and a good point in which the outlier has the higher value; equal
-    values are half a pair.
+    The area is the share of all pairs of an outlier and a good point in which the outlier has the higher value.
+    A pair with equal values counts as half. 1 is a perfect ranking, 0.5 is chance.
 
     Args:
-        values: (H, W) higher for a worse point; no NaN where `counted`.
-        truth: (H, W) the outliers.
-        counted: (H, W) the points whose truth is certain.
+        values: (H, W) higher for a point that is more likely an outlier; no NaN where `counted`.
+        truth: (H, W) outliers.
+        counted: (H, W) points with a certain truth.
 
     Returns:
-        NaN without an outlier or without a good point.
+        The area; NaN without an outlier or without a good point.
     """
     good = np.sort(values[counted & ~truth])
     bad = values[counted & truth]
     if len(good) == 0 or len(bad) == 0:
         return float('nan')
-    won = np.searchsorted(good, bad, 'left').sum() + np.searchsorted(good, bad, 'right').sum()
-    return float(won) / (2 * len(good) * len(bad))
+    doubled_ranks = np.searchsorted(good, bad, 'left').sum() + np.searchsorted(good, bad, 'right').sum()
+    return float(doubled_ranks) / (2 * len(good) * len(bad))
 
 
-def f1_at(values: npt.NDArray[Any], truth: Mask, counted: Mask, thresholds: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """F1 of calling a point an outlier where its value is above a threshold, for many thresholds at once.
+def f1_at(
+    values: PointScores, truth: Mask, counted: Mask, thresholds: npt.NDArray[np.float32 | np.float64]
+) -> npt.NDArray[np.float64]:
+    """Compute F1 for many thresholds at once; a point above the threshold is called an outlier.
 
     Args:
-        values: (H, W) higher for a worse point; no NaN where `counted`.
-        truth: (H, W) the outliers, at least one of which counts.
-        counted: (H, W) the points whose truth is certain.
+        values: (H, W) higher for a point that is more likely an outlier; no NaN where `counted`.
+        truth: (H, W) outliers; at least one of them must be `counted`.
+        counted: (H, W) points with a certain truth.
         thresholds: (T,) in any order.
 
     Returns:
-        (T,) float64.
+        (T,) F1 at each threshold.
     """
     bad = np.sort(values[counted & truth])
     good = np.sort(values[counted & ~truth])
-    right = len(bad) - np.searchsorted(bad, thresholds, 'right')
-    wrong = len(good) - np.searchsorted(good, thresholds, 'right')
-    f1: npt.NDArray[np.float64] = 2 * right / (right + wrong + len(bad))
+    true_positives = len(bad) - np.searchsorted(bad, thresholds, 'right')
+    false_positives = len(good) - np.searchsorted(good, thresholds, 'right')
+    f1: npt.NDArray[np.float64] = 2 * true_positives / (true_positives + false_positives + len(bad))
     return f1
 
 
 def recall_by(found: Mask, truth: Mask, counted: Mask, groups: Mapping[str, Mask]) -> dict[str, float]:
-    """Recall within each group of points, such as those of one cause; NaN for a group without an outlier."""
+    """Compute the recall in each group of points, such as the outliers of one cause.
+
+    Args:
+        found: (H, W) points that the filter called outliers.
+        truth: (H, W) outliers.
+        counted: (H, W) points with a certain truth.
+        groups: (H, W) points of each group, by name.
+
+    Returns:
+        The recall by name; NaN for a group without an outlier.
+    """
     return {name: score(found, truth, counted & group).recall for name, group in groups.items()}
 
 
 def cluster_sizes(cluster: npt.NDArray[np.int32], outlier: Mask) -> npt.NDArray[np.int64]:
-    """How many outliers the cluster of each outlier has.
+    """Count the outliers in the cluster of each outlier.
 
     Args:
-        cluster: (H, W) 0 not moved, -1 isolated, from 1 the number of the cluster.
-        outlier: (H, W) the outliers.
+        cluster: (H, W) number of the cluster, from 1; 0 not displaced, -1 isolated.
+        outlier: (H, W) outliers.
 
     Returns:
-        (H, W) int64: 0 where no outlier is, 1 where it is isolated.
+        (H, W) size of the cluster; 1 for an isolated outlier, 0 where there is no outlier.
     """
     numbers = np.where(outlier, cluster, 0)
     sizes = np.bincount(np.maximum(numbers, 0).ravel())
@@ -136,8 +163,16 @@ def cluster_sizes(cluster: npt.NDArray[np.int32], outlier: Mask) -> npt.NDArray[
     return result
 
 
-def rmse(heights: npt.NDArray[Any], true: npt.NDArray[Any]) -> float:
-    """Root mean square difference in the unit of the heights, where both are finite; NaN if nowhere."""
+def rmse(heights: HeightMap, true: HeightMap) -> float:
+    """Compute the root mean square difference of two height maps.
+
+    Args:
+        heights: (H, W) measured heights.
+        true: (H, W) true heights.
+
+    Returns:
+        The difference over the points where both are finite, in the unit of the heights; NaN if there are none.
+    """
     error = np.subtract(heights, true, dtype=np.float64)
     error = error[np.isfinite(error)]
     return float(np.sqrt(np.mean(error**2))) if error.size else float('nan')

@@ -1,4 +1,4 @@
-"""Scores of a mask, and of a surface."""
+"""Scores of a mask against the truth, and of a surface."""
 
 import math
 
@@ -25,21 +25,21 @@ def share(part, whole):
     return part / whole if whole else math.nan
 
 
-def test_precision_and_recall_count_what_they_say():
+def test_precision_recall_and_f1_follow_their_definitions():
     found = np.array([[True, True, False, True, False]])
     scores = score(found, TRUTH, np.ones_like(found))
     assert (scores.precision, scores.recall, scores.f1) == (2 / 3, 2 / 3, 2 / 3)
     assert scores.false_positive_rate == 1 / 2
 
 
-def test_points_of_unknown_truth_do_not_count():
+def test_points_without_a_certain_truth_are_ignored():
     found = np.array([[True, True, False, True, False]])
     counted = np.array([[True, True, False, False, True]])
     scores = score(found, TRUTH, counted)
     assert (scores.precision, scores.recall, scores.false_positive_rate) == (1.0, 1.0, 0.0)
 
 
-def test_where_nothing_is_called_or_there_the_share_is_unknown():
+def test_a_score_with_an_empty_denominator_is_nan():
     nothing = np.zeros((1, 5), bool)
     scores = score(nothing, nothing, ~nothing)
     assert math.isnan(scores.precision)
@@ -49,23 +49,23 @@ def test_where_nothing_is_called_or_there_the_share_is_unknown():
 
 
 @given(MASKS)
-def test_every_score_is_what_counting_one_by_one_gives(masks):
-    right, wrong, missed, left = naive.confusion(*masks)
+def test_scores_equal_those_counted_point_by_point(masks):
+    true_positives, false_positives, missed, true_negatives = naive.confusion(*masks)
     scores = score(*masks)
-    assert equal(scores.precision, share(right, right + wrong))
-    assert equal(scores.recall, share(right, right + missed))
-    assert equal(scores.f1, share(2 * right, 2 * right + wrong + missed))
-    assert equal(scores.false_positive_rate, share(wrong, wrong + left))
+    assert equal(scores.precision, share(true_positives, true_positives + false_positives))
+    assert equal(scores.recall, share(true_positives, true_positives + missed))
+    assert equal(scores.f1, share(2 * true_positives, 2 * true_positives + false_positives + missed))
+    assert equal(scores.false_positive_rate, share(false_positives, false_positives + true_negatives))
 
 
 @given(MASKS, VALUES)
-def test_the_area_is_the_share_of_pairs_in_the_right_order(masks, values):
+def test_the_roc_area_equals_that_counted_pair_by_pair(masks, values):
     _, truth, counted = masks
     assert equal(roc_area(values, truth, counted), naive.roc_area(values, truth, counted))
 
 
 @given(MASKS, VALUES)
-def test_f1_at_many_thresholds_is_f1_at_each(masks, values):
+def test_f1_at_many_thresholds_equals_f1_at_each_threshold(masks, values):
     _, truth, counted = masks
     truth[0, 0] = counted[0, 0] = True
     thresholds = np.array([-1.0, 0.0, 0.5, 0.7, 2.0, 9.0])
@@ -73,7 +73,7 @@ def test_f1_at_many_thresholds_is_f1_at_each(masks, values):
     assert f1_at(values, truth, counted, thresholds) == pytest.approx(expected)
 
 
-def test_recall_within_groups():
+def test_recall_is_computed_for_each_group():
     found = np.array([[True, False, True, True, False]])
     groups = {'first two': np.array([[1, 1, 0, 0, 0]], bool), 'last two': np.array([[0, 0, 0, 1, 1]], bool)}
     recalls = recall_by(found, TRUTH, np.ones_like(found), groups)
@@ -81,12 +81,12 @@ def test_recall_within_groups():
     assert math.isnan(recalls['last two'])
 
 
-def test_the_size_of_a_cluster_counts_its_outliers_only():
+def test_a_cluster_size_counts_only_outliers():
     cluster = np.array([[0, -1, 2, 2, 2, 1]], np.int32)
     outlier = np.array([[False, True, True, True, False, True]])
     assert cluster_sizes(cluster, outlier).tolist() == [[0, 1, 2, 2, 0, 1]]
 
 
-def test_rmse_is_over_what_both_know():
+def test_rmse_is_over_the_points_that_both_maps_have():
     assert rmse(np.array([[1.0, np.nan, 5.0]]), np.array([[1.0, 2.0, 2.0]])) == pytest.approx(math.sqrt(9 / 2))
     assert math.isnan(rmse(np.full((1, 2), np.nan), np.zeros((1, 2))))
