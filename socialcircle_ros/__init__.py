@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.focus import FocusResult, FocusStack, depth_from_focus
     from socialcircle_ros.repair import RepairResult, repair_holes
+    from socialcircle_ros.report.report import make_report
     from socialcircle_ros.settings import CircleSettings, FocusSettings, RepairSettings
+    from socialcircle_ros.sweep.sweep import run_sweep
 
 __all__ = [
     'CircleResult',
@@ -23,8 +25,10 @@ __all__ = [
     'RepairSettings',
     'SocialCircleError',
     'depth_from_focus',
+    'make_report',
     'remove_outliers',
     'repair_holes',
+    'run_sweep',
 ]
 
 _ROOMS = {
@@ -37,8 +41,10 @@ _ROOMS = {
     'RepairSettings': 'settings',
     'SocialCircleError': 'errors',
     'depth_from_focus': 'focus',
+    'make_report': 'report.report',
     'remove_outliers': 'circle',
     'repair_holes': 'repair',
+    'run_sweep': 'sweep.sweep',
 }
 
 

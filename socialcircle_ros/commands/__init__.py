@@ -1,1 +1,1 @@
-"""The `socialcircle` command line."""
+"""The commands of `socialcircle`: options, printing and exit codes. The work is done in the other rooms."""

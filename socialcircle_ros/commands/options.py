@@ -1,49 +1,61 @@
-"""Options that several commands share, made from the table of parameters."""
+"""Options, progress and messages that several commands share."""
 
-from collections.abc import Callable, Mapping
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import click
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
-from socialcircle_ros.settings import PARAMETERS
+from socialcircle_ros.settings import PARAMETERS, RosValue
 from socialcircle_ros.settings.files import as_ros_reads, read_parameter_file
 
+Function = TypeVar('Function', bound=Callable[..., object])
 
-def parameter_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --params-file and -p, as ROS has them."""
+
+def parameter_options(function: Function) -> Function:
+    """Add the options --params-file and -p, which work as in ROS."""
     function = click.option(
         '-p',
         'parameters',
         multiple=True,
         metavar='NAME:=VALUE',
-        help='Set one parameter, as with ROS: -p circle.radius_scale:=1.5. May be repeated.',
+        help='Set one parameter, such as -p circle.radius_scale:=1.5. Overrides --params-file. May be repeated.',
     )(function)
     return click.option(
         '--params-file',
         type=click.Path(path_type=Path),
-        help='A parameter file of the node, such as ~/save_parameters writes.',
+        help='Parameter file (YAML) as the service ~/save_parameters writes it. Other parameters keep their'
+        ' defaults.',
     )(function)
 
 
-def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> dict[str, Any]:
-    """Full names to values, from a file and from single ones, which win.
+def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> dict[str, RosValue]:
+    """Read parameters from a file and from -p, which overrides the file.
+
+    Args:
+        params_file: a parameter file; None for none.
+        parameters: texts of the form NAME:=VALUE.
+
+    Returns:
+        Full names to values. Ranges are checked by the settings, not here.
 
     Raises:
-        SettingError: a name that is no parameter, or what cannot be read.
+        SettingError: a name is not a parameter, or a text or file cannot be parsed.
+        SocialCircleError: the file cannot be read.
     """
     import yaml
 
-    values: dict[str, Any] = {}
+    values: dict[str, RosValue] = {}
     if params_file is not None:
         values |= read_parameter_file(params_file)
     for text in parameters:
-        name, separator, value = text.partition(':=')
+        name, separator, given = text.partition(':=')
         if not separator:
             raise SettingError(f'-p {text} is not of the form NAME:=VALUE, such as circle.radius_scale:=1.5.')
         try:
-            values[name] = yaml.safe_load(value)
+            values[name] = yaml.safe_load(given)
         except yaml.YAMLError:
             raise SettingError(f'-p {text}: the value is not YAML.') from None
     for name, value in values.items():
@@ -53,13 +65,32 @@ def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> d
     return values
 
 
+@contextlib.contextmanager
+def progress_bar(description: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar on stderr.
+
+    Args:
+        description: text in front of the bar.
+
+    Yields:
+        A function to call with the number of finished steps and the number of all steps.
+    """
+    from rich.console import Console
+    from rich.progress import MofNCompleteColumn, Progress
+
+    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(description, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
 def quantity(count: int, noun: str) -> str:
     """A number with its noun: 1 cloud, 2 clouds."""
     return f'{count} {noun}' if count == 1 else f'{count} {noun}s'
 
 
 def tell_refusals(refused: Mapping[str, int], damage: str | None) -> None:
-    """Say on stderr what of a recording could not be used, and why."""
+    """Print on stderr what was refused and why, and where the recording is damaged."""
     for reason, count in refused.items():
         click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
     if damage:
@@ -67,10 +98,10 @@ def tell_refusals(refused: Mapping[str, int], damage: str | None) -> None:
 
 
 def require_ros() -> None:
-    """See that ROS 2 is here.
+    """Check that ROS 2 can be imported.
 
     Raises:
-        SocialCircleError: it is not; says how to get it.
+        SocialCircleError: it cannot; the message says how to install it.
     """
     try:
         import rclpy  # noqa: F401

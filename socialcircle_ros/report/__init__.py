@@ -1,1 +1,4 @@
-"""What people look at: pages, tables and pictures of measurements."""
+"""HTML reports of recordings, and the tables, pages and pictures that other results are shown with.
+
+The filter and the reading of recordings live elsewhere.
+"""

@@ -1,4 +1,4 @@
-"""What an experiment has to show: sentences, tables and pictures, for the page, the CSV files and the terminal."""
+"""The content of a page: sections with sentences, tables and pictures. Tables are also written as CSV."""
 
 import csv
 import io
@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 Cell = str | int | float | None
-"""None: does not apply."""
+"""A value of a table; None where it does not apply."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: its head, and how numbers are written in it (a format specification)."""
+    """A column of a table: its heading, and the format specification of its numbers."""
 
     name: str
     form: str = ''
@@ -23,12 +23,12 @@ class Table:
     """Rows of cells under named columns.
 
     Attributes:
-        name: of the CSV file, without its ending.
-        title: one line above it.
-        columns: from left to right.
-        rows: each as long as `columns`.
-        note: what a reader must know to read it.
-        links: for each row the anchor that its first cell leads to; none: no row leads anywhere.
+        name: name of the CSV file without its suffix.
+        title: one line above the table.
+        columns: the columns from left to right.
+        rows: the rows; each has one cell per column.
+        note: what a reader must know, below the table.
+        links: for each row, the anchor that its first cell links to; empty where rows have no links.
     """
 
     name: str
@@ -39,13 +39,13 @@ class Table:
     links: Sequence[str] = ()
 
     def texts(self) -> list[list[str]]:
-        """The cells as they are shown."""
+        """The cells as text, formatted by their columns."""
         return [
             [_text(cell, column.form) for cell, column in zip(row, self.columns, strict=True)] for row in self.rows
         ]
 
     def csv(self) -> str:
-        """The table as CSV, numbers in full."""
+        """The table as CSV, with numbers at full precision."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator='\n')
         writer.writerow([column.name for column in self.columns])
@@ -55,7 +55,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG, the name of its file without the ending, and the sentence below it."""
+    """A PNG picture, the name of its file without the suffix, and its caption."""
 
     name: str
     png: bytes
@@ -64,12 +64,12 @@ class Picture:
 
 @dataclass(frozen=True)
 class Panels:
-    """Small pictures side by side that show the same points.
+    """Small pictures of the same points, side by side.
 
     Attributes:
-        pictures: a title and a PNG each.
-        aspect: width by height of each on the part.
-        scale: what the ends of the colour bar stand for, and the bar as a PNG; None: no bar.
+        pictures: title and PNG of each picture.
+        aspect: width divided by height of the measured field.
+        scale: lowest value, highest value and PNG of the colour bar; None for no bar.
     """
 
     pictures: Sequence[tuple[str, bytes]]
@@ -79,7 +79,7 @@ class Panels:
 
 @dataclass(frozen=True)
 class Beside:
-    """Small tables side by side."""
+    """Small tables, side by side."""
 
     tables: Sequence[Table]
 
@@ -92,12 +92,12 @@ class Section:
     """A part of the page.
 
     Attributes:
-        title: its head.
-        text: paragraphs, above the tables.
-        findings: sentences that follow from the numbers; shown together at the top of the page as well.
+        title: its heading.
+        text: paragraphs above the items.
+        findings: conclusions from the numbers; the page lists those of all sections at its top.
         items: tables and pictures, in order.
-        warnings: sentences that must not be overlooked, below the head.
-        anchor: where links lead to; empty: none does. A section that has one is kept on one sheet of paper.
+        warnings: warnings below the heading.
+        anchor: target of links, or empty. A section with an anchor is printed on one sheet of paper.
     """
 
     title: str
@@ -109,12 +109,12 @@ class Section:
 
     @property
     def tables(self) -> list[Table]:
-        """The tables among the items."""
+        """All items that are tables."""
         return [item for item in self.items if isinstance(item, Table)]
 
     @property
     def pictures(self) -> list[Picture]:
-        """The pictures among the items."""
+        """All items that are pictures."""
         return [item for item in self.items if isinstance(item, Picture)]
 
 

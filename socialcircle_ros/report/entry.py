@@ -1,50 +1,65 @@
-"""One measurement for a report: its pictures, numbers and warnings."""
+"""One cloud of a report: its pictures, its numbers and its warnings."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime, timezone
-from typing import Any
 
 import numpy as np
 
-from socialcircle_ros.cloud import Mask, measured_points
-from socialcircle_ros.kernels.machine import hardware
+from socialcircle_ros.cloud import Cloud, Mask, measured_points
+from socialcircle_ros.errors import MessageError
+from socialcircle_ros.interface import MeasurementValues
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.metrics.areal import Texture, texture
+from socialcircle_ros.metrics.areal import HeightMap, Texture, texture
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pipeline.clouds import CloudOutputs
-from socialcircle_ros.settings import PARAMETERS, Settings
+from socialcircle_ros.settings import CircleSettings
 
-from . import thumbnails as panels
+from . import thumbnails
 from .content import Beside, Cell, Column, Panels, Section, Table
-from .page import render
 from .pictures import aspect_of
 
-_ERA = 946_684_800  # s: a stamp before the year 2000 counts from something else than the epoch
-_FIXED = '\N{NO-BREAK SPACE}'
-_WORDS = (Column(''), Column(''))
+_YEAR_2000_S = 946_684_800  # an earlier stamp does not count from the epoch
+_FIXED_SPACE = '\N{NO-BREAK SPACE}'
+_NAME_AND_VALUE = (Column(''), Column(''))
+
+COLUMNS = (
+    Column('measurement'), Column('stamp'), Column('measured', ',d'), Column('outliers', ',d'),
+    Column('share', '.2%'), Column('seed'), Column('radius', '.4g'), Column('Sa before', '.4g'),
+    Column('Sa after', '.4g'), Column('Sq before', '.4g'), Column('Sq after', '.4g'), Column('Sz before', '.4g'),
+    Column('Sz after', '.4g'), Column('time [ms]', '.1f'), Column('warnings', 'd'),
+)  # fmt: skip
+"""Columns of the table of all measurements."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReportEntry:
-    """What a report says of one cloud.
+    """What a report shows of one cloud.
 
     Attributes:
-        name: such as `/cell1/points 3`.
-        stamp: of its header, ns.
-        result: what the filter gave, in numbers; of the messages only whether there was one.
+        name: topic and number of the cloud, such as `/cell1/points 3`.
+        stamp: stamp of the cloud, ns.
+        measurement: counts, seed and radius.
+        circle: the `circle.*` parameters in force, as the measurement states them.
+        times_ms: duration of each stage, and their `total`.
+        is_stack: whether the cloud was measured from a focus stack, and is in metres.
+        is_repaired: whether the holes that the outliers left were filled.
         before: texture of all measured points.
-        after: texture of the kept ones.
-        scores: against the truth; None where it is not known.
-        warnings: what must not be overlooked.
-        panels: its pictures.
+        after: texture of the kept points.
+        scores: scores against the truth; None where the truth is not known.
+        warnings: one sentence each.
+        panels: pictures of the cloud.
     """
 
     name: str
     stamp: int
-    result: CloudOutputs
+    measurement: MeasurementValues
+    circle: Mapping[str, str]
+    times_ms: Mapping[str, float]
+    is_stack: bool
+    is_repaired: bool
     before: Texture
     after: Texture
     scores: Scores | None
@@ -53,70 +68,66 @@ class ReportEntry:
 
     @property
     def anchor(self) -> str:
-        """Where links to it lead."""
+        """Target of the links to this entry."""
         return f'measurement {self.name}'.replace(' ', '-').replace('/', '-')
 
     def section(self) -> Section:
-        """Its part of the page."""
+        """The entry's section of the page."""
         return Section(
-            f'{self.name} – {when(self.stamp)}',
+            f'{self.name} – {stamp_text(self.stamp)}',
             items=[self.panels, Beside(list(self._tables()))],
             warnings=self.warnings,
             anchor=self.anchor,
         )
 
     def row(self) -> list[Cell]:
-        """Its row of the table of all measurements, under `COLUMNS`."""
-        result = self.result
+        """The entry's row in the table of all measurements; see `COLUMNS`."""
+        counts, before, after = self.measurement, self.before, self.after
         return [
             self.name,
-            when(self.stamp).replace(' ', _FIXED),
-            result.measured,
-            result.outliers,
-            result.outliers / result.measured,
-            f'{result.seed[0]},{_FIXED}{result.seed[1]}',
-            result.radius,
-            *(getattr(of, name) for name in ('sa', 'sq', 'sz') for of in (self.before, self.after)),
-            result.times['total'],
+            stamp_text(self.stamp).replace(' ', _FIXED_SPACE),
+            counts.measured,
+            counts.outliers,
+            counts.outliers / counts.measured,
+            f'{counts.seed_row},{_FIXED_SPACE}{counts.seed_column}',
+            counts.radius,
+            *(before.sa, after.sa, before.sq, after.sq, before.sz, after.sz),
+            self.times_ms['total'],
             len(self.warnings) or None,
         ]
 
     def _tables(self) -> Iterator[Table]:
-        result = self.result
-        counts: list[tuple[str, str]] = [
-            ('points', f'{result.points:,}'),
-            ('measured', f'{result.measured:,} ({result.measured / result.points:.1%})'),
-            ('outliers', f'{result.outliers:,} ({result.outliers / result.measured:.2%})'),
-            ('kept', f'{result.measured - result.outliers:,}'),
-        ]
-        if result.repaired is not None:
-            counts.append(('repaired', result.status.values['repaired']))
-        if self.scores is not None:
-            counts += [('precision', _share(self.scores.precision)), ('recall', _share(self.scores.recall))]
-        yield Table('', 'Points', _WORDS, counts)
-        in_force = [(name, value) for name, value in result.status.values.items() if name.startswith('circle.')]
+        yield Table('', 'Points', _NAME_AND_VALUE, self._counts())
+        found = self.measurement
         circle = [
-            ('seed (row, column)', f'{result.seed[0]}, {result.seed[1]}'),
-            ('radius', f'{result.radius:.4g}'),
+            ('seed (row, column)', f'{found.seed_row}, {found.seed_column}'),
+            ('radius', f'{found.radius:.4g}'),
+            *self.circle.items(),
         ]
-        yield Table('', 'Circle', _WORDS, [*circle, *in_force])
+        yield Table('', 'Circle', _NAME_AND_VALUE, circle)
         columns = [Column(''), Column('before', '.4g'), Column('after', '.4g'), Column('change', '+.1%')]
-        rows: list[list[Cell]] = []
-        for name in ('sa', 'sq', 'sz'):
-            before, after = getattr(self.before, name), getattr(self.after, name)
-            rows.append([name.capitalize(), before, after, after / before - 1 if before else None])
-        yield Table('', 'Texture', columns, rows)
-        times = [(stage, f'{milliseconds:.1f}') for stage, milliseconds in result.times.items()]
-        yield Table('', 'Times [ms]', _WORDS, times)
+        yield Table('', 'Texture', columns, self._textures())
+        times = [(stage, f'{time_ms:.1f}') for stage, time_ms in self.times_ms.items()]
+        yield Table('', 'Times [ms]', _NAME_AND_VALUE, times)
 
+    def _counts(self) -> list[list[Cell]]:
+        found = self.measurement
+        rows: list[list[Cell]] = [
+            ['points', f'{found.points:,}'],
+            ['measured', f'{found.measured:,} ({found.measured / found.points:.1%})'],
+            ['outliers', f'{found.outliers:,} ({found.outliers / found.measured:.2%})'],
+            ['kept', f'{found.kept:,}'],
+        ]
+        if self.is_repaired:
+            rows.append(['repaired', f'{found.repaired:,}'])
+        if self.scores is not None:
+            rows += [['precision', _percent(self.scores.precision)], ['recall', _percent(self.scores.recall)]]
+        return rows
 
-COLUMNS = (
-    Column('measurement'), Column('stamp'), Column('measured', ',d'), Column('outliers', ',d'),
-    Column('share', '.2%'), Column('seed'), Column('radius', '.4g'), Column('Sa before', '.4g'),
-    Column('Sa after', '.4g'), Column('Sq before', '.4g'), Column('Sq after', '.4g'), Column('Sz before', '.4g'),
-    Column('Sz after', '.4g'), Column('time [ms]', '.1f'), Column('warnings', 'd'),
-)  # fmt: skip
-"""Of the table of all measurements."""
+    def _textures(self) -> list[list[Cell]]:
+        before, after = self.before, self.after
+        pairs = (('Sa', before.sa, after.sa), ('Sq', before.sq, after.sq), ('Sz', before.sz, after.sz))
+        return [[name, old, new, new / old - 1 if old else None] for name, old, new in pairs]
 
 
 def make_entry(
@@ -124,144 +135,118 @@ def make_entry(
     cloud: bytes,
     result: CloudOutputs,
     *,
-    unit: str = '',
+    is_stack: bool = False,
     warning: str = '',
     truth: tuple[Mask, Mask] | None = None,
     recorded: diagnostics.Status | None = None,
 ) -> ReportEntry:
-    """Draw one cloud before and after, and gather what there is to say of it.
+    """Draw one cloud before and after the filter, and collect its numbers and warnings.
 
     Args:
-        name: of the measurement.
+        name: name of the entry.
         cloud: the serialized PointCloud2 as measured.
-        result: what became of it, with its mask.
-        unit: of its lengths; empty: unknown.
-        warning: what is to be told of how the cloud came about; empty: nothing.
-        truth: (H, W) the outliers, and the points whose truth is certain; None: not known.
-        recorded: what a node once said of this cloud.
+        result: the outputs of the filter for this cloud, with the mask.
+        is_stack: whether the cloud was measured from a focus stack, and is in metres.
+        warning: a warning about the cloud itself, such as that its stack is incomplete; empty for none.
+        truth: (H, W) the outliers, and (H, W) the points with a certain truth; None where not known.
+        recorded: the measurement of this cloud that the recording holds; it is compared with `result`.
 
     Raises:
         SocialCircleError: matplotlib is not installed.
     """
     decoded = PointCloud.decode(cloud)
     xyz = decoded.xyz()
-    measured = measured_points(xyz)
+    heights = np.where(measured_points(xyz), xyz[..., 2], np.nan)
     outliers = outliers_of(result)
-    heights = np.where(measured, xyz[..., 2], np.nan)
-    scale = panels.colour_range(heights, outliers)
-    pictures = [
-        ('as measured', panels.as_measured(heights, outliers, scale)),
-        (f'mask: {result.outliers:,} outliers in red', panels.mask(measured, outliers)),
-        ('cleaned', panels.cleaned(heights, outliers, scale)),
-    ]
-    if result.repaired is not None:
-        repaired = PointCloud.decode(result.repaired).xyz()[..., 2]
-        pictures.append(('repaired', panels.cleaned(repaired, np.zeros_like(outliers), scale)))
-    scores = None
-    if truth is not None:
-        scores = score(outliers, *truth)
-        drawn = panels.judged(outliers, *truth, measured)
-        pictures.append(('removed rightly red, wrongly black; missed amber', drawn))
-    ends = (f'{scale.low:.4g}', f'{scale.high:.4g} {unit}'.strip())
+    measurement = MeasurementValues.from_text(result.status.values)
+    circle = {name: result.status.values[name] for name in CircleSettings().to_ros()}
     warnings = [warning] if warning else []
     if result.status.level != diagnostics.OK:
         warnings.append(result.status.message)
     if recorded is not None:
-        warnings += _differences(recorded.values, result.status.values)
+        warnings += _differences(recorded.values, measurement, circle)
     return ReportEntry(
         name=name,
         stamp=decoded.header.stamp,
-        # Without the clouds themselves: those of a night would fill the memory.
-        result=replace(result, filtered=b'', mask=None, repaired=None if result.repaired is None else b''),
+        measurement=measurement,
+        circle=circle,
+        times_ms=result.times,
+        is_stack=is_stack,
+        is_repaired=result.repaired is not None,
         before=texture(heights),
         after=texture(np.where(outliers, np.nan, heights)),
-        scores=scores,
+        scores=None if truth is None else score(outliers, *truth),
         warnings=warnings,
-        panels=Panels(pictures, aspect_of(xyz), (*ends, panels.colour_bar())),
+        panels=_panels(xyz, heights, outliers, result.repaired, 'm' if is_stack else '', truth),
     )
-
-
-def report_page(
-    name: str,
-    measurements: Sequence[ReportEntry],
-    settings: Sequence[Settings],
-    refused: Mapping[str, int],
-    damage: str | None,
-) -> str:
-    """The HTML page of a recording.
-
-    Args:
-        name: of the recording.
-        measurements: in their order.
-        settings: what they were filtered with.
-        refused: how many clouds or frames were refused, by reason.
-        damage: where the recording breaks off; None: it is sound.
-    """
-    now = datetime.now(timezone.utc)
-    meaning = (
-        f'Filtered by the social circle on {now:%Y-%m-%d %H:%M} UTC; what is kept is as it was measured. Lengths'
-        ' are in the unit of each cloud, in metres for those of focus stacks. Small pictures skip points, but no'
-        ' outlier. Sa, Sq, Sz: ISO 25178-2, levelled, form not removed.'
-    )
-    times = f'Times are of this run, several clouds at once, on {hardware()}.'
-    warnings = [f'Refused{f", {count} times" if count > 1 else ""}: {reason}' for reason, count in refused.items()]
-    warnings += [damage] if damage else []
-    warnings += [f'{each.name}: {warning}' for each in measurements for warning in each.warnings]
-    links = [each.anchor for each in measurements]
-    table = Table('measurements', '', COLUMNS, [each.row() for each in measurements], links=links)
-    sections = [
-        Section('All measurements', items=[table], warnings=warnings),
-        Section('Settings', items=[settings_table(settings)]),
-        *(each.section() for each in measurements),
-    ]
-    return render(f'Measurements of {name}', [meaning, times], sections)
 
 
 def outliers_of(result: CloudOutputs) -> Mask:
-    """The mask of a result that was asked to have one, (H, W) bool."""
+    """The outlier mask of a result, (H, W).
+
+    Raises:
+        ValueError: the result was made without a mask.
+    """
     if result.mask is None:
         raise ValueError('The result has no mask; ask for it with OutputSettings(mask=True).')
     outliers: Mask = decode_mono8(result.mask) == OUTLIER
     return outliers
 
 
-def settings_table(settings: Sequence[Settings]) -> Table:
-    """The parameters in force beside their defaults."""
-    rows: list[list[Cell]] = []
-    for name, value in (item for group in settings for item in group.to_ros().items()):
-        row = PARAMETERS[name]
-        changed = '' if value == row.default else 'changed'
-        rows.append([name, _text(value), _text(row.default), row.unit, changed])
-    columns = [Column('parameter'), Column('value'), Column('default'), Column('unit'), Column('')]
-    return Table('settings', '', columns, rows)
-
-
-def when(stamp: int) -> str:
-    """A stamp in words: date and time where it counts from the epoch, else seconds."""
+def stamp_text(stamp: int) -> str:
+    """A stamp in ns as text: date and time if it counts from the epoch, otherwise seconds."""
     seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-    if seconds < _ERA:
+    if seconds < _YEAR_2000_S:
         return f'{seconds}.{nanoseconds // 1_000_000:03d} s'
     date = datetime.fromtimestamp(seconds, timezone.utc)
     return f'{date:%Y-%m-%d %H:%M:%S}.{nanoseconds // 1_000_000:03d} UTC'
 
 
-def _differences(then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
-    """What a recorded measurement says otherwise than this one."""
-    changed = [
-        f'{name} {then[name]} (here {now[name]})'
-        for name in now
-        if name.startswith('circle.') and name in then and then[name] != now[name]
+def _panels(
+    xyz: Cloud,
+    heights: HeightMap,
+    outliers: Mask,
+    repaired: bytes | None,
+    unit: str,
+    truth: tuple[Mask, Mask] | None,
+) -> Panels:
+    measured = np.isfinite(heights)
+    colours = thumbnails.colour_range(heights, outliers)
+    pictures = [
+        ('as measured', thumbnails.as_measured(heights, outliers, colours)),
+        (f'mask: {np.count_nonzero(outliers):,} outliers in red', thumbnails.mask(measured, outliers)),
+        ('filtered', thumbnails.filtered(heights, outliers, colours)),
     ]
-    count = then.get('outliers', '')
+    if repaired is not None:
+        filled = PointCloud.decode(repaired).xyz()[..., 2]
+        pictures.append(('repaired', thumbnails.filtered(filled, np.zeros_like(outliers), colours)))
+    if truth is not None:
+        drawn = thumbnails.against_truth(outliers, *truth, measured)
+        pictures.append(('true positives red, false positives black, false negatives amber', drawn))
+    ends = (f'{colours.low:.4g}', f'{colours.high:.4g} {unit}'.strip())
+    return Panels(pictures, aspect_of(xyz), (*ends, thumbnails.colour_bar()))
+
+
+def _differences(
+    recorded: Mapping[str, str], measurement: MeasurementValues, circle: Mapping[str, str]
+) -> Iterator[str]:
+    """Warn where a recorded measurement differs from this one."""
+    changed = [
+        f'{name} {recorded[name]} (here {circle[name]})'
+        for name in circle
+        if recorded.get(name, circle[name]) != circle[name]
+    ]
+    try:
+        # An older version may have recorded fewer keys. A missing one counts as equal.
+        then = MeasurementValues.from_text({**measurement.to_text(), **recorded})
+    except MessageError as error:
+        yield f'The recorded measurement of this cloud cannot be compared. {error}'
+        return
     if changed:
-        yield f'The node that was recorded had {", ".join(changed)}, and found {count} outliers.'
-    elif count and count != now['outliers']:
-        yield f'The node that was recorded found {count} outliers with the same settings of the circle.'
+        yield f'The recorded measurement had {", ".join(changed)} and found {then.outliers} outliers.'
+    elif then.outliers != measurement.outliers:
+        yield f'The recorded measurement found {then.outliers} outliers with the same circle parameters.'
 
 
-def _share(value: float) -> str:
-    return '–' if np.isnan(value) else f'{value:.1%}'
-
-
-def _text(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+def _percent(share: float) -> str:
+    return '–' if np.isnan(share) else f'{share:.1%}'

@@ -1,4 +1,4 @@
-"""One HTML page of a report: it needs no other file, and reads on paper as on a screen."""
+"""Render sections as one HTML page that embeds its pictures, for the screen and for paper."""
 
 import base64
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ p, ul {{ max-width: 48rem; }}
 .table {{ overflow-x: auto; margin: 1.5rem 0; }}
 table {{ border-collapse: collapse; font-size: .85rem; }}
 caption {{ text-align: left; font-weight: 600; padding: .3rem 0; }}
-th, td {{ padding: .15rem .6rem; border-bottom: 1px solid #ddd; text-align: right; vertical-align: top; }}
+th, td {{ padding: .15rem .5rem; border-bottom: 1px solid #ddd; text-align: right; vertical-align: top; }}
 th {{ border-bottom: 2px solid #888; }}
 th:first-child, td:first-child, .words {{ text-align: left; }}
 td {{ font-variant-numeric: tabular-nums; white-space: nowrap; }}
@@ -63,45 +63,46 @@ img {{ max-width: 100%; height: auto; }}
 
 
 def render(title: str, introduction: Sequence[str], sections: Sequence[Section]) -> str:
-    """The page as text.
+    """Render an HTML page.
 
     Args:
-        title: of the page.
-        introduction: paragraphs before everything else.
-        sections: in order; their findings are gathered at the top.
+        title: title of the page.
+        introduction: paragraphs at the top.
+        sections: the sections in order; their findings are also listed at the top.
+
+    Returns:
+        The page as HTML. It embeds its pictures and needs no other file.
     """
     parts = [_paragraphs(introduction)]
     findings = [finding for section in sections for finding in section.findings]
     if findings:
-        parts.append(f'<h2>What was found</h2>\n{_list(findings, "findings")}')
+        parts.append(f'<h2>Findings</h2>\n{_list(findings, "findings")}')
     parts += [_section(section) for section in sections]
     return _PAGE.format(title=escape(title), body='\n'.join(parts))
 
 
 def prepare(folder: Path) -> None:
-    """Make the folder of the results, so that a wrong one is told before the work and not after it.
+    """Create the folder of the results. Call it before long work, so that a bad folder is reported at once.
 
     Raises:
-        SocialCircleError: it cannot be made.
+        SocialCircleError: the folder cannot be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SocialCircleError(f'{folder} cannot be written: {error.strerror}; choose another with -o.') from None
+        raise SocialCircleError(f'{folder} cannot be written: {error.strerror}; choose another folder.') from None
 
 
 def save(path: Path, content: str | bytes) -> None:
     """Write a page, a table or a picture.
 
     Raises:
-        SocialCircleError: it cannot be written.
+        SocialCircleError: the file cannot be written.
     """
     try:
         path.write_bytes(content.encode() if isinstance(content, str) else content)
     except OSError as error:
-        raise SocialCircleError(
-            f'{path} cannot be written: {error.strerror}; choose another place with -o.'
-        ) from None
+        raise SocialCircleError(f'{path} cannot be written: {error.strerror}; choose another path.') from None
 
 
 def _section(section: Section) -> str:
@@ -134,7 +135,7 @@ def _list(sentences: Sequence[str], kind: str) -> str:
 def _table(table: Table) -> str:
     names = ''.join(
         f'<th class="words">{escape(column.name)}</th>' if words else f'<th>{escape(column.name)}</th>'
-        for column, words in zip(table.columns, _of_words(table), strict=True)
+        for column, words in zip(table.columns, _text_columns(table), strict=True)
     )
     head = f'<thead><tr>{names}</tr></thead>\n' if any(column.name for column in table.columns) else ''
     rows = []
@@ -153,8 +154,8 @@ def _table(table: Table) -> str:
     return f'<div class="table"><table>\n{caption}{head}<tbody>\n{body}\n</tbody>\n</table>{note}</div>'
 
 
-def _of_words(table: Table) -> list[bool]:
-    """Which columns hold texts."""
+def _text_columns(table: Table) -> list[bool]:
+    """Whether each column holds text in all of its rows; such a column is aligned to the left."""
     return [
         bool(table.rows) and all(isinstance(row[number], str) for row in table.rows)
         for number in range(len(table.columns))

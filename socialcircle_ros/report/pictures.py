@@ -1,19 +1,40 @@
-"""Pictures of clouds, for people who would rather look than read (extra `pictures`: matplotlib)."""
+"""Pictures of clouds with axes, drawn with matplotlib (extra `pictures`), and the thinning of large clouds.
+
+`thumbnails` draws small pictures without axes, in milliseconds.
+"""
 
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.metrics.areal import HeightMap
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 NEEDED = 'Pictures need matplotlib: pip install "socialcircle_ros[pictures]".'
 
+_PIXELS = 800  # along the longer side of one panel
+_PERCENTILES = (0.5, 99.5)  # of the kept heights: the range of the colours
 
-def new_figure(width: float, height: float) -> Any:
-    """An empty matplotlib Figure, inches wide and high.
+Scalar = TypeVar('Scalar', bound=np.generic)
+Extent = tuple[float, float, float, float]
+"""Left, right, bottom and top of a picture, in the unit of the cloud; row 0 is at the top."""
+
+
+def new_figure(width: float, height: float) -> 'Figure':
+    """Create an empty matplotlib figure.
+
+    Args:
+        width: width in inches.
+        height: height in inches.
 
     Raises:
         SocialCircleError: matplotlib is not installed.
@@ -25,94 +46,129 @@ def new_figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), dpi=110, layout='constrained')
 
 
-def before_and_after(
-    path: Path, xyz: npt.NDArray[Any], outliers: npt.NDArray[np.bool_], title: str, unit: str = ''
-) -> None:
-    """Three height maps side by side: as measured, with the outliers marked, and cleaned.
+def before_and_after(path: Path, xyz: Cloud, outliers: Mask, title: str, unit: str = '') -> None:
+    """Draw three height maps side by side: as measured, with the outliers marked, and filtered.
 
-    All share one colour scale, taken from the points that were kept, so that what was removed does not
-    flatten what remains. Pixels of a large cloud that do not fit are skipped, except outliers: one that falls
-    between two pixels is drawn on the nearer one.
+    The three share one colour range, taken from the kept points, so that the outliers do not flatten the rest.
+    Large clouds are thinned for display; outliers are always drawn.
 
     Args:
-        path: the PNG to write.
+        path: the PNG file to write; its folder is created.
         xyz: (H, W, 3) the cloud as measured.
-        outliers: (H, W) what was removed.
-        title: one line above.
-        unit: of the coordinates, for the axes.
+        outliers: (H, W) the removed points.
+        title: one line at the top.
+        unit: unit of the coordinates, for the axes; empty where unknown.
 
     Raises:
         SocialCircleError: matplotlib is not installed.
     """
-    measured = np.isfinite(xyz).all(axis=2)
+    measured = _measured(xyz)
     heights = np.where(measured, xyz[..., 2], np.nan).astype(np.float64)
     kept = np.where(outliers, np.nan, heights)
-    scale = kept if np.isfinite(kept).any() else heights
-    low, high = np.nanpercentile(scale, [0.5, 99.5])
+    low, high = np.nanpercentile(kept if np.isfinite(kept).any() else heights, _PERCENTILES)
     extent = _extent(xyz, measured)
     figure = new_figure(15, 15 / 3 / _aspect(extent) + 1.3)
     figure.suptitle(textwrap.fill(title, 130))
-    axes = figure.subplots(1, 3, sharex=True, sharey=True)
-    shown: dict[str, Any] = {'extent': extent, 'interpolation': 'nearest', 'vmin': low, 'vmax': high}
-    names = ('as measured', f'{np.count_nonzero(outliers)} outliers in red', 'cleaned; orange: nothing there')
-    for axis, values, colours, name in zip(
-        axes, (heights, heights, kept), ('viridis', 'gray', 'viridis'), names, strict=True
-    ):
-        image = axis.imshow(thinned(values), cmap=colours, **shown)
-        axis.set_title(name)
-        axis.set_xlabel(f'x [{unit}]' if unit else 'x')
-        axis.ticklabel_format(scilimits=(-3, 4))  # metres: their zeros would run into each other
-        axis.set_facecolor('#ffd9b3')
-    axes[0].set_ylabel(f'y [{unit}]' if unit else 'y')
+    left, middle, right = figure.subplots(1, 3, sharex=True, sharey=True)
+
+    def draw(axes: 'Axes', values: HeightMap, colours: str, name: str) -> 'AxesImage':
+        image = axes.imshow(
+            thinned(values), cmap=colours, extent=extent, interpolation='nearest', vmin=low, vmax=high
+        )
+        axes.set_title(name)
+        axes.set_xlabel(f'x [{unit}]' if unit else 'x')
+        axes.ticklabel_format(scilimits=(-3, 4))  # labels in metres have many zeros and would overlap
+        axes.set_facecolor('#ffd9b3')
+        return image
+
+    draw(left, heights, 'viridis', 'as measured')
+    draw(middle, heights, 'gray', f'{np.count_nonzero(outliers)} outliers in red')
+    image = draw(right, kept, 'viridis', 'filtered; orange: no point')
+    left.set_ylabel(f'y [{unit}]' if unit else 'y')
     red = np.zeros((*thinned(outliers).shape, 4))
     red[any_in_tile(outliers)] = (1, 0, 0, 1)
-    axes[1].imshow(red, extent=extent, interpolation='nearest')
-    figure.colorbar(image, ax=axes, label=f'z [{unit}]' if unit else 'z', shrink=0.9)
+    middle.imshow(red, extent=extent, interpolation='nearest')
+    figure.colorbar(image, ax=[left, middle, right], label=f'z [{unit}]' if unit else 'z', shrink=0.9)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
 
-_PIXELS = 800  # along the longer side of one panel
+def thinned(values: npt.NDArray[Scalar], pixels: int = _PIXELS) -> npt.NDArray[Scalar]:
+    """Every n-th row and column of an array, with the smallest n for which the result fits.
+
+    Args:
+        values: (H, W, ...) one value per point.
+        pixels: most rows or columns of the result.
+
+    Returns:
+        A view of `values`.
+    """
+    step = _step(values.shape, pixels)
+    return values[::step, ::step]
+
+
+def any_in_tile(mask: Mask, pixels: int = _PIXELS) -> Mask:
+    """Thin a mask so that no True point is lost.
+
+    Args:
+        mask: (H, W).
+        pixels: most rows or columns of the result.
+
+    Returns:
+        A mask with the shape of `thinned(mask, pixels)`: True where any point of the n×n tile is True.
+    """
+    return over_tiles(np.logical_or, mask, pixels)
+
+
+def over_tiles(reduce: np.ufunc, values: npt.NDArray[Scalar], pixels: int) -> npt.NDArray[Scalar]:
+    """Reduce each tile of an array to one value.
+
+    Args:
+        reduce: a binary ufunc, such as `np.maximum`.
+        values: (H, W).
+        pixels: most rows or columns of the result.
+
+    Returns:
+        One value per tile, in the shape of `thinned(values, pixels)`.
+    """
+    step = _step(values.shape, pixels)
+    rows, columns = (np.arange(0, extent, step) for extent in values.shape)
+    by_row = reduce.reduceat(values, rows, axis=0)
+    tiles: npt.NDArray[Scalar] = reduce.reduceat(by_row, columns, axis=1)
+    return tiles
+
+
+def aspect_of(xyz: Cloud) -> float:
+    """Width of a cloud divided by its height, in its own coordinates.
+
+    Args:
+        xyz: (H, W, 3).
+
+    Returns:
+        The ratio, limited to 0.625 to 3.33, so that a narrow cloud can still be displayed.
+    """
+    step = _step(xyz.shape, _PIXELS)
+    few: Cloud = xyz[::step, ::step]
+    return _aspect(_extent(few, _measured(few)))
 
 
 def _step(shape: tuple[int, ...], pixels: int) -> int:
     return max(1, -(-max(shape[:2]) // pixels))
 
 
-def thinned(values: npt.NDArray[Any], pixels: int = _PIXELS) -> npt.NDArray[Any]:
-    """Every so many rows and columns, so that what remains fits into one panel of so many pixels."""
-    step = _step(values.shape, pixels)
-    return values[::step, ::step]
+def _measured(xyz: Cloud) -> Mask:
+    measured: Mask = np.all(np.isfinite(xyz), axis=2)
+    return measured
 
 
-def any_in_tile(mask: npt.NDArray[np.bool_], pixels: int = _PIXELS) -> npt.NDArray[np.bool_]:
-    """Thinned like the picture, True where any point of the tile is."""
-    return over_tiles(np.logical_or, mask, pixels)
-
-
-def over_tiles(reduce: np.ufunc, values: npt.NDArray[Any], pixels: int) -> npt.NDArray[Any]:
-    """One value for each tile, of which the thinned picture has a corner."""
-    step = _step(values.shape, pixels)
-    rows, columns = (np.arange(0, extent, step) for extent in values.shape)
-    by_row = reduce.reduceat(values, rows, axis=0)
-    tiles: npt.NDArray[Any] = reduce.reduceat(by_row, columns, axis=1)
-    return tiles
-
-
-def _extent(xyz: npt.NDArray[Any], measured: npt.NDArray[np.bool_]) -> tuple[float, float, float, float]:
-    """Left, right, bottom, top of the picture, row 0 on top."""
-    x, y = (xyz[..., axis][measured] for axis in (0, 1))
-    if x.size and np.ptp(x) > 0 and np.ptp(y) > 0:
+def _extent(xyz: Cloud, measured: Mask) -> Extent:
+    x: HeightMap = xyz[..., 0][measured]
+    y: HeightMap = xyz[..., 1][measured]
+    if x.size and float(np.ptp(x)) > 0 and float(np.ptp(y)) > 0:
         return float(x.min()), float(x.max()), float(y.max()), float(y.min())
     return 0.0, float(xyz.shape[1]), float(xyz.shape[0]), 0.0
 
 
-def aspect_of(xyz: npt.NDArray[Any]) -> float:
-    """Width of a cloud (H, W, 3) by its height, on the part; 0.6 to 3.3, so that it can be shown."""
-    few = thinned(xyz)
-    return _aspect(_extent(few, np.isfinite(few).all(axis=2)))
-
-
-def _aspect(extent: tuple[float, float, float, float]) -> float:
+def _aspect(extent: Extent) -> float:
     left, right, bottom, top = extent
     return min(max((right - left) / (bottom - top), 1 / 1.6), 1 / 0.3)

@@ -1,120 +1,151 @@
-"""Small height maps and masks for pages of many measurements: drawn point by point, in milliseconds, without axes.
+"""Small height maps and masks for pages with many clouds, without axes.
 
-What one cloud takes here, a drawn figure takes a hundredfold; `pictures` has those.
+Each is one palette PNG and takes milliseconds, about a hundredth of a matplotlib figure (see `pictures`).
 """
 
 import io
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.metrics.areal import HeightMap
 
 from .pictures import NEEDED, any_in_tile, over_tiles, thinned
 
 PIXELS = 480
-"""Most pixels along the longer side; what does not fit is skipped, except outliers."""
+"""Most pixels along the longer side. Larger clouds are thinned; outliers are always drawn."""
 
-_LEVELS = 120  # of heights: as many as the eye tells apart, and half the size of 256
-_NOTHING, _KEPT, _RED, _GOOD_LOST, _MISSED, _UNCOUNTED = range(_LEVELS, _LEVELS + 6)
+_LEVELS = 120  # of heights: more cannot be told apart by eye, and 256 would double the size of the page
+_NO_POINT, _KEPT, _OUTLIER, _FALSE_POSITIVE, _FALSE_NEGATIVE, _NOT_COUNTED = range(_LEVELS, _LEVELS + 6)
 _COLOURS = {
-    _NOTHING: (255, 217, 179),
+    _NO_POINT: (255, 217, 179),
     _KEPT: (222, 222, 222),
-    _RED: (214, 0, 0),
-    _GOOD_LOST: (20, 20, 20),
-    _MISSED: (240, 150, 0),
-    _UNCOUNTED: (255, 255, 255),
+    _OUTLIER: (214, 0, 0),
+    _FALSE_POSITIVE: (20, 20, 20),
+    _FALSE_NEGATIVE: (240, 150, 0),
+    _NOT_COUNTED: (255, 255, 255),
 }
 
 
 @dataclass(frozen=True)
 class ColourRange:
-    """The heights between which the colours run."""
+    """The heights of the first and the last colour, in the unit of the cloud."""
 
     low: float
     high: float
 
 
-def colour_range(heights: npt.NDArray[Any], outliers: Mask) -> ColourRange:
-    """The range of the kept heights but for the outer hundredth, so that outliers do not flatten the rest.
+def colour_range(heights: HeightMap, outliers: Mask) -> ColourRange:
+    """Choose the colour range of a cloud: the kept heights without their outer 1 %.
+
+    Outliers do not count, because they would leave few colours for the surface.
 
     Args:
         heights: (H, W), NaN where not measured.
-        outliers: (H, W) what was removed.
+        outliers: (H, W) the removed points.
     """
-    there = thinned(heights, PIXELS)
-    kept = there[np.isfinite(there) & ~thinned(outliers, PIXELS)]
+    few = thinned(heights, PIXELS)
+    kept = few[np.isfinite(few) & ~thinned(outliers, PIXELS)]
     if not kept.size:
-        kept = there[np.isfinite(there)]
+        kept = few[np.isfinite(few)]
     if not kept.size:
         return ColourRange(0.0, 1.0)
-    # In double precision: heights near the limits of float32 have differences beyond them.
+    # In double precision, because differences of heights near the limits of float32 overflow.
     low, high = np.percentile(kept.astype(np.float64), [0.5, 99.5])
     return ColourRange(float(low), float(high))
 
 
-def as_measured(heights: npt.NDArray[Any], outliers: Mask, scale: ColourRange) -> bytes:
-    """A PNG of the heights; of a tile that holds outliers the highest of them is shown.
+def as_measured(heights: HeightMap, outliers: Mask, colours: ColourRange) -> bytes:
+    """Draw the heights with all outliers; a thinned tile shows its highest outlier.
 
     Args:
         heights: (H, W), NaN where not measured.
-        outliers: (H, W) what was removed.
-        scale: of the colours.
+        outliers: (H, W) the removed points.
+        colours: the range of the colours.
+
+    Returns:
+        A PNG.
     """
-    shown = thinned(heights, PIXELS)
     highest = over_tiles(np.maximum, np.where(outliers, heights, -np.inf), PIXELS)
-    return _png(_levels(np.where(np.isfinite(highest), highest, shown), scale))
+    return _png(_levels(np.where(np.isfinite(highest), highest, thinned(heights, PIXELS)), colours))
 
 
-def cleaned(heights: npt.NDArray[Any], outliers: Mask, scale: ColourRange) -> bytes:
-    """A PNG of the heights that were kept; what was removed has the colour of what is not measured."""
-    return _png(_levels(np.where(thinned(outliers, PIXELS), np.nan, thinned(heights, PIXELS)), scale))
+def filtered(heights: HeightMap, outliers: Mask, colours: ColourRange) -> bytes:
+    """Draw the kept heights; removed points look like points that are not measured.
+
+    Args:
+        heights: (H, W), NaN where not measured.
+        outliers: (H, W) the removed points.
+        colours: the range of the colours.
+
+    Returns:
+        A PNG.
+    """
+    return _png(_levels(np.where(thinned(outliers, PIXELS), np.nan, thinned(heights, PIXELS)), colours))
 
 
 def mask(measured: Mask, outliers: Mask) -> bytes:
-    """A PNG of the outlier mask: kept gray, removed red, not measured in orange."""
-    pixels = np.where(thinned(measured, PIXELS), np.uint8(_KEPT), np.uint8(_NOTHING))
-    pixels[any_in_tile(outliers, PIXELS)] = _RED
+    """Draw an outlier mask: kept gray, outliers red, not measured orange.
+
+    Args:
+        measured: (H, W) the measured points.
+        outliers: (H, W) the removed points.
+
+    Returns:
+        A PNG.
+    """
+    pixels = np.where(thinned(measured, PIXELS), np.uint8(_KEPT), np.uint8(_NO_POINT))
+    pixels[any_in_tile(outliers, PIXELS)] = _OUTLIER
     return _png(pixels)
 
 
-def judged(found: Mask, truth: Mask, counted: Mask, measured: Mask) -> bytes:
-    """A PNG of a mask against the truth: kept gray, removed rightly red, wrongly black, missed amber.
+def against_truth(found: Mask, truth: Mask, counted: Mask, measured: Mask) -> bytes:
+    """Draw an outlier mask against the truth.
+
+    True positives are red, false positives black, false negatives amber, other kept points gray. Kept points
+    without a certain truth are white.
 
     Args:
-        found: (H, W) what was removed.
+        found: (H, W) the removed points.
         truth: (H, W) the outliers.
-        counted: (H, W) the points whose truth is certain; others white where they were kept.
-        measured: (H, W) the points that are measured.
+        counted: (H, W) the points with a certain truth.
+        measured: (H, W) the measured points.
+
+    Returns:
+        A PNG.
     """
-    pixels = np.where(thinned(measured, PIXELS), np.uint8(_KEPT), np.uint8(_NOTHING))
-    pixels[thinned(measured & ~counted, PIXELS)] = _UNCOUNTED
-    # What is wrong comes last: it is what one looks for.
+    pixels = np.where(thinned(measured, PIXELS), np.uint8(_KEPT), np.uint8(_NO_POINT))
+    pixels[thinned(measured & ~counted, PIXELS)] = _NOT_COUNTED
+    # Errors are drawn last, because a thinned tile shows what was drawn last, and readers look for errors.
     for where, colour in (
-        (found & truth, _RED),
-        (counted & ~found & truth, _MISSED),
-        (counted & found & ~truth, _GOOD_LOST),
+        (found & truth, _OUTLIER),
+        (counted & ~found & truth, _FALSE_NEGATIVE),
+        (counted & found & ~truth, _FALSE_POSITIVE),
     ):
         pixels[any_in_tile(where, PIXELS)] = colour
     return _png(pixels)
 
 
 def colour_bar() -> bytes:
-    """A PNG of the colours from low to high, for beside the pictures."""
+    """Draw the colours from low to high, as a PNG.
+
+    Raises:
+        SocialCircleError: matplotlib is not installed.
+    """
     return _png(np.tile(np.arange(_LEVELS, dtype=np.uint8), (8, 1)))
 
 
-def _levels(heights: npt.NDArray[Any], scale: ColourRange) -> npt.NDArray[np.uint8]:
-    """Heights as indices of colours."""
-    span = scale.high - scale.low or 1.0
-    there = np.isfinite(heights)
-    share = (np.where(there, heights, scale.low).astype(np.float64) - scale.low) / span
+def _levels(heights: HeightMap, colours: ColourRange) -> npt.NDArray[np.uint8]:
+    """Heights as indices into the palette."""
+    span = colours.high - colours.low or 1.0
+    finite = np.isfinite(heights)
+    share = (np.where(finite, heights, colours.low).astype(np.float64) - colours.low) / span
     level = np.clip(share * _LEVELS, 0, _LEVELS - 1).astype(np.uint8)
-    return np.where(there, level, np.uint8(_NOTHING))
+    return np.where(finite, level, np.uint8(_NO_POINT))
 
 
 @cache

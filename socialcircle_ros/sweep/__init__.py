@@ -1,1 +1,4 @@
-"""Trying many settings on the same clouds, and showing which did best."""
+"""Filtering the same clouds with many settings, and showing which settings score best.
+
+Scores and pictures come from `metrics` and `report`.
+"""

@@ -1,9 +1,8 @@
-"""What a sweep leaves: the table of all trials, and a page with pictures of the best."""
+"""The results of a sweep for people: the table of all trials, and a page with pictures of the best one."""
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -11,42 +10,35 @@ from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.cloud import Mask, measured_points
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.metrics.scores import score
-from socialcircle_ros.report import thumbnails as panels
+from socialcircle_ros.report import thumbnails
 from socialcircle_ros.report.content import Cell, Column, Panels, Picture, Section, Table
 from socialcircle_ros.report.page import render
 from socialcircle_ros.report.pictures import aspect_of, new_figure
-from socialcircle_ros.settings import PARAMETERS, CircleSettings
+from socialcircle_ros.settings import PARAMETERS, CircleSettings, RosValue
 
-from .search_space import Range, SearchDimension, Values, words
-from .trials import CRITERION, SweepCloud, Trial, best_of
+from .clouds import CRITERION, SweepCloud
+from .result import SweepResult
+from .search_space import ParameterValues, Range, described
 
-_OF_TRUTH = ('F1', 'precision', 'recall')
-_OF_CRITERION = ('agreement', 'of the removed, outstanding', 'of the outstanding, removed')
 _TRUTH = (
-    'the truth that the recording holds: the score is F1, the harmonic mean of precision (of the points removed,'
-    ' how many are outliers) and recall (of the outliers, how many were removed).'
+    'The recording holds the truth. The score is F1, the harmonic mean of precision and recall. Precision is the'
+    ' share of the removed points that are outliers; recall is the share of the outliers that were removed.'
 )
-_STAND_IN = (
-    f'a criterion, since the recording holds no truth. {CRITERION} The score, "agreement", is the harmonic mean of'
-    ' two shares: of the points removed, how many stand out, and of those that stand out, how many were removed.'
-    ' It stands in for the truth, and is not it: look at the pictures.'
+_CRITERION = (
+    f'The recording holds no truth, so a criterion takes its place. {CRITERION} The score, "agreement", is the F1'
+    ' of the removed points against the points that the criterion would remove. The criterion is not the truth:'
+    ' check the pictures.'
 )
-_SHOWN = 30  # rows of the table on the page; the CSV has all
-_DRAWN = 3  # clouds with pictures
+_MAX_ROWS = 30  # of the table on the page; the CSV file has all rows
+_MAX_CLOUDS = 3  # with pictures
 
 
-def trials_table(search_space: Sequence[SearchDimension], trials: Sequence[Trial], *, known: bool) -> Table:
-    """All trials, the best first.
-
-    Args:
-        search_space: what was varied.
-        trials: in any order.
-        known: whether they were scored against the truth.
-    """
-    names = [each.name for each in search_space]
+def trials_table(result: SweepResult) -> Table:
+    """Tabulate all trials, the best first."""
+    names = [dimension.name for dimension in result.search_space]
     columns = [
         *(Column(name) for name in names),
-        *(Column(name, '.4f') for name in (_OF_TRUTH if known else _OF_CRITERION)),
+        *(Column(name, '.4f') for name in result.score_names),
         Column('removed', '.3%'),
         Column('Sq after', '.4g'),
         Column('Sz after', '.4g'),
@@ -58,147 +50,149 @@ def trials_table(search_space: Sequence[SearchDimension], trials: Sequence[Trial
             *(_cell(trial.values.get(name)) for name in names), trial.score, trial.precision, trial.recall,
             trial.removed, trial.sq, trial.sz, trial.milliseconds, trial.refused,
         ]
-        for trial in sorted(trials, key=lambda trial: (-trial.score, trial.removed))
+        for trial in sorted(result.trials, key=lambda trial: (-trial.score, trial.removed))
     ]  # fmt: skip
-    note = 'Over all clouds together; Sq, Sz and the time are means over the clouds.'
+    note = 'Scores are over all clouds together; Sq, Sz and the time are means over the clouds.'
     return Table('sweep', 'All trials, the best first', columns, rows, note)
 
 
-def sweep_page(
-    name: str,
-    search_space: Sequence[SearchDimension],
-    trials: Sequence[Trial],
-    given: Trial,
-    base: Values,
-    cases: Sequence[SweepCloud],
-    command: str,
-) -> str:
-    """The HTML page of a sweep.
+def sweep_page(result: SweepResult, made_by: str) -> str:
+    """Render the HTML page of a sweep.
 
     Args:
-        name: of the recording.
-        search_space: what was varied.
-        trials: all of them, that of the given setting included.
-        given: the trial of the parameters as they were given.
-        base: all parameters as they were given.
-        cases: the clouds as the best setting measures them.
-        command: that made it.
+        result: the result of the sweep.
+        made_by: the command or call that made it, for the page.
     """
-    known = cases[0].known
-    best = best_of(trials)
-    table = trials_table(search_space, trials, known=known)
-    title = f'The best {min(_SHOWN, len(trials))} of {len(trials)} trials'
-    shown = replace(table, title=title, rows=table.rows[:_SHOWN], note=f'{table.note} All are in sweep.csv.')
-    text = [
-        f'Varied: {"; ".join(words(search_space))}.',
-        f'On {len(cases)} clouds of {name}, scored against {_TRUTH if known else _STAND_IN}',
-        f'Made by: {command}',
+    table = trials_table(result)
+    count = len(result.trials)
+    shown = replace(
+        table,
+        title=f'The best {min(_MAX_ROWS, count)} of {count} trials',
+        rows=table.rows[:_MAX_ROWS],
+        note=f'{table.note} The file sweep.csv has all trials.',
+    )
+    introduction = [
+        f'Varied: {"; ".join(described(result.search_space))}.',
+        f'Each setting filtered the same {len(result.clouds)} clouds of {result.recording}.',
+        _TRUTH if result.has_truth else _CRITERION,
+        f'Made by: {made_by}',
     ]
-    chart = Picture('scores', _scores(search_space, trials, best, known=known), 'The score of each trial.')
-    findings = list(_findings(trials, best, given, known=known))
+    chart = Picture('scores', _chart(result), 'Score of each trial; the best is red.')
     sections = [
         Section(
-            'Trials', findings=findings, items=[chart, shown], warnings=list(_warnings(search_space, best, cases))
+            'Trials', findings=list(_findings(result)), items=[chart, shown], warnings=list(_warnings(result))
         ),
         Section(
             'The best setting',
-            [f'The clouds on which it does worst, at most {_DRAWN}.'],
-            items=list(_drawn(cases, base, best, given)),
+            [f'The {min(_MAX_CLOUDS, len(result.clouds))} clouds with the lowest score.'],
+            items=list(_worst_clouds(result)),
         ),
     ]
-    return render(f'Sweep over {name}', text, sections)
+    return render(f'Sweep over {result.recording}', introduction, sections)
 
 
-def _findings(trials: Sequence[Trial], best: Trial, given: Trial, *, known: bool) -> Iterator[str]:
-    what = (_OF_TRUTH if known else _OF_CRITERION)[0]
-    yield f'Best of {len(trials)} trials: {in_words(best.values)}, with {what} {best.score:.4f}.'
-    equal = sum(trial.score == best.score for trial in trials) - 1
-    if equal:
-        yield f'As many as {equal + 1} reach this score; this one removes least, or comes first.'
-    if given.values == best.values:
-        yield 'That is what was given: nothing that was tried is better.'
-    else:
-        yield f'As given ({in_words(given.values)}) it is {given.score:.4f}.'
-    if best.refused:
-        yield f'{best.refused} clouds have no answer under the best setting, and count as not filtered.'
-    numbers = (f'{100 * best.removed:.3g} %', f'{100 * given.removed:.3g} %')
-    yield f'The best setting removes {numbers[0]} of the measured points, the given one {numbers[1]}.'
-
-
-def _warnings(search_space: Sequence[SearchDimension], best: Trial, cases: Sequence[SweepCloud]) -> Iterator[str]:
-    """Why the best may not be good."""
-    for each in search_space:
-        ends = [each.low, each.high] if isinstance(each, Range) else [each.values[0], each.values[-1]]
-        numbers = PARAMETERS[each.name].kind in (int, float)
-        if numbers and best.values[each.name] in ends and (isinstance(each, Range) or len(each.values) > 2):
-            value = best.values[each.name]
-            yield f'{each.name} is best at the end of what was tried, {value}: what lies beyond may be better.'
-    if not cases[0].known and best.score < 0.5:
-        yield 'No setting comes near the criterion: do not take the best over without a look at the pictures.'
-
-
-def in_words(values: Values) -> str:
+def in_words(values: ParameterValues) -> str:
     """A setting as text."""
     return ', '.join(f'{name} {value}' for name, value in values.items())
 
 
-def _scores(
-    search_space: Sequence[SearchDimension], trials: Sequence[Trial], best: Trial, *, known: bool
-) -> bytes:
-    """The score over each parameter that is varied; the best in red."""
-    figure = new_figure(4.6 * len(search_space), 3.4)
-    for each, drawn in zip(
-        search_space, np.atleast_1d(figure.subplots(1, len(search_space), sharey=True)), strict=True
-    ):
-        values = [trial.values[each.name] for trial in trials]
-        if PARAMETERS[each.name].kind not in (int, float):
+def _findings(result: SweepResult) -> Iterator[str]:
+    trials, best, given = result.trials, result.best, result.given
+    yield f'Best of {len(trials)} trials: {in_words(best.values)}, with {result.score_names[0]} {best.score:.4f}.'
+    equal = sum(trial.score == best.score for trial in trials)
+    if equal > 1:
+        yield f'{equal} trials reach this score. The one shown removes the fewest points, or was tried first.'
+    if given.values == best.values:
+        yield 'The parameters as given are the best; no other setting scores higher.'
+    else:
+        yield f'The parameters as given ({in_words(given.values)}) score {given.score:.4f}.'
+    if best.refused:
+        yield f'The best setting cannot filter {best.refused} clouds; they count as unfiltered.'
+    yield f'The best setting removes {100 * best.removed:.3g} % of the measured points.'
+    if given.values != best.values:
+        yield f'The parameters as given remove {100 * given.removed:.3g} %.'
+
+
+def _warnings(result: SweepResult) -> Iterator[str]:
+    """Why the best setting may not be good."""
+    best = result.best
+    for dimension in result.search_space:
+        value = best.values[dimension.name]
+        if PARAMETERS[dimension.name].kind not in (int, float):
+            continue
+        if isinstance(dimension, Range):
+            at_end = value in (dimension.low, dimension.high)
+        else:
+            at_end = len(dimension.values) > 2 and value in (dimension.values[0], dimension.values[-1])
+        if at_end:
+            yield (
+                f'The best {dimension.name} is at the end of its range, {value}. Values beyond it may be better:'
+                ' extend the range.'
+            )
+    if not result.has_truth and best.score < 0.5:
+        yield 'No setting agrees well with the criterion. Check the pictures before you use the best setting.'
+
+
+def _chart(result: SweepResult) -> bytes:
+    """Plot the score over each varied parameter, as a PNG."""
+    count = len(result.search_space)
+    figure = new_figure(4.6 * count, 3.4)
+    plots = figure.subplots(1, count, sharey=True, squeeze=False)[0]
+    scores = [trial.score for trial in result.trials]
+    best = result.trials.index(result.best)
+    for dimension, axes in zip(result.search_space, plots, strict=True):
+        values = [trial.values[dimension.name] for trial in result.trials]
+        if PARAMETERS[dimension.name].kind not in (int, float):
             values = [str(value) for value in values]
-        scores = [trial.score for trial in trials]
-        drawn.plot(values, scores, 'o', color='#2a6592', alpha=0.5, markersize=5)
-        drawn.plot(values[trials.index(best)], best.score, 'o', color='#d00000', markersize=9)
-        drawn.set_xlabel(each.name)
-        drawn.set_ylabel((_OF_TRUTH if known else _OF_CRITERION)[0] if each is search_space[0] else '')
-        drawn.grid(alpha=0.3)
+        axes.plot(values, scores, 'o', color='#2a6592', alpha=0.5, markersize=5)
+        axes.plot(values[best], scores[best], 'o', color='#d00000', markersize=9)
+        axes.set_xlabel(dimension.name)
+        axes.grid(alpha=0.3)
+    plots[0].set_ylabel(result.score_names[0])
     out = io.BytesIO()
     figure.savefig(out, format='png')
     return out.getvalue()
 
 
-def _drawn(cases: Sequence[SweepCloud], base: Values, best: Trial, given: Trial) -> Iterator[Panels]:
-    """Pictures of the clouds that the best setting does worst on, beside the given setting."""
-    answers = [(case, _removed(case, base | best.values)) for case in cases]
-    worst = sorted(answers, key=lambda answer: _f1(*answer))[:_DRAWN]
-    bar = panels.colour_bar()
-    for case, found in worst:
-        xyz = case.xyz
+def _worst_clouds(result: SweepResult) -> Iterator[Panels]:
+    """Pictures of the clouds on which the best setting scores worst, also with the parameters as given."""
+    base, best, given = result.base, result.best, result.given
+    filtered = [(cloud, _removed(cloud, base | best.values)) for cloud in result.clouds]
+    bar = thumbnails.colour_bar()
+    for cloud, found in sorted(filtered, key=lambda pair: _f1(*pair))[:_MAX_CLOUDS]:
+        xyz = cloud.xyz
         measured = measured_points(xyz)
         heights = np.where(measured, xyz[..., 2], np.nan)
-        scale = panels.colour_range(heights, found)
-        colours = 'removed rightly red, wrongly black; missed amber' if case.known else (
-            'removed red, black where it does not stand out; amber stands out'
-        )  # fmt: skip
+        colours = thumbnails.colour_range(heights, found)
+
+        def compared(removed: Mask, cloud: SweepCloud = cloud, measured: Mask = measured) -> bytes:
+            return thumbnails.against_truth(removed, cloud.outlier, cloud.counted, measured)
+
+        legend = 'true positives red, false positives black, false negatives amber'
+        if not cloud.has_truth:
+            legend += ', by the criterion'
         pictures = [
-            (f'{case.name} as measured', panels.as_measured(heights, found | case.outlier, scale)),
-            ('cleaned by the best setting', panels.cleaned(heights, found, scale)),
-            (f'best: {colours}', panels.judged(found, case.outlier, case.counted, measured)),
+            (f'{cloud.name} as measured', thumbnails.as_measured(heights, found | cloud.outlier, colours)),
+            ('filtered with the best setting', thumbnails.filtered(heights, found, colours)),
+            (f'best setting: {legend}', compared(found)),
         ]
         if given.values != best.values:
-            before = _removed(case, base | given.values)
-            pictures.append(('as given', panels.judged(before, case.outlier, case.counted, measured)))
-        yield Panels(pictures, aspect_of(xyz), (f'{scale.low:.4g}', f'{scale.high:.4g}', bar))
+            pictures.append(('parameters as given', compared(_removed(cloud, base | given.values))))
+        yield Panels(pictures, aspect_of(xyz), (f'{colours.low:.4g}', f'{colours.high:.4g}', bar))
 
 
-def _f1(case: SweepCloud, found: Mask) -> float:
-    f1 = score(found, case.outlier, case.counted).f1
+def _f1(cloud: SweepCloud, found: Mask) -> float:
+    f1 = score(found, cloud.outlier, cloud.counted).f1
     return 1.0 if np.isnan(f1) else f1
 
 
-def _removed(case: SweepCloud, values: Values) -> Mask:
+def _removed(cloud: SweepCloud, values: ParameterValues) -> Mask:
+    circle = CircleSettings.from_ros(values).of_a_stack(cloud.depth_of_field)
     try:
-        return remove_outliers(case.xyz, CircleSettings.from_ros(values).of_a_stack(case.depth_of_field)).outliers
+        return remove_outliers(cloud.xyz, circle).outliers
     except CloudError:
-        return np.zeros_like(case.outlier)
+        return np.zeros_like(cloud.outlier)
 
 
-def _cell(value: Any) -> Cell:
+def _cell(value: RosValue | None) -> Cell:
     return value if isinstance(value, (str, int, float)) or value is None else str(value)

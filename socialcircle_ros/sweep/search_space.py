@@ -1,177 +1,248 @@
-"""The parameters that a sweep varies, and over what: `circle.radius_scale=0.5:3:0.1`, `circle.window=3,5`."""
+"""The search space of a sweep: which parameters are varied, and over which values."""
 
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import yaml
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import PARAMETERS, CircleSettings, FocusSettings, Parameter, RosValue
 
-Values = dict[str, RosValue]
+ParameterValues = dict[str, RosValue]
 """Full names of parameters to their values."""
 
 GROUPS = (FocusSettings, CircleSettings)
-"""What can be varied: what decides which points are outliers. A change of the first group measures stacks anew."""
+"""The groups that can be varied. A change in the first group makes the clouds of all stacks anew."""
 
-MOST = 100_000
-"""Settings that a grid may have."""
+MAX_GRID = 100_000
+"""Most settings of a grid."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Some values of one parameter."""
+    """A parameter that takes one of some values.
+
+    Args:
+        name: full name of the parameter.
+        values: the values in order; repeated values are dropped.
+
+    Raises:
+        SettingError: the parameter cannot be swept, it cannot have a value, or there is no value.
+    """
 
     name: str
     values: Sequence[RosValue]
 
+    def __post_init__(self) -> None:
+        """Check the values, and convert them to the types that ROS has for the parameter."""
+        parameter = _swept(self.name)
+        checked = [_checked(parameter, value) for value in self.values]
+        if not checked:
+            raise SettingError(f'{self.name} has no value to try.')
+        object.__setattr__(self, 'values', tuple({repr(value): value for value in checked}.values()))
+
 
 @dataclass(frozen=True)
 class Range:
-    """All values of a number between two, both included."""
+    """A number that takes any value of an interval, both ends included.
+
+    Args:
+        name: full name of the parameter.
+        low: the lowest value.
+        high: the highest value.
+
+    Raises:
+        SettingError: the parameter is not a number, it cannot be swept, or it cannot have these values.
+    """
 
     name: str
     low: float
     high: float
-    whole: bool
+
+    def __post_init__(self) -> None:
+        """Check both ends."""
+        parameter = _swept(self.name)
+        given = f'{self.low:g}:{self.high:g}'
+        _check_ends(parameter, given, self.low, self.high)
+        if parameter.limits.odd:
+            raise SettingError(f'{self.name} must be odd; give a step, such as {self.name}={given}:2.')
+        for end in (self.low, self.high):
+            _checked(parameter, int(end) if self.is_whole else end)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the parameter takes whole numbers only."""
+        return PARAMETERS[self.name].kind is int
 
 
 SearchDimension = Choice | Range
+"""One dimension of a search space: a parameter and its values."""
 
 
 def parse_dimension(text: str) -> SearchDimension:
-    """What `--param` says: NAME=LOW:HIGH:STEP, NAME=LOW:HIGH, or NAME=VALUE,VALUE.
+    """Parse a search dimension as the option `--param` has it.
+
+    Args:
+        text: NAME=LOW:HIGH:STEP or NAME=VALUE,VALUE for a `Choice`, NAME=LOW:HIGH for a `Range`.
 
     Raises:
-        SettingError: it says none of these, or a value that the parameter cannot have.
+        SettingError: the text has none of these forms, or the parameter cannot have these values.
+
+    Example:
+        >>> parse_dimension('circle.window=3,5')
+        Choice(name='circle.window', values=(3, 5))
     """
     name, separator, given = text.partition('=')
-    name = name.strip()
-    swept = [row.name for group in GROUPS for row in group.parameters()]
-    if not separator or not given.strip():
+    name, given = name.strip(), given.strip()
+    if not separator or not given:
         raise SettingError(
             f'--param {text} is not of the form NAME=VALUES, such as circle.radius_scale=0.5:3:0.1.'
         )
-    if name not in swept:
-        raise SettingError(f'{name} cannot be swept; these can: {", ".join(swept)}.')
-    row = PARAMETERS[name]
-    return _range(row, given) if ':' in given else _choice(row, given)
+    parameter = _swept(name)
+    return _parse_interval(parameter, given) if ':' in given else _parse_list(parameter, given)
 
 
-def _range(row: Parameter, given: str) -> SearchDimension:
+def _parse_interval(parameter: Parameter, given: str) -> SearchDimension:
+    name = parameter.name
     try:
-        low, high, *rest = numbers = [float(part) for part in given.split(':')]
-        if len(rest) > 1 or not all(map(math.isfinite, numbers)) or row.kind not in (int, float):
-            raise ValueError  # noqa: TRY301
+        low, high, *rest = [float(part) for part in given.split(':')]
+        if len(rest) > 1:
+            raise ValueError  # noqa: TRY301 - one message for all
     except ValueError:
-        raise SettingError(
-            f'--param {row.name}={given} is no range of numbers; give LOW:HIGH:STEP, LOW:HIGH for a search, or'
-            ' values with commas.'
-        ) from None
-    whole = row.kind is int
-    if high < low or (rest and rest[0] <= 0) or (whole and any(number != int(number) for number in numbers)):
-        wanted = 'whole numbers, ' if whole else ''
-        raise SettingError(f'--param {row.name}={given}: give {wanted}LOW ≤ HIGH, and a STEP above 0.')
+        raise _not_a_range(name, given) from None
     if not rest:
-        if row.limits.odd:
-            raise SettingError(f'{row.name} must be odd; give a step, such as {row.name}={given}:2.')
-        for end in (low, high):
-            _check(row, int(end) if whole else end)
-        return Range(row.name, low, high, whole)
+        return Range(name, low, high)
     step = rest[0]
+    _check_ends(parameter, given, low, high, step)
     count = math.floor((high - low) / step * (1 + 1e-12) + 1e-9) + 1
-    if count > MOST:
-        raise SettingError(f'--param {row.name}={given} has {count} values; take a larger step, or a search.')
-    # 0.5 + 3 × 0.1 is meant to be 0.8.
+    if count > MAX_GRID:
+        raise SettingError(f'{name}={given} has {count} values; take a larger step, or a search.')
+    # Twelve digits, because 0.5 + 3 × 0.1 in floating point is not 0.8.
     values = [float(f'{low + number * step:.12g}') for number in range(count)]
-    return Choice(row.name, [_check(row, int(value) if whole else value) for value in values])
+    return Choice(name, [int(value) if parameter.kind is int else value for value in values])
 
 
-def _choice(row: Parameter, given: str) -> Choice:
+def _parse_list(parameter: Parameter, given: str) -> Choice:
     try:
-        values = yaml.safe_load(f'[{given}]')
+        values: list[RosValue] = yaml.safe_load(f'[{given}]')
     except yaml.YAMLError:
-        raise SettingError(f'--param {row.name}={given}: the values are not YAML.') from None
-    if row.kind is float:
-        values = [float(value) if _is_number(value) else value for value in values]
-    if not values:
-        raise SettingError(f'--param {row.name}={given} has no value.')
-    return Choice(row.name, list({repr(value): _check(row, value) for value in values}.values()))
+        raise SettingError(f'{parameter.name}={given}: the values are not YAML.') from None
+    if parameter.kind is float:
+        values = [_number_if_text(value) for value in values]
+    return Choice(parameter.name, values)
 
 
-def _is_number(value: Any) -> bool:
+def _number_if_text(value: RosValue) -> RosValue:
+    """YAML 1.1 reads 1e-6 as text; such a text becomes a number."""
     try:
-        float(value)
-    except (TypeError, ValueError):
-        return False
-    return not isinstance(value, bool)
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
-def _check(row: Parameter, value: Any) -> RosValue:
-    """The value as ROS holds it.
+def _swept(name: str) -> Parameter:
+    """The parameter of a name, if it can be swept."""
+    names = [parameter.name for group in GROUPS for parameter in group.parameters()]
+    if name not in names:
+        raise SettingError(f'{name} cannot be swept; these parameters can: {", ".join(names)}.')
+    return PARAMETERS[name]
+
+
+def _check_ends(parameter: Parameter, given: str, low: float, high: float, step: float | None = None) -> None:
+    numbers = [low, high] if step is None else [low, high, step]
+    if parameter.kind not in (int, float) or not all(map(math.isfinite, numbers)):
+        raise _not_a_range(parameter.name, given)
+    ascending = low <= high and (step is None or step > 0)
+    must_be_whole = parameter.kind is int
+    if not ascending or (must_be_whole and any(number != int(number) for number in numbers)):
+        wanted = 'whole numbers, ' if must_be_whole else ''
+        raise SettingError(f'{parameter.name}={given}: give {wanted}LOW ≤ HIGH, and a STEP above 0.')
+
+
+def _not_a_range(name: str, given: str) -> SettingError:
+    return SettingError(
+        f'{name}={given} is not a range of numbers; give LOW:HIGH:STEP, LOW:HIGH for a search, or values separated'
+        ' by commas.'
+    )
+
+
+def _checked(parameter: Parameter, value: RosValue) -> RosValue:
+    """The value in the type that ROS has for the parameter.
 
     Raises:
         SettingError: the parameter cannot have it.
     """
-    group = next(group for group in GROUPS if group.group == row.group)
-    return group.from_ros({row.name: value}).to_ros()[row.name]
+    group = next(group for group in GROUPS if group.group == parameter.group)
+    return group.from_ros({parameter.name: value}).to_ros()[parameter.name]
 
 
-def grid(search_space: Sequence[SearchDimension]) -> list[Values]:
-    """Every combination, those that measure stacks anew changing last.
+def check_search_space(search_space: Sequence[SearchDimension]) -> None:
+    """Check that a search space varies something, and each parameter only once.
 
     Raises:
-        SettingError: a range without a step, a parameter that is given twice, or too many combinations.
+        SettingError: it does not.
     """
-    _check_names(search_space)
-    for each in search_space:
-        if isinstance(each, Range):
-            raise SettingError(
-                f'{each.name}={each.low:g}:{each.high:g} has no step, which a grid needs: add one, such as'
-                f' {each.name}={each.low:g}:{each.high:g}:{_step(each)}, or search with --search 50.'
-            )
-    order = [group.group for group in GROUPS]
-    slowest_first = sorted(search_space, key=lambda each: order.index(PARAMETERS[each.name].group))
-    choices = [each.values for each in slowest_first if isinstance(each, Choice)]
-    count = math.prod(map(len, choices))
-    if count > MOST:
-        raise SettingError(f'The grid has {count} settings; at most {MOST} are tried: use --search instead.')
-    names = [each.name for each in slowest_first]
-    return [dict(zip(names, values, strict=True)) for values in itertools.product(*choices)]
-
-
-def contains(search_space: Sequence[SearchDimension], values: Mapping[str, RosValue]) -> bool:
-    """Whether a setting is one of those that the search_space span."""
-    if {each.name for each in search_space} != values.keys():
-        return False
-    return all(
-        each.low <= float(values[each.name]) <= each.high  # type: ignore[arg-type]
-        if isinstance(each, Range)
-        else values[each.name] in each.values
-        for each in search_space
-    )
-
-
-def _check_names(search_space: Sequence[SearchDimension]) -> None:
-    names = [each.name for each in search_space]
+    names = [dimension.name for dimension in search_space]
+    if not names:
+        raise SettingError('A sweep needs at least one parameter to vary.')
     for name in names:
         if names.count(name) > 1:
             raise SettingError(f'{name} is given twice; give all its values with one --param.')
 
 
-def _step(each: Range) -> str:
-    return '1' if each.whole else f'{(each.high - each.low) / 10 or 1:g}'
+def grid(search_space: Sequence[SearchDimension]) -> list[ParameterValues]:
+    """List every combination of values; parameters that make clouds of stacks anew change last.
+
+    Args:
+        search_space: one `Choice` per parameter.
+
+    Raises:
+        SettingError: a `Range` has no step, a parameter is given twice, or there are too many combinations.
+    """
+    check_search_space(search_space)
+    for dimension in search_space:
+        if isinstance(dimension, Range):
+            given = f'{dimension.name}={dimension.low:g}:{dimension.high:g}'
+            raise SettingError(
+                f'{given} has no step, and a grid needs one: add it, such as {given}:{_usual_step(dimension)}, or'
+                ' search with --search 50.'
+            )
+    groups = [group.group for group in GROUPS]
+    ordered = sorted(search_space, key=lambda dimension: groups.index(PARAMETERS[dimension.name].group))
+    values = [dimension.values for dimension in ordered if isinstance(dimension, Choice)]
+    count = math.prod(map(len, values))
+    if count > MAX_GRID:
+        raise SettingError(f'The grid has {count} settings, and at most {MAX_GRID} are tried: use --search.')
+    names = [dimension.name for dimension in ordered]
+    return [dict(zip(names, combination, strict=True)) for combination in itertools.product(*values)]
 
 
-def words(search_space: Sequence[SearchDimension]) -> Iterator[str]:
-    """What is varied, a phrase for each."""
-    for each in search_space:
-        if isinstance(each, Range):
-            yield f'{each.name} from {each.low:g} to {each.high:g}'
-        elif len(each.values) > 8:
-            yield f'{each.name} in {len(each.values)} steps from {each.values[0]} to {each.values[-1]}'
+def _usual_step(dimension: Range) -> str:
+    return '1' if dimension.is_whole else f'{(dimension.high - dimension.low) / 10 or 1:g}'
+
+
+def contains(search_space: Sequence[SearchDimension], values: Mapping[str, RosValue]) -> bool:
+    """Whether a setting is a point of the search space."""
+    if {dimension.name for dimension in search_space} != values.keys():
+        return False
+    return all(_has(dimension, values[dimension.name]) for dimension in search_space)
+
+
+def _has(dimension: SearchDimension, value: RosValue) -> bool:
+    if isinstance(dimension, Choice):
+        return value in dimension.values
+    return isinstance(value, (int, float)) and dimension.low <= value <= dimension.high
+
+
+def described(search_space: Sequence[SearchDimension]) -> Iterator[str]:
+    """Describe each dimension in words."""
+    for dimension in search_space:
+        if isinstance(dimension, Range):
+            yield f'{dimension.name} from {dimension.low:g} to {dimension.high:g}'
+        elif len(dimension.values) > 8:
+            first, last = dimension.values[0], dimension.values[-1]
+            yield f'{dimension.name} in {len(dimension.values)} steps from {first} to {last}'
         else:
-            yield f'{each.name} {", ".join(map(str, each.values))}'
+            yield f'{dimension.name} {", ".join(map(str, dimension.values))}'

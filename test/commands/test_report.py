@@ -32,7 +32,7 @@ def test_the_page_shows_each_cloud_and_needs_no_other_file(run, tmp_path):
     assert len(re.findall(r'precision', page)) == 8
 
 
-def test_a_focus_stack_is_a_measurement_too(run, tmp_path):
+def test_a_focus_stack_has_an_entry(run, tmp_path):
     done = run('report', BAGS / 'stack.mcap', '--params-file', BAGS / 'stack.yaml')
     assert done.code == 0, done.err
     assert '1 measurement,' in done.out
@@ -41,15 +41,15 @@ def test_a_focus_stack_is_a_measurement_too(run, tmp_path):
     assert re.search(r'stack\.frames\s+32\s+0\s+frames\s+changed', text)
 
 
-def test_what_the_node_of_the_recording_did_otherwise_is_told(run, tmp_path):
+def test_differences_from_a_recorded_measurement_are_shown(run, tmp_path):
     run('filter', BAGS / 'padded.mcap', '-o', 'cleaned.mcap', '-p', 'circle.radius_scale:=3.0')
     done = run('report', 'cleaned.mcap')
     assert done.code == 0, done.err
     assert '2 measurements with warnings' in done.err
-    assert 'The node that was recorded had circle.radius_scale 3.0 (here 1.0)' in text_of(tmp_path / 'report.html')
+    assert 'The recorded measurement had circle.radius_scale 3.0 (here 1.0)' in text_of(tmp_path / 'report.html')
 
 
-def test_clouds_that_are_refused_are_told_and_the_others_shown(run, tmp_path):
+def test_refused_clouds_are_named_and_the_others_shown(run, tmp_path):
     with RecordingWriter(tmp_path / 'mixed.mcap') as writer:
         writer.add_topic(ros_topic('/points', point_cloud.TYPE))
         for number, points in enumerate((cloud(1, 9), cloud(), cloud(1, 9))):
@@ -74,7 +74,7 @@ def test_clouds_that_are_refused_are_told_and_the_others_shown(run, tmp_path):
         ([BAGS / 'parts.mcap', '--topic', '/nowhere'], 'has no topic /nowhere'),
     ],
 )
-def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, arguments, sentence):
+def test_an_error_is_one_sentence_and_leaves_no_file(run, tmp_path, arguments, sentence):
     done = run('report', *arguments)
     assert done.code == 1, done.err
     assert sentence in done.err
@@ -82,7 +82,7 @@ def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, argum
     assert not list(tmp_path.iterdir())
 
 
-def test_the_results_of_an_earlier_run_are_no_measurements(run, tmp_path):
+def test_filtered_clouds_of_an_earlier_run_have_no_entry(run, tmp_path):
     run('filter', BAGS / 'padded.mcap', '-o', 'cleaned.mcap')
     done = run('report', 'cleaned.mcap')
     assert done.code == 0, done.err

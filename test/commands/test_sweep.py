@@ -34,8 +34,8 @@ def rows_of(folder):
 
 
 @pytest.fixture
-def unknown(tmp_path):
-    """A recording that knows no truth."""
+def without_truth(tmp_path):
+    """A recording without a truth."""
     with RecordingWriter(tmp_path / 'night.mcap') as writer:
         writer.add_topic(ros_topic('/points', point_cloud.TYPE))
         for number in range(3):
@@ -44,10 +44,10 @@ def unknown(tmp_path):
     return tmp_path / 'night.mcap'
 
 
-def test_a_grid_is_tried_against_the_truth_and_the_best_can_be_loaded(run, tmp_path):
+def test_a_grid_is_scored_against_the_truth_and_the_best_setting_can_be_loaded(run, tmp_path):
     done = run(*GRID)
     assert done.code == 0, done.err
-    assert '3 trials on 3 clouds, against the truth.' in done.out
+    assert '3 trials on 3 clouds, scored against the truth.' in done.out
     assert 'Best: circle.radius_scale 1.0: F1 1.0' in done.out
     folder = tmp_path / 'out/sweep'
     rows = rows_of(folder)
@@ -62,20 +62,20 @@ def test_a_grid_is_tried_against_the_truth_and_the_best_can_be_loaded(run, tmp_p
     assert filtered.code == 0, filtered.err
 
 
-def test_without_a_truth_the_page_states_what_it_was_scored_by(run, tmp_path, unknown):
-    done = run('sweep', unknown, '--param', 'circle.radius_scale=0.01,1,100', '-p', 'circle.window:=5')
+def test_without_a_truth_the_page_states_the_criterion(run, tmp_path, without_truth):
+    done = run('sweep', without_truth, '--param', 'circle.radius_scale=0.01,1,100', '-p', 'circle.window:=5')
     assert done.code == 0, done.err
-    assert '3 trials on 3 clouds, against a criterion' in done.out
+    assert '3 trials on 3 clouds, scored against a criterion' in done.out
     assert 'Refused: The cloud is not organized' in done.err
     text = page_of(tmp_path / 'out/sweep')
-    assert 'further than 5 robust standard deviations' in text
-    assert 'It stands in for the truth' in text
+    assert 'by more than 5 robust standard deviations' in text
+    assert 'The criterion is not the truth' in text
     best = (tmp_path / 'out/sweep/best.yaml').read_text()
     assert 'circle.radius_scale: 1.0' in best
     assert 'circle.window: 5' in best
 
 
-def test_a_best_setting_at_the_end_of_a_range_is_pointed_out(run, tmp_path):
+def test_a_best_setting_at_the_end_of_its_range_is_a_warning(run, tmp_path):
     done = run(
         'sweep',
         BAGS / 'padded.mcap',
@@ -85,24 +85,24 @@ def test_a_best_setting_at_the_end_of_a_range_is_pointed_out(run, tmp_path):
         'circle.radius_scale:=0.4',
     )
     assert done.code == 0, done.err
-    assert 'best at the end of what was tried, 0.6' in page_of(tmp_path / 'out/sweep')
+    assert 'is at the end of its range, 0.6' in page_of(tmp_path / 'out/sweep')
 
 
-def test_a_run_that_was_interrupted_goes_on_with_what_is_left(run, tmp_path):
+def test_an_interrupted_sweep_continues_with_the_trials_that_are_left(run, tmp_path):
     assert run(*GRID).code == 0
     folder = tmp_path / 'out/sweep'
-    whole = rows_of(folder)
+    complete = rows_of(folder)
     lines = (folder / 'trials.jsonl').read_text().splitlines(keepends=True)
     (folder / 'trials.jsonl').write_text(''.join(lines[:3]) + lines[3][:10])
     done = run(*GRID)
     assert done.code == 0, done.err
     assert f'2 trials of an earlier run taken from {Path("out/sweep/trials.jsonl")}' in done.err
-    timeless = [{name: value for name, value in row.items() if name != 'time [ms]'} for row in whole]
+    timeless = [{name: value for name, value in row.items() if name != 'time [ms]'} for row in complete]
     assert [{name: row[name] for name in row if name != 'time [ms]'} for row in rows_of(folder)] == timeless
     assert (folder / 'trials.jsonl').read_text().splitlines(keepends=True)[:3] == lines[:3]
 
 
-def test_ctrl_c_keeps_what_is_finished(tmp_path):
+def test_ctrl_c_keeps_the_finished_trials(tmp_path):
     command = [sys.executable, '-m', 'socialcircle_ros.commands.main', *map(str, GRID[:3])]
     command.append('circle.radius_scale=0.5:3:0.001')
     trials = tmp_path / 'out/sweep/trials.jsonl'
@@ -117,7 +117,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path):
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert 'the same command goes on' in err
+    assert 'the same command continues from there' in err
     assert 'Traceback' not in err
     finished = [json.loads(line) for line in trials.read_text().splitlines()]
     assert 3 <= len(finished) - 1 < 2501
@@ -141,12 +141,12 @@ def test_a_search_needs_no_step(run, tmp_path):
     assert len(rows_of(tmp_path / 'out/sweep')) == 8
 
 
-def test_a_parameter_of_the_focus_measures_the_stack_anew(run, tmp_path):
+def test_a_focus_parameter_makes_the_cloud_of_a_stack_anew(run, tmp_path):
     done = run(
         'sweep', BAGS / 'stack.mcap', '--params-file', BAGS / 'stack.yaml', '--param', 'focus.half_window=1,4'
     )  # fmt: skip
     assert done.code == 0, done.err
-    assert '2 trials on 1 cloud, against the truth' in done.out
+    assert '2 trials on 1 cloud, scored against the truth' in done.out
     one, other = rows_of(tmp_path / 'out/sweep')
     assert one['Sq after'] != other['Sq after']
     best = (tmp_path / 'out/sweep/best.yaml').read_text()

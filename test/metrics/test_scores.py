@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from naive import scores as naive
 
-from socialcircle_ros.metrics.scores import cluster_sizes, f1_at, recall_by, rmse, roc_area, score
+from socialcircle_ros.metrics.scores import Tally, cluster_sizes, f1_at, recall_by, rmse, roc_area, score, tally
 
 TRUTH = np.array([[True, True, True, False, False]])
 
@@ -90,3 +90,11 @@ def test_a_cluster_size_counts_only_outliers():
 def test_rmse_is_over_the_points_that_both_maps_have():
     assert rmse(np.array([[1.0, np.nan, 5.0]]), np.array([[1.0, 2.0, 2.0]])) == pytest.approx(math.sqrt(9 / 2))
     assert math.isnan(rmse(np.full((1, 2), np.nan), np.zeros((1, 2))))
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 3)] * 3), max_size=5))
+def test_the_tallies_of_clouds_add_up_to_that_of_all_points(clouds):
+    masks = [tuple(np.arange(4) < each for each in cloud) for cloud in clouds]
+    everything = [np.concatenate([np.zeros(0, bool), *(each[i] for each in masks)]) for i in range(3)]
+    assert sum((tally(*each) for each in masks), Tally()) == tally(*everything)
+    assert repr(score(*everything)) == repr(tally(*everything).scores)

@@ -1,4 +1,4 @@
-"""What a report says of a cloud."""
+"""The entry of one cloud in a report."""
 
 import numpy as np
 import pytest
@@ -7,24 +7,25 @@ from examples import cloud, surface
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import filter_cloud
-from socialcircle_ros.report.entry import make_entry, report_page, settings_table, when
+from socialcircle_ros.report.entry import make_entry, outliers_of, stamp_text
 from socialcircle_ros.settings import CircleSettings, OutputSettings
 
 pytest.importorskip('PIL')
 
 
-def seen(points=None, circle=None, output=None, **more):
+def entry(points=None, circle=None, output=None, **more):
     points = points or cloud()
     return make_entry('/points 0', points, filter_cloud(points, circle, output), **more)
 
 
-def texts(measurement):
-    beside = measurement.section().items[1]
+def texts(found):
+    """The cells of the entry's tables: the first cell of each row, and the others."""
+    beside = found.section().items[1]
     return {row[0]: row[1:] for table in beside.tables for row in table.texts()}
 
 
-def test_numbers_are_those_of_the_filter_and_of_the_heights():
-    found = seen()
+def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
+    found = entry()
     z = surface()[..., 2]
     kept = z.copy()
     kept[10, 12], kept[40:45, 50:55] = np.nan, np.nan
@@ -38,55 +39,54 @@ def test_numbers_are_those_of_the_filter_and_of_the_heights():
     assert found.row()[:5] == ['/points 0', '1.000\N{NO-BREAK SPACE}s', 5594, 26, 26 / 5594]
 
 
-def test_a_truth_is_scored():
+def test_precision_and_recall_are_shown_where_the_truth_is_known():
     z = surface()[..., 2]
     truth = np.abs(z) > 20
     truth[0, 0] = True
-    found = seen(truth=(truth, np.isfinite(z)))
+    found = entry(truth=(truth, np.isfinite(z)))
     assert (found.scores.precision, found.scores.recall) == (1.0, pytest.approx(26 / 27))
     assert texts(found)['recall'] == ['96.3%']
+    assert 'recall' not in texts(entry())
 
 
-def test_holes_that_were_filled_are_shown():
-    found = seen(output=OutputSettings(repaired=True))
+def test_a_repaired_cloud_is_shown_with_the_number_of_filled_points():
+    found = entry(output=OutputSettings(repaired=True))
     assert [title for title, _ in found.panels.pictures][3] == 'repaired'
     assert int(texts(found)['repaired'][0]) > 0
+    assert 'repaired' not in texts(entry())
 
 
-def test_what_the_filter_warns_of_is_told():
-    assert any('more than half' in warning for warning in seen(circle=CircleSettings(radius_scale=0.3)).warnings)
-    assert not seen().warnings
+def test_the_colour_bar_of_a_stack_is_in_metres():
+    assert entry(is_stack=True).panels.scale[1].endswith(' m')
+    assert ' ' not in entry().panels.scale[1]
+
+
+def test_warnings_of_the_filter_are_shown():
+    assert any('more than half' in warning for warning in entry(circle=CircleSettings(radius_scale=0.3)).warnings)
+    assert not entry().warnings
 
 
 @pytest.mark.parametrize(
     ('values', 'sentences'),
     [
-        ({'circle.radius_scale': '2.0', 'outliers': '7'}, ['had circle.radius_scale 2.0 (here 1.0), and found 7']),
-        ({'circle.radius_scale': '1.0', 'outliers': '7'}, ['found 7 outliers with the same settings']),
+        ({'circle.radius_scale': '2.0', 'outliers': '7'}, ['had circle.radius_scale 2.0 (here 1.0) and found 7']),
+        ({'circle.radius_scale': '1.0', 'outliers': '7'}, ['found 7 outliers with the same circle parameters']),
         ({'circle.radius_scale': '1.0', 'outliers': '26'}, []),
         ({}, []),
+        ({'outliers': 'many'}, ["cannot be compared. It is not a measurement of the node: its key 'outliers'"]),
     ],
 )
-def test_what_a_node_once_said_is_compared(values, sentences):
-    warnings = seen(recorded=Status(0, '', '', '', values)).warnings
+def test_differences_from_a_recorded_measurement_are_warnings(values, sentences):
+    warnings = entry(recorded=Status(0, '', '', '', values)).warnings
     assert len(warnings) == len(sentences)
     assert all(sentence in warning for sentence, warning in zip(sentences, warnings, strict=True))
 
 
-def test_settings_that_are_not_the_default_stand_out():
-    rows = {row[0]: row[1:] for row in settings_table([CircleSettings(window=5)]).rows}
-    assert rows['circle.window'] == ['5', '3', 'points', 'changed']
-    assert rows['circle.radius_scale'] == ['1.0', '1.0', '', '']
+def test_a_result_without_a_mask_cannot_be_shown():
+    with pytest.raises(ValueError, match=r'ask for it with OutputSettings\(mask=True\)'):
+        outliers_of(filter_cloud(cloud(), None, OutputSettings(mask=False)))
 
 
-def test_a_stamp_is_a_date_where_it_can_be_one():
-    assert when(1_700_000_000_500_000_000) == '2023-11-14 22:13:20.500 UTC'
-    assert when(12_034_000_000) == '12.034 s'
-
-
-def test_the_page_has_every_measurement_and_all_that_went_wrong():
-    page = report_page('night', [seen()], [CircleSettings()], {'too short': 2, 'odd': 1}, 'broken off')
-    assert 'href="#measurement--points-0"' in page
-    assert 'id="measurement--points-0"' in page
-    for sentence in ('Refused, 2 times: too short', 'Refused: odd', 'broken off'):
-        assert sentence in page
+def test_a_stamp_is_shown_as_a_date_if_it_counts_from_the_epoch():
+    assert stamp_text(1_700_000_000_500_000_000) == '2023-11-14 22:13:20.500 UTC'
+    assert stamp_text(12_034_000_000) == '12.034 s'

@@ -1,4 +1,4 @@
-"""Tables, and the page."""
+"""Tables and pages."""
 
 import csv
 import io
@@ -18,17 +18,17 @@ TABLE = Table(
 )
 
 
-def test_cells_are_shown_as_their_column_says():
+def test_cells_are_formatted_by_their_columns():
     assert TABLE.texts() == [['a, "b" & <c>', '12.3%', '–'], ['d', '–', '7']]
 
 
-def test_csv_keeps_numbers_in_full():
+def test_csv_has_numbers_at_full_precision():
     rows = list(csv.reader(io.StringIO(TABLE.csv())))
     assert rows == [['name', 'share', 'none'], ['a, "b" & <c>', '0.12345', ''], ['d', 'nan', '7']]
 
 
 class _Tags(HTMLParser):
-    """Tags that are open, and what was linked to."""
+    """Collects the open tags and the link targets."""
 
     def __init__(self):
         super().__init__()
@@ -43,7 +43,7 @@ class _Tags(HTMLParser):
         assert self.open.pop() == tag
 
 
-def test_the_page_is_whole_escaped_and_needs_no_other_file():
+def test_the_page_is_complete_escaped_and_needs_no_other_file():
     sections = [
         Section('Head & shoulders', ['5 < 6'], ['found <this>'], [TABLE, Picture('p', b'\x89PNG', 'a "caption"')]),
         Section(
@@ -76,7 +76,7 @@ def test_the_page_is_whole_escaped_and_needs_no_other_file():
     assert page.index('found &lt;this&gt;') < page.index('Head &amp; shoulders')
 
 
-def test_rows_lead_to_the_sections_of_their_names():
+def test_rows_link_to_their_sections():
     page = render(
         'Title', [], [Section('All', items=[replace(TABLE, links=['x', 'y'])]), Section('Y', anchor='y')]
     )

@@ -1,4 +1,4 @@
-"""Pictures before and after."""
+"""The picture of a cloud before and after the filter."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ matplotlib_image = pytest.importorskip('matplotlib.image')
 
 
 @pytest.mark.parametrize('shape', [(70, 80), (1700, 300)])
-def test_outliers_are_red_also_where_the_picture_is_thinned(tmp_path, shape):
+def test_outliers_are_red_even_in_a_thinned_picture(tmp_path, shape):
     xyz = surface(*shape)
     outliers = np.zeros(shape, bool)
     outliers[11:13, 13:17] = True
@@ -20,7 +20,7 @@ def test_outliers_are_red_also_where_the_picture_is_thinned(tmp_path, shape):
     assert red.any()
 
 
-def test_a_cloud_whose_every_point_was_removed_can_be_drawn(tmp_path):
+def test_a_cloud_without_a_kept_point_can_be_drawn(tmp_path):
     xyz = surface()
     before_and_after(tmp_path / 'picture.png', xyz, np.isfinite(xyz[..., 2]), 'nothing left')
     assert (tmp_path / 'picture.png').stat().st_size > 0

@@ -1,11 +1,11 @@
-"""What a sweep varies."""
+"""The search space of a sweep."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.sweep.search_space import Choice, Range, contains, grid, parse_dimension, words
+from socialcircle_ros.sweep.search_space import Choice, Range, contains, described, grid, parse_dimension
 
 
 @pytest.mark.parametrize(
@@ -18,11 +18,11 @@ from socialcircle_ros.sweep.search_space import Choice, Range, contains, grid, p
         ('circle.radius=1e-6,2,2.0', Choice('circle.radius', [1e-6, 2.0])),
         ('circle.mode=paper', Choice('circle.mode', ['paper'])),
         ('circle.vote_region=[0,0,0,0],[1,2,60,60]', Choice('circle.vote_region', [[0] * 4, [1, 2, 60, 60]])),
-        ('circle.radius_scale=0.5:3', Range('circle.radius_scale', 0.5, 3.0, whole=False)),
-        ('focus.half_window=2:6', Range('focus.half_window', 2.0, 6.0, whole=True)),
+        ('circle.radius_scale=0.5:3', Range('circle.radius_scale', 0.5, 3.0)),
+        ('focus.half_window=2:6', Range('focus.half_window', 2.0, 6.0)),
     ],
 )
-def test_values_are_ranges_steps_or_lists(text, dimension):
+def test_a_text_gives_a_range_or_a_choice(text, dimension):
     assert parse_dimension(text) == dimension
 
 
@@ -31,12 +31,12 @@ def test_values_are_ranges_steps_or_lists(text, dimension):
     [
         ('circle.radius_scale', 'not of the form NAME=VALUES'),
         ('circle.radius_scale=', 'not of the form NAME=VALUES'),
-        ('circle.scale=1,2', 'circle.scale cannot be swept; these can: focus.step'),
+        ('circle.scale=1,2', 'circle.scale cannot be swept; these parameters can: focus.step'),
         ('repair.largest=1,2', 'repair.largest cannot be swept'),
-        ('circle.radius_scale=1:2:3:4', 'no range of numbers'),
-        ('circle.radius_scale=a:b', 'no range of numbers'),
-        ('circle.radius_scale=1:inf:1', 'no range of numbers'),
-        ('circle.mode=1:2:1', 'no range of numbers'),
+        ('circle.radius_scale=1:2:3:4', 'not a range of numbers'),
+        ('circle.radius_scale=a:b', 'not a range of numbers'),
+        ('circle.radius_scale=1:inf:1', 'not a range of numbers'),
+        ('circle.mode=1:2:1', 'not a range of numbers'),
         ('circle.radius_scale=2:1:1', 'LOW ≤ HIGH'),
         ('circle.radius_scale=1:2:0', 'a STEP above 0'),
         ('circle.radius_scale=1:2:1e-9', 'take a larger step'),
@@ -50,20 +50,38 @@ def test_values_are_ranges_steps_or_lists(text, dimension):
         ('circle.window=,', 'circle.window'),
     ],
 )
-def test_what_cannot_be_varied_is_told(text, sentence):
+def test_a_bad_dimension_is_one_sentence(text, sentence):
     with pytest.raises(SettingError) as caught:
         parse_dimension(text)
     assert sentence in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ('made', 'sentence'),
+    [
+        (lambda: Choice('circle.window', [4]), 'circle.window must be odd, not 4'),
+        (lambda: Choice('circle.windw', [3]), 'circle.windw cannot be swept'),
+        (lambda: Choice('circle.window', []), 'circle.window has no value to try'),
+        (lambda: Range('circle.window', 3, 5), 'circle.window must be odd; give a step'),
+        (lambda: Range('circle.radius_scale', 3, 1), 'LOW ≤ HIGH'),
+        (lambda: Range('circle.mode', 1, 2), 'not a range of numbers'),
+        (lambda: grid([]), 'at least one parameter'),
+    ],
+)
+def test_a_dimension_that_is_made_in_python_is_checked_as_well(made, sentence):
+    with pytest.raises(SettingError) as caught:
+        made()
+    assert sentence in str(caught.value)
+
+
 @given(st.integers(1, 90), st.integers(0, 60), st.sampled_from([0.1, 0.25, 0.01, 3.0]))
-def test_steps_are_the_decimal_numbers_that_were_meant(low, count, step):
+def test_steps_give_the_expected_decimal_numbers(low, count, step):
     high = round(low + count * step, 6)
     dimension = parse_dimension(f'circle.radius={low}:{high}:{step}')
     assert list(dimension.values) == [float(f'{low + number * step:.10g}') for number in range(count + 1)]
 
 
-def test_a_grid_has_every_combination_and_measures_stacks_anew_as_rarely_as_it_can():
+def test_a_grid_has_every_combination_and_changes_focus_parameters_last():
     search_space = [parse_dimension(text) for text in ('circle.window=3,5', 'focus.step=1,2')]
     found = grid(search_space)
     assert [(each['focus.step'], each['circle.window']) for each in found] == [(1, 3), (1, 5), (2, 3), (2, 5)]
@@ -75,20 +93,20 @@ def test_a_grid_has_every_combination_and_measures_stacks_anew_as_rarely_as_it_c
     [
         (
             ['circle.radius_scale=0.5:3'],
-            'has no step, which a grid needs: add one, such as circle.radius_scale=0.5:3:0.25',
+            'has no step, and a grid needs one: add it, such as circle.radius_scale=0.5:3:0.25',
         ),
         (['focus.step=1:3'], 'focus.step=1:3:1'),
         (['circle.window=3', 'circle.window=5'], 'circle.window is given twice'),
-        (['circle.radius_scale=1:99:0.01', 'circle.radius=1:99:1'], 'at most 100000 are tried: use --search'),
+        (['circle.radius_scale=1:99:0.01', 'circle.radius=1:99:1'], 'at most 100000 are tried: use --search.'),
     ],
 )
-def test_what_makes_no_grid_is_told(texts, sentence):
+def test_a_search_space_that_is_no_grid_is_refused(texts, sentence):
     with pytest.raises(SettingError) as caught:
         grid([parse_dimension(text) for text in texts])
     assert sentence in str(caught.value)
 
 
-def test_a_setting_is_contained_in_what_spans_it():
+def test_a_search_space_contains_its_points():
     search_space = [parse_dimension('circle.radius_scale=0.5:3'), parse_dimension('circle.window=3,5')]
     assert contains(search_space, {'circle.radius_scale': 1, 'circle.window': 5})
     assert not contains(search_space, {'circle.radius_scale': 4.0, 'circle.window': 5})
@@ -96,11 +114,11 @@ def test_a_setting_is_contained_in_what_spans_it():
     assert not contains(search_space, {'circle.radius_scale': 1.0})
 
 
-def test_what_is_varied_is_said_in_words():
+def test_a_search_space_is_described_in_words():
     search_space = [
         parse_dimension(text)
         for text in ('circle.radius_scale=0.5:3:0.1', 'circle.window=3,5', 'circle.radius=1:2')
     ]
-    assert list(words(search_space)) == [
+    assert list(described(search_space)) == [
         'circle.radius_scale in 26 steps from 0.5 to 3.0', 'circle.window 3, 5', 'circle.radius from 1 to 2',
     ]  # fmt: skip

@@ -1,0 +1,27 @@
+"""Names for the clouds of a recording: the topic and the number of the cloud on it."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from socialcircle_ros.pipeline.stacks import Refusal
+
+from .offline import SourceCloud
+
+
+class NamedCloud(NamedTuple):
+    """A cloud and its name, such as `/cell1/points 3`; numbers start at 0."""
+
+    name: str
+    cloud: SourceCloud
+
+
+def named_clouds(events: Iterable[SourceCloud | Refusal]) -> Iterator[NamedCloud | Refusal]:
+    """Give each cloud its name; refusals pass unchanged."""
+    counts: Counter[str] = Counter()
+    for event in events:
+        if isinstance(event, Refusal):
+            yield event
+        else:
+            yield NamedCloud(f'{event.topic} {counts[event.topic]}', event)
+            counts[event.topic] += 1

@@ -1,0 +1,171 @@
+"""The clouds of a sweep, each with the outliers that a setting should remove."""
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from socialcircle_ros.baselines import median_filter
+from socialcircle_ros.baselines.settings import MedianSettings
+from socialcircle_ros.cloud import Cloud, Mask, measured_points
+from socialcircle_ros.errors import RecordingError, SocialCircleError
+from socialcircle_ros.kernels.ordered import in_order
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.pipeline.stacks import Refusal
+from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
+from socialcircle_ros.recording.offline import source_clouds
+from socialcircle_ros.recording.truth import truths_of
+from socialcircle_ros.settings import FocusSettings, PipelineSettings, RosValue
+
+Item = TypeVar('Item')
+
+CRITERION = (
+    'A point should be removed if its height differs from the median of its {window}×{window} window by more than'
+    ' {sigmas:g} robust standard deviations. One robust standard deviation is 1.4826 times the median of these'
+    ' differences over the cloud.'
+).format(**asdict(MedianSettings()))
+"""The criterion that takes the place of the truth where a recording holds none, in words."""
+
+
+@dataclass(frozen=True, eq=False)
+class SweepCloud:
+    """One cloud of a sweep.
+
+    Attributes:
+        name: topic and number of the cloud, such as `/points 3`.
+        points: the serialized PointCloud2.
+        outlier: (H, W) the points that should be removed, by the truth or by `CRITERION`.
+        counted: (H, W) the points with a certain truth; by `CRITERION`, the measured points.
+        has_truth: whether `outlier` is the truth.
+        depth_of_field: depth of field of a cloud from a stack, in the unit of the cloud; None if not known.
+    """
+
+    name: str
+    points: bytes
+    outlier: Mask
+    counted: Mask
+    has_truth: bool
+    depth_of_field: float | None = None
+
+    @property
+    def xyz(self) -> Cloud:
+        """The coordinates, (H, W, 3)."""
+        return PointCloud.decode(self.points).xyz()
+
+
+def sweep_cloud(
+    name: str, points: bytes, truth: tuple[Mask, Mask] | None, depth_of_field: float | None = None
+) -> SweepCloud:
+    """Make a cloud of a sweep, with `CRITERION` where the truth is not known.
+
+    Args:
+        name: topic and number of the cloud.
+        points: the serialized PointCloud2.
+        truth: (H, W) the outliers, and (H, W) the points with a certain truth; None where not known.
+        depth_of_field: depth of field of a cloud from a stack, in the unit of the cloud.
+
+    Raises:
+        MessageError: the message is not an organized cloud.
+    """
+    if truth is not None:
+        return SweepCloud(name, points, *truth, has_truth=True, depth_of_field=depth_of_field)
+    xyz = PointCloud.decode(points).xyz()
+    outlier, counted = median_filter(xyz).outliers, measured_points(xyz)
+    return SweepCloud(name, points, outlier, counted, has_truth=False, depth_of_field=depth_of_field)
+
+
+CloudSource = Callable[[FocusSettings], Sequence[SweepCloud]]
+"""Gives the clouds of a sweep for the focus settings with which stacks become clouds."""
+
+
+class RecordedClouds:
+    """The clouds of a recording that a sweep filters; a `CloudSource` is its `load`.
+
+    Args:
+        recording: an MCAP file or a rosbag2 directory.
+        parameters: parameters that are not varied, by their full names.
+        topics: names of the topics of clouds; empty: all topics named `points`, and all focus stacks.
+        max_clouds: most clouds to load, spread evenly over the recording.
+
+    Attributes:
+        refused: number of refused clouds and frames of the last `load`, by reason.
+        damage: where the recording is damaged; None if it is intact.
+    """
+
+    def __init__(
+        self, recording: Path, parameters: Mapping[str, RosValue], topics: tuple[str, ...], max_clouds: int
+    ) -> None:
+        self.refused: Counter[str] = Counter()
+        self.damage: str | None = None
+        self._recording, self._parameters = recording, dict(parameters)
+        self._topics, self._max_clouds = topics, max_clouds
+
+    def load(self, focus: FocusSettings) -> Sequence[SweepCloud]:
+        """Read the clouds; stacks become clouds with `focus`.
+
+        Returns:
+            The clouds with a truth if there are any, otherwise all clouds, so that one score holds for all.
+
+        Raises:
+            RecordingError: the recording cannot be read, or it has no usable cloud.
+        """
+        self.refused.clear()
+        settings = PipelineSettings.from_ros(self._parameters | focus.to_ros())
+        with open_recording(self._recording) as reader:
+            truths = truths_of(reader)
+            events = named_clouds(source_clouds(reader, settings, topics=self._topics))
+            chosen = evenly_spread(self._not_refused(events), self._max_clouds)
+            self.damage = reader.damage
+
+        def with_truth(item: NamedCloud) -> SweepCloud | Refusal:
+            name, cloud = item
+            try:
+                truth = truths(cloud.namespace, cloud.points)
+                masks = None if truth is None else (truth.outlier, truth.counted)
+                return sweep_cloud(name, cloud.points, masks, cloud.depth_of_field)
+            except SocialCircleError as error:
+                return Refusal(str(error))
+
+        clouds = list(self._not_refused(in_order(with_truth, chosen)))
+        if not clouds:
+            reasons = ' '.join(self.refused) or self.damage or 'Its topics hold no message.'
+            raise RecordingError(f'{self._recording} has no cloud that can be filtered. {reasons}')
+        return [cloud for cloud in clouds if cloud.has_truth] or clouds
+
+    def _not_refused(self, items: Iterable[Item | Refusal]) -> Iterator[Item]:
+        for item in items:
+            if isinstance(item, Refusal):
+                self.refused[item.reason] += 1
+            else:
+                yield item
+
+
+def evenly_spread(items: Iterable[Item], count: int) -> list[Item]:
+    """Choose at most `count` items, spread evenly; at most twice as many are in memory at a time."""
+    kept: list[Item] = []
+    stride = 1
+    for number, item in enumerate(items):
+        if number % stride == 0:
+            kept.append(item)
+        if len(kept) > 2 * count:
+            kept, stride = kept[::2], 2 * stride
+    return [kept[place * len(kept) // count] for place in range(count)] if len(kept) > count else kept
+
+
+def cached(load: CloudSource) -> CloudSource:
+    """Keep the clouds of the last two focus settings in memory. Threads may call the result at the same time."""
+    lock = threading.Lock()
+    kept: dict[FocusSettings, Sequence[SweepCloud]] = {}
+
+    def clouds(focus: FocusSettings) -> Sequence[SweepCloud]:
+        with lock:
+            if focus not in kept:
+                while len(kept) > 1:
+                    del kept[next(iter(kept))]
+                kept[focus] = load(focus)
+            return kept[focus]
+
+    return clouds

@@ -1,0 +1,49 @@
+"""The result of a sweep."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .clouds import SweepCloud
+from .search_space import ParameterValues, SearchDimension
+from .trials import Trial
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult:
+    """The result of a sweep.
+
+    Attributes:
+        recording: name of the recording.
+        search_space: the varied parameters.
+        base: all parameters as given, by their full names.
+        trials: all trials in the order in which they finished.
+        best: the best trial.
+        given: the trial with the parameters as given.
+        clouds: the clouds as the best setting measures them.
+        resumed: how many of the trials came from an earlier, interrupted sweep.
+        refused: number of refused clouds and frames, by reason.
+        damage: where the recording is damaged; None if it is intact.
+    """
+
+    recording: str
+    search_space: Sequence[SearchDimension]
+    base: ParameterValues
+    trials: Sequence[Trial]
+    best: Trial
+    given: Trial
+    clouds: Sequence[SweepCloud]
+    resumed: int
+    refused: dict[str, int]
+    damage: str | None
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether the trials were scored against a truth, and not against the criterion."""
+        return self.clouds[0].has_truth
+
+    @property
+    def score_names(self) -> tuple[str, str, str]:
+        """Names of the score, the precision and the recall of a trial."""
+        if self.has_truth:
+            return 'F1', 'precision', 'recall'
+        return 'agreement', 'precision by criterion', 'recall by criterion'

@@ -1,0 +1,149 @@
+"""`run_sweep`: filter the same clouds with many settings, and write down which setting is best."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from socialcircle_ros.kernels.ordered import in_order
+from socialcircle_ros.report.page import prepare, save
+from socialcircle_ros.report.pictures import new_figure
+from socialcircle_ros.settings import (
+    CircleSettings,
+    FocusSettings,
+    RosValue,
+    Settings,
+    StackSettings,
+    yaml_text,
+)
+
+from .clouds import CloudSource, RecordedClouds, cached
+from .page import sweep_page, trials_table
+from .result import SweepResult
+from .search import Search
+from .search_space import ParameterValues, SearchDimension, check_search_space, grid
+from .trials import Trial, TrialFile, best_of, fingerprint_of, run_trial, untried
+
+PAGE, TABLE, BEST, TRIALS = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl'
+
+_GROUPS: tuple[type[Settings], ...] = (FocusSettings, StackSettings, CircleSettings)
+
+
+def run_sweep(
+    recording: str | Path,
+    search_space: Sequence[SearchDimension],
+    output: str | Path,
+    *,
+    parameters: Mapping[str, RosValue] | None = None,
+    search: int | None = None,
+    max_clouds: int = 10,
+    topics: Sequence[str] = (),
+    restart: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+    made_by: str = 'run_sweep()',
+) -> SweepResult:
+    """Filter the same clouds of a recording with many settings, and find the best setting.
+
+    Settings are scored by F1 against the truth where the recording holds one, otherwise by the criterion
+    `sweep.clouds.CRITERION`. The parameters as given are always tried as well. Several trials run at once.
+
+    Writes four files: `sweep.html`, a page with a chart, a table and pictures; `sweep.csv`, all trials;
+    `best.yaml`, the given parameters and the best values, for `--params-file`; `trials.jsonl`, the finished
+    trials. The same call with the same folder continues from `trials.jsonl` after an interruption.
+
+    Args:
+        recording: an MCAP file or a rosbag2 directory.
+        search_space: the parameters to vary, of the groups `circle` and `focus`.
+        output: the folder of the results; it is created.
+        parameters: parameters with other values than their defaults, by their full names. A value of a varied
+            parameter is the one that counts as given.
+        search: number of settings that Optuna chooses; None: all combinations of the search space.
+        max_clouds: most clouds to filter, spread evenly over the recording.
+        topics: names of the topics of clouds; empty: all topics named `points`, and all focus stacks.
+        restart: whether to delete the trials of an earlier sweep in the folder.
+        progress: called with the number of finished trials and the number of all trials.
+        made_by: the command or call that the page names.
+
+    Returns:
+        All trials, the best one, and what was refused.
+
+    Raises:
+        SettingError: a parameter cannot have a value, or the search space cannot be swept.
+        RecordingError: the recording cannot be read, or no cloud of it can be filtered.
+        SocialCircleError: matplotlib or Optuna is not installed, or the folder cannot be used.
+
+    Example:
+        >>> from socialcircle_ros import run_sweep
+        >>> from socialcircle_ros.sweep.search_space import Choice, Range
+        >>> result = run_sweep('bags/parts.mcap', [Choice('circle.radius_scale', [0.5, 1.0, 1.5])], 'out/sweep')
+        >>> result.best.values, result.best.score
+        >>> search_space = [Range('circle.radius_scale', 0.5, 3), Choice('circle.window', [3, 5])]
+        >>> result = run_sweep('bags/parts.mcap', search_space, 'out/search', search=20)
+    """
+    recording, output, parameters = Path(recording), Path(output), parameters or {}
+    check_search_space(search_space)
+    base = {name: value for group in _GROUPS for name, value in group.from_ros(parameters).to_ros().items()}
+    as_given = {dimension.name: base[dimension.name] for dimension in search_space}
+    wanted = [as_given, *(values for values in ([] if search else grid(search_space)) if values != as_given)]
+    if search:
+        Search(search_space, search, ())  # fails now where Optuna is missing, and not after the first trial
+    new_figure(1, 1)  # the same for matplotlib
+    prepare(output)
+    recorded = RecordedClouds(recording, base, tuple(topics), max_clouds)
+    clouds = cached(recorded.load)
+    fixed = {name: value for name, value in base.items() if name not in as_given}
+    fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
+    with TrialFile(output / TRIALS, fingerprint, restart=restart) as file:
+        resumed = len(file.trials)
+        _run_trials(file, base, clouds, wanted, search_space, search, progress)
+    best = best_of(file.trials)
+    result = SweepResult(
+        recording=recording.name,
+        search_space=search_space,
+        base=base,
+        trials=file.trials,
+        best=best,
+        given=next(trial for trial in file.trials if trial.values == as_given),
+        clouds=clouds(FocusSettings.from_ros(base | best.values)),
+        resumed=resumed,
+        refused=dict(recorded.refused),
+        damage=recorded.damage,
+    )
+    save(output / TABLE, trials_table(result).csv())
+    save(output / BEST, yaml_text({**parameters, **best.values}, whole=False))
+    save(output / PAGE, sweep_page(result, made_by))
+    return result
+
+
+def _run_trials(
+    file: TrialFile,
+    base: ParameterValues,
+    clouds: CloudSource,
+    wanted: Sequence[ParameterValues],
+    search_space: Sequence[SearchDimension],
+    search: int | None,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Run the trials that the file does not hold yet: first `wanted`, then those of a search."""
+    left = untried(wanted, file.trials)
+    done = len(file.trials) if search else len(wanted) - len(left)
+
+    def report() -> None:
+        if progress is not None:
+            progress(done, search or len(wanted))
+
+    def finish(trial: Trial) -> None:
+        nonlocal done
+        file.add(trial)
+        done += 1
+        report()
+
+    def trial_of(values: ParameterValues) -> Trial:
+        return run_trial(base, values, clouds)
+
+    report()
+    for trial in in_order(trial_of, left):
+        finish(trial)
+    if search:
+        study = Search(search_space, search, file.trials)
+        for trial in in_order(trial_of, study):
+            study.tell(trial)
+            finish(trial)

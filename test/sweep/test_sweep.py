@@ -1,0 +1,75 @@
+"""`run_sweep`, called as from a notebook."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+import socialcircle_ros
+from socialcircle_ros.errors import SettingError
+from socialcircle_ros.sweep.search_space import Choice, Range
+
+pytest.importorskip('matplotlib')
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+SPACE = [Choice('circle.radius_scale', [0.5, 1.5])]
+
+
+def test_a_notebook_gets_the_trials_and_the_files(tmp_path):
+    result = socialcircle_ros.run_sweep(
+        BAGS / 'padded.mcap', SPACE, tmp_path / 'new/sweep', parameters={'circle.window': 5}, made_by='my notebook'
+    )
+    assert sorted(trial.values['circle.radius_scale'] for trial in result.trials) == [0.5, 1.0, 1.5]
+    assert result.given.values == {'circle.radius_scale': 1.0}
+    assert result.best.score == max(trial.score for trial in result.trials)
+    assert result.has_truth
+    assert [cloud.name for cloud in result.clouds] == ['/points 0', '/points 1']
+    assert (result.resumed, result.refused, result.damage) == (0, {}, None)
+    best = yaml.safe_load((tmp_path / 'new/sweep/best.yaml').read_text())['/**']['ros__parameters']
+    assert best == {'circle.window': 5, **result.best.values}
+    assert 'Made by: my notebook' in (tmp_path / 'new/sweep/sweep.html').read_text()
+    assert {path.name for path in (tmp_path / 'new/sweep').iterdir()} == {
+        'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl',
+    }  # fmt: skip
+
+
+def test_progress_counts_the_trials_and_an_earlier_run_is_continued(tmp_path):
+    seen = []
+
+    def progress(done, total):
+        seen.append((done, total))
+
+    socialcircle_ros.run_sweep(BAGS / 'padded.mcap', SPACE, tmp_path, progress=progress)
+    assert seen == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    seen.clear()
+    more = [Choice('circle.radius_scale', [0.5, 1.5, 2.0])]
+    result = socialcircle_ros.run_sweep(str(BAGS / 'padded.mcap'), more, str(tmp_path), progress=progress)
+    assert seen == [(3, 4), (4, 4)]
+    assert (result.resumed, len(result.trials)) == (3, 4)
+    seen.clear()
+    socialcircle_ros.run_sweep(BAGS / 'padded.mcap', SPACE, tmp_path, progress=progress, restart=True)
+    assert seen[0] == (0, 3)
+
+
+def test_a_search_tries_the_given_number_of_settings(tmp_path):
+    pytest.importorskip('optuna')
+    space = [Range('circle.radius_scale', 0.5, 3)]
+    result = socialcircle_ros.run_sweep(BAGS / 'padded.mcap', space, tmp_path, search=5, max_clouds=1)
+    assert len(result.trials) == 5
+    assert len(result.clouds) == 1
+
+
+@pytest.mark.parametrize(
+    ('space', 'parameters', 'sentence'),
+    [
+        ([], {}, 'at least one parameter'),
+        ([*SPACE, *SPACE], {}, 'circle.radius_scale is given twice'),
+        ([Range('circle.radius_scale', 1, 2)], {}, 'has no step'),
+        (SPACE, {'circle.window': 4}, 'circle.window must be odd'),
+    ],
+)
+def test_a_bad_setting_is_refused_before_any_work(tmp_path, space, parameters, sentence):
+    with pytest.raises(SettingError) as caught:
+        socialcircle_ros.run_sweep('nowhere.mcap', space, tmp_path / 'out', parameters=parameters)
+    assert sentence in str(caught.value)
+    assert not (tmp_path / 'out').exists()
