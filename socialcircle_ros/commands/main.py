@@ -1,4 +1,4 @@
-"""`socialcircle`: the group of commands; each is loaded when it is called or listed."""
+"""`socialcircle`: the group of commands. A command is imported when it runs or when the help lists it."""
 
 import importlib
 import sys
@@ -21,10 +21,11 @@ COMMANDS = {
     'bench': 'bench',
     'experiment': 'experiment',
 }
+"""Name of each command, in the order of the help, to its module."""
 
 
 class _Commands(click.Group):
-    """Loads a command's module only when it is wanted."""
+    """Imports the module of a command only when it is needed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         return list(COMMANDS)
@@ -40,20 +41,27 @@ class _Commands(click.Group):
 @click.group(
     cls=_Commands,
     context_settings={'help_option_names': ['-h', '--help'], 'max_content_width': 110},
-    epilog='Start with: socialcircle demo',
+    epilog='Start with: socialcircle demo. A command explains itself: socialcircle filter --help',
 )
 @click.version_option(package_name='socialcircle_ros')
 def socialcircle() -> None:
-    """Remove the outliers of organized point clouds by the social circle method, live or from recordings.
+    """Remove the outliers of organized point clouds with the social circle method, live or from recordings.
 
-    A recording is an MCAP file or a rosbag2 directory; what is written here, `ros2 bag play` reads.
+    A recording is an MCAP file or a rosbag2 directory. `ros2 bag play` reads every recording that is written here.
     """
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command, of the command line unless given; an error is one sentence, and exit code 1."""
+    """Run a command. An error is one sentence on stderr.
+
+    Args:
+        arguments: the command and its arguments; None: those of the process.
+
+    Returns:
+        The exit code: 0 for success, 1 for an error, 2 for wrong arguments, 130 after Ctrl-C.
+    """
     try:
-        # Without standalone mode click gives the code of an Exit back instead of exiting.
+        # Outside of standalone mode click returns an exit code instead of ending the process.
         return int(socialcircle.main(arguments, standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()

@@ -1,23 +1,44 @@
 """`socialcircle simulate`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import click
+
+from .options import progress_bar
+
+if TYPE_CHECKING:
+    from socialcircle_ros.recording.writer import Compression
 
 
 @click.command('simulate', epilog='Example: socialcircle simulate steep_groove -o groove.mcap --seed 3')
 @click.argument('specimen', default='metal_groove')
 @click.option(
-    '-o', '--output', required=True, type=click.Path(path_type=Path), help='Where to: NAME.mcap, or a directory.'
+    '-o',
+    '--output',
+    required=True,
+    type=click.Path(path_type=Path),
+    help='Recording to write: NAME.mcap, or a directory.',
 )
-@click.option('--size', type=(int, int), default=(480, 640), show_default=True, metavar='ROWS COLUMNS')
-@click.option('--instrument', default='10x', show_default=True, help='5x, 10x, 20x or 50x.')
-@click.option('--frames', type=int, help='How many; default: as many as the surface asks for.')
-@click.option('--z-step', type=float, help='Between frames, µm; default: a quarter of the depth of field.')
-@click.option('--renderer', type=click.Choice(['layered', 'rays']), default='layered', show_default=True)
-@click.option('--seed', default=0, show_default=True, help='Of everything random.')
-@click.option('--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='zstd', show_default=True)
-@click.option('--overwrite', is_flag=True, help='Replace a recording that is there.')
+@click.option(
+    '--size', type=(int, int), default=(480, 640), show_default=True, metavar='ROWS COLUMNS',
+    help='Size of the frames, in pixels.',
+)  # fmt: skip
+@click.option('--instrument', default='10x', show_default=True, help='Objective: 5x, 10x, 20x or 50x.')
+@click.option('--frames', type=int, help='Number of frames. Default: as many as the surface needs.')
+@click.option(
+    '--z-step', type=float, help='Distance between two frames, in µm. Default: a quarter of the depth of field.'
+)
+@click.option(
+    '--renderer', type=click.Choice(['layered', 'rays']), default='layered', show_default=True,
+    help='rays is slower; it is for small fields with walls.',
+)  # fmt: skip
+@click.option('--seed', default=0, show_default=True, help='Seed of all random numbers.')
+@click.option(
+    '--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='zstd', show_default=True,
+    help='Compression of the recording.',
+)  # fmt: skip
+@click.option('--overwrite', is_flag=True, help='Replace an existing recording.')
 def command(
     specimen: str,
     output: Path,
@@ -25,53 +46,33 @@ def command(
     instrument: str,
     frames: int | None,
     z_step: float | None,
-    renderer: str,
+    renderer: Literal['layered', 'rays'],
     seed: int,
-    compression: str,
+    compression: 'Compression',
     overwrite: bool,
 ) -> None:
-    """Scan a virtual SPECIMEN with a virtual focus-variation microscope.
+    """Simulate the focus stack of a SPECIMEN with known truth.
 
     SPECIMEN is metal_groove, steep_groove, closed_groove, composite, flat, ball, steps, discs, pits or islands.
-    Writes a recording with frames, joint states and the truth, and beside it the parameters with which the node
-    measures it. Outliers come out of the physics: glints, darkness, steepness, lack of texture, noise.
+
+    Writes a recording with the frames, the stage positions and the truth. Writes beside it the parameters with
+    which the node measures the stack. Outliers follow from simulated physics: glints, darkness, steep slopes,
+    missing texture and camera noise.
     """
     if seed < 0:
         raise click.BadParameter('must not be negative.', param_hint='--seed')
-    from rich.console import Console
-    from rich.progress import Progress
-
-    from socialcircle_ros.errors import SocialCircleError
-    from socialcircle_ros.recording import RecordingWriter
-    from socialcircle_ros.recording.simulated import pitch_of, write_simulation
-    from socialcircle_ros.recording.stacks import node_parameters
-    from socialcircle_ros.settings import yaml_text
+    from socialcircle_ros.recording.create import record_simulation
     from socialcircle_ros.simulation import simulate
 
     rows, columns = size
     simulation = simulate(
-        specimen,
-        rows,
-        columns,
-        instrument=instrument,
-        frames=frames,
-        z_step=z_step,
-        renderer=renderer,  # type: ignore[arg-type]
-        seed=seed,
+        specimen, rows, columns, instrument=instrument, frames=frames, z_step=z_step, renderer=renderer, seed=seed
     )
-    with (
-        RecordingWriter(output, compression=compression, overwrite=overwrite) as writer,  # type: ignore[arg-type]
-        Progress(console=Console(stderr=True), transient=True) as progress,
-    ):
-        task = progress.add_task(f'scanning {specimen}', total=len(simulation))
-        write_simulation(simulation, writer, lambda done: progress.update(task, completed=done))
-    parameters = output.with_suffix('.yaml')
-    try:
-        values = node_parameters(len(simulation), *pitch_of(simulation))
-        parameters.write_text(yaml_text(values, whole=False), encoding='utf-8')
-    except OSError as error:
-        raise SocialCircleError(f'{parameters} cannot be written: {error.strerror}.') from None
+    with progress_bar(f'scanning {specimen}') as progress:
+        stack = record_simulation(
+            simulation, output, compression=compression, overwrite=overwrite, progress=progress
+        )
     click.echo(
-        f'{len(simulation)} frames of {rows}×{columns} pixels written to {output}, parameters to {parameters}.'
+        f'{stack.frames} frames of {rows}×{columns} pixels written to {output}, parameters to {stack.parameters}.'
     )
-    click.echo(f'Next: socialcircle filter {output} --params-file {parameters} -o cleaned.mcap')
+    click.echo(f'Next: socialcircle filter {output} --params-file {stack.parameters} -o cleaned.mcap')

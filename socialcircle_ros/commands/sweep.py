@@ -13,7 +13,8 @@ from .options import parameter_options, parameter_values, progress_bar, quantity
 @click.argument('recording', type=click.Path(path_type=Path))
 @click.option(
     '--param', 'params', multiple=True, required=True, metavar='NAME=VALUES',
-    help='Parameter to vary, and its values: LOW:HIGH:STEP, or VALUE,VALUE, or with --search LOW:HIGH.'
+    help='Parameter of circle or focus to vary, and its values: LOW:HIGH:STEP, or VALUE,VALUE, or with --search'
+    ' LOW:HIGH.'
     ' May be repeated.',
 )  # fmt: skip
 @click.option(
@@ -63,6 +64,8 @@ def command(
     trials.jsonl  finished trials; after an interruption the same command continues from here
 
     --params-file and -p set the parameters that are not varied.
+
+    Example of a search: socialcircle sweep bags/parts.mcap --param circle.radius_scale=0.5:3 --search 50
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.sweep.page import in_words
     from socialcircle_ros.sweep.search_space import parse_dimension

@@ -4,12 +4,14 @@ from pathlib import Path
 
 import pytest
 
+from socialcircle_ros import interface
 from socialcircle_ros.recording import open_recording
+from socialcircle_ros.settings import OutputSettings
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 
 
-def test_it_filters_and_says_what_it_found(run, tmp_path):
+def test_it_filters_and_prints_the_counts(run, tmp_path):
     done = run('filter', BAGS / 'parts.mcap', '-o', 'cleaned.mcap')
     assert done.code == 0, done.err
     assert '8 clouds filtered, ' in done.out
@@ -35,6 +37,12 @@ def test_parameters_come_from_a_file_and_from_the_command_line(run, tmp_path):
     assert ' 0 of 153600' not in both.out
 
 
+def test_the_help_names_the_topics_that_are_written_by_default(run):
+    text = run('filter', '--help').out
+    for topic in interface.outputs_of('paper', OutputSettings()):
+        assert f'\n  {topic.within("")[1:]} ' in text
+
+
 @pytest.mark.parametrize(
     ('arguments', 'sentence'),
     [
@@ -52,8 +60,8 @@ def test_parameters_come_from_a_file_and_from_the_command_line(run, tmp_path):
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--topic', '/nowhere'], 'has no topic /nowhere'),
     ],
 )
-def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, arguments, sentence):
-    (tmp_path / 'broken.mcap').write_bytes(b'this is no recording')
+def test_an_error_is_one_sentence_and_leaves_no_file(run, tmp_path, arguments, sentence):
+    (tmp_path / 'broken.mcap').write_bytes(b'not a recording')
     (tmp_path / 'there.mcap').write_bytes((BAGS / 'padded.mcap').read_bytes())
     (tmp_path / 'odd.yaml').write_text('circle: 1\n')
     (tmp_path / 'bad.yaml').write_text('circle: [1\n')
@@ -65,25 +73,25 @@ def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, argum
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_recording_of_which_no_cloud_could_be_filtered_fails(run):
+def test_a_recording_without_a_usable_cloud_is_an_error(run):
     done = run('filter', BAGS / 'stack.mcap', '-o', 'x.mcap')
     assert done.code == 1
     assert 'stack.pitch_x is not set' in done.err
 
 
-def test_a_circle_that_kept_less_than_half_is_told(run):
+def test_more_than_half_outliers_is_a_warning(run):
     done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.radius_scale:=0.4')
     assert done.code == 0
     assert 'That is more than half' in done.err
 
 
-def test_a_number_with_an_exponent_is_a_number(run):
+def test_a_number_may_have_an_exponent(run):
     done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.radius:=1e2')
     assert done.code == 0, done.err
     assert ' 0 of 153600' in done.out
 
 
-def test_a_recording_that_is_cut_off_is_filtered_up_to_there_with_a_warning(run, tmp_path):
+def test_a_damaged_recording_is_filtered_up_to_the_damage_with_a_warning(run, tmp_path):
     data = (BAGS / 'parts.mcap').read_bytes()
     (tmp_path / 'cut.mcap').write_bytes(data[: len(data) // 2])
     done = run('filter', 'cut.mcap', '-o', 'x.mcap')

@@ -12,7 +12,7 @@ def save(path, **changes):
     np.savez(path, **({'z': rng.random((5, 7)), 'dx': 2.0, 'dy': 3.0, 'texture': rng.random((5, 7))} | changes))
 
 
-def test_height_maps_become_clouds_in_the_order_given(run, tmp_path):
+def test_height_maps_become_clouds_in_the_given_order(run, tmp_path):
     for name in ('a', 'b'):
         save(tmp_path / f'{name}.npz')
     done = run('import', 'b.npz', 'a.npz', '-o', 'parts.mcap', '--topic', '/cell/points', '--period', '0.5')
@@ -37,13 +37,13 @@ def test_height_maps_become_clouds_in_the_order_given(run, tmp_path):
         (
             ['good.npz', '-o', 'x.mcap', '--pitch', '1e-6'],
             1,
-            '--pitch and --z-step are for focus stacks, and good.npz',
+            '--pitch and --z-step are for focus stacks, and good.npz is not one',
         ),
         (['nowhere.npz', '-o', 'x.mcap', '--pitch', '1e-6'], 1, 'nowhere.npz does not exist'),
         (['-o', 'x.mcap'], 2, 'Missing argument'),
     ],
 )
-def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, arguments, code, sentence):
+def test_an_error_is_one_sentence_and_leaves_no_recording(run, tmp_path, arguments, code, sentence):
     save(tmp_path / 'good.npz')
     (tmp_path / 'cut.npz').write_bytes((tmp_path / 'good.npz').read_bytes()[:99])
     (tmp_path / 'notes.txt').write_text('hello')

@@ -8,7 +8,7 @@ import pytest
 from socialcircle_ros.commands.main import COMMANDS
 
 
-def test_help_lists_every_command_with_a_sentence(run):
+def test_help_lists_every_command(run):
     done = run('--help')
     assert done.code == 0
     for name in COMMANDS:
@@ -16,19 +16,19 @@ def test_help_lists_every_command_with_a_sentence(run):
 
 
 @pytest.mark.parametrize('name', COMMANDS)
-def test_every_command_teaches_with_an_example(run, name):
+def test_the_help_of_every_command_has_an_example(run, name):
     done = run(name, '--help')
     assert done.code == 0
     assert f'socialcircle {name}' in done.out.split('Options:')[-1] or 'Example:' in done.out
 
 
-def test_a_command_that_is_not_there_is_told(run):
+def test_an_unknown_command_is_refused(run):
     done = run('polish')
     assert done.code == 2
     assert "No such command 'polish'" in done.err
 
 
-def test_help_loads_neither_the_compiler_nor_ros():
+def test_help_imports_neither_numpy_nor_the_compiler_nor_ros():
     program = (
         'import sys\nfrom socialcircle_ros.commands import main\n'
         'sys.argv = ["socialcircle", "--help"]\nmain.main()\n'
@@ -40,7 +40,7 @@ def test_help_loads_neither_the_compiler_nor_ros():
 
 
 @pytest.mark.parametrize('name', ['node', 'tune', 'play', 'record', 'demo'])
-def test_a_command_that_needs_ros_says_so_where_there_is_none(name, tmp_path):
+def test_a_command_that_needs_ros_says_how_to_install_it(name, tmp_path):
     arguments = {'play': ['x.mcap'], 'record': ['-o', 'x.mcap']}.get(name, [])
     program = (
         'import sys\nfor name in ("rclpy", "sensor_msgs"): sys.modules[name] = None\n'
@@ -55,7 +55,7 @@ def test_a_command_that_needs_ros_says_so_where_there_is_none(name, tmp_path):
     assert 'Traceback' not in done.stderr
 
 
-def test_the_page_says_what_to_install_where_viser_is_missing(tmp_path):
+def test_tune_says_how_to_install_viser(tmp_path):
     pytest.importorskip('rclpy', reason='the command needs ROS 2')
     program = (
         'import sys\nsys.modules["viser"] = None\nsys.argv = ["socialcircle", "tune"]\n'

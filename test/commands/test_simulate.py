@@ -1,4 +1,4 @@
-"""`socialcircle simulate`, and stacks through import and filter."""
+"""`socialcircle simulate`, and focus stacks through `import` and `filter`."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_a_simulated_stack_is_filtered_with_the_parameters_beside_it(run, tmp_pa
     assert np.nanmedian(np.abs(depth - truth)) < 0.5e-6
 
 
-def test_a_stack_that_was_cut_short_is_told(run, tmp_path):
+def test_an_incomplete_stack_is_a_warning(run, tmp_path):
     run('simulate', 'flat', '-o', 'flat.mcap', '--size', '40', '50', '--frames', '20', '--seed', '2')
     given = ('flat.mcap', '--params-file', 'flat.yaml', '-p', 'stack.frames:=25')
     filtered = run('filter', *given, '-o', 'cleaned.mcap')
@@ -42,7 +42,7 @@ def test_the_same_seed_gives_the_same_recording(run, tmp_path):
     assert contents(tmp_path / 'a.mcap') == contents(tmp_path / 'b.mcap')
 
 
-def test_a_real_or_imported_stack_needs_its_pitch_and_step(run, tmp_path):
+def test_an_imported_stack_needs_its_pitch_and_step(run, tmp_path):
     frames = np.random.default_rng(0).integers(0, 255, (5, 20, 30), np.uint8)
     np.savez(tmp_path / 's.npz', frames=frames, z=np.arange(5))
     refused = run('import', 's.npz', '-o', 's.mcap')
@@ -66,7 +66,7 @@ def test_a_real_or_imported_stack_needs_its_pitch_and_step(run, tmp_path):
         (['flat', '-o', 'no/folder/x.mcap', '--frames', '3'], 1, 'no/folder'),
     ],
 )
-def test_an_error_is_one_sentence_and_leaves_nothing_behind(run, tmp_path, arguments, code, sentence):
+def test_an_error_is_one_sentence_and_leaves_no_file(run, tmp_path, arguments, code, sentence):
     done = run('simulate', *arguments)
     assert done.code == code
     assert sentence in done.err

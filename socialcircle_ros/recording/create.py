@@ -1,0 +1,161 @@
+"""New recordings from measurement files and from simulated stacks."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from socialcircle_ros.errors import ImportFileError, SettingError, SocialCircleError
+from socialcircle_ros.messages import point_cloud
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.settings import RosValue, yaml_text
+from socialcircle_ros.simulation import Simulation
+
+from .importers import ImportedCloud, import_cloud
+from .simulated import pitch_of, write_simulation
+from .stacks import add_stack_topics, import_stack, node_parameters, write_frame, write_joint_state
+from .topics import ros_topic
+from .writer import Compression, RecordingWriter
+
+_FRAMES_PER_PERIOD = 50
+
+
+class StackRecording(NamedTuple):
+    """A recording of one focus stack that was written.
+
+    Attributes:
+        frames: number of frames.
+        parameters: the parameter file with which the node measures the stack.
+    """
+
+    frames: int
+    parameters: Path
+
+
+def record_clouds(
+    files: Sequence[str | Path],
+    output: str | Path,
+    *,
+    topic: str = '/points',
+    frame_id: str = 'microscope',
+    period_s: float = 1.0,
+    shape: tuple[int, int] | None = None,
+    overwrite: bool = False,
+    written: Callable[[Path, ImportedCloud], None] | None = None,
+) -> None:
+    """Write a recording with one cloud per measurement file.
+
+    Args:
+        files: `.npz` height maps, and organized `.ply` or `.pcd` clouds, in the order of the recording.
+        output: a name that ends in `.mcap`, or a directory.
+        topic: topic of the clouds.
+        frame_id: frame of the clouds.
+        period_s: time between two clouds; the first stamp is one period.
+        shape: (rows, columns) of PLY and PCD files that do not state it.
+        overwrite: whether to replace an existing recording.
+        written: called with each file and its cloud.
+
+    Raises:
+        SettingError: the period is not above 0.
+        ImportFileError: a file cannot be used.
+        RecordingError: the recording cannot be written.
+    """
+    if not period_s > 0:
+        raise SettingError(f'The period must be above 0 s, not {period_s}.')
+    with RecordingWriter(output, overwrite=overwrite) as writer:
+        for number, path in enumerate(map(Path, files)):
+            cloud = import_cloud(path, shape=shape)
+            write_cloud(writer, topic, cloud, stamp=int((number + 1) * period_s * 1e9), frame_id=frame_id)
+            if written is not None:
+                written(path, cloud)
+
+
+def write_cloud(writer: RecordingWriter, topic: str, cloud: ImportedCloud, *, stamp: int, frame_id: str) -> None:
+    """Write an imported cloud as a PointCloud2, with the stamp in ns also as its log time."""
+    writer.add_topic(ros_topic(topic, point_cloud.TYPE))
+    message = point_cloud.encode_point_cloud(Header.at(stamp, frame_id), cloud.points, cloud.fields)
+    writer.write(topic, message, stamp)
+
+
+def record_stack(
+    path: str | Path,
+    output: str | Path,
+    *,
+    pitch: float | None,
+    z_step: float | None,
+    period_s: float = 1.0,
+    overwrite: bool = False,
+) -> StackRecording:
+    """Write a recording of one focus stack, and beside it the parameters that measure it.
+
+    Args:
+        path: an `.npz` archive with `frames` (N, rows, columns) and `z` (N,), or a folder of images.
+        output: a name that ends in `.mcap`, or a directory. The parameter file has the same name with `.yaml`.
+        pitch: distance of two pixels on the part, in m.
+        z_step: length of one unit of the stack's z, in m; negative if z points away from the objective.
+        period_s: time of 50 frames.
+        overwrite: whether to replace an existing recording.
+
+    Raises:
+        ImportFileError: the stack cannot be used, or its pitch or step is missing.
+        RecordingError: the recording cannot be written.
+        SocialCircleError: the parameter file cannot be written.
+    """
+    path = Path(path)
+    if not pitch or not z_step or pitch < 0:
+        raise ImportFileError(f'{path} is a focus stack: give --pitch and --z-step in metres, such as 1e-6.')
+    stack = import_stack(path)
+    with RecordingWriter(output, compression='zstd', overwrite=overwrite) as writer:
+        add_stack_topics(writer)
+        shape = None
+        for number, (z, pixels) in enumerate(zip(stack.z, stack.frames(), strict=True)):
+            if shape is not None and pixels.shape != shape:
+                raise ImportFileError(
+                    f'{path}: frame {number} has the shape {pixels.shape}, the frames before it have {shape}.'
+                )
+            shape = pixels.shape
+            stamp = int((number + 1) * period_s * 1e9 / _FRAMES_PER_PERIOD)
+            write_joint_state(writer, stamp, float(z) * z_step)
+            write_frame(writer, stamp, pixels)
+    parameters = _write_parameters(output, node_parameters(len(stack.z), pitch, pitch))
+    return StackRecording(len(stack.z), parameters)
+
+
+def record_simulation(
+    simulation: Simulation,
+    output: str | Path,
+    *,
+    compression: Compression = 'zstd',
+    overwrite: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> StackRecording:
+    """Write a recording of a simulated focus stack with its truth, and beside it the parameters that measure it.
+
+    Args:
+        simulation: the stack; its frames are rendered while they are written.
+        output: a name that ends in `.mcap`, or a directory. The parameter file has the same name with `.yaml`.
+        compression: compression of the recording's chunks.
+        overwrite: whether to replace an existing recording.
+        progress: called with the number of written frames and the number of all frames.
+
+    Raises:
+        RecordingError: the recording cannot be written.
+        SocialCircleError: the parameter file cannot be written.
+    """
+    total = len(simulation)
+
+    def done(frames: int) -> None:
+        if progress is not None:
+            progress(frames, total)
+
+    with RecordingWriter(output, compression=compression, overwrite=overwrite) as writer:
+        write_simulation(simulation, writer, done)
+    return StackRecording(total, _write_parameters(output, node_parameters(total, *pitch_of(simulation))))
+
+
+def _write_parameters(recording: str | Path, values: Mapping[str, RosValue]) -> Path:
+    path = Path(recording).with_suffix('.yaml')
+    try:
+        path.write_text(yaml_text(values, whole=False), encoding='utf-8')
+    except OSError as error:
+        raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
+    return path

@@ -1,0 +1,93 @@
+"""New recordings from measurement files and simulations."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros.errors import ImportFileError, SettingError, SocialCircleError
+from socialcircle_ros.messages.image import Image
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.create import record_clouds, record_simulation, record_stack
+from socialcircle_ros.settings import PipelineSettings
+from socialcircle_ros.settings.files import read_parameter_file
+from socialcircle_ros.simulation import simulate
+
+FRAMES = np.random.default_rng(0).integers(0, 255, (4, 5, 6), np.uint8)
+
+
+def messages_of(path):
+    with open_recording(path) as reader:
+        return list(reader.messages())
+
+
+def test_clouds_follow_in_the_order_of_the_files(tmp_path):
+    for number, name in enumerate('ab'):
+        np.savez(tmp_path / f'{name}.npz', z=np.full((3, 4), float(number)), dx=1.0, dy=1.0)
+    seen = []
+    record_clouds(
+        [tmp_path / 'b.npz', str(tmp_path / 'a.npz')],
+        tmp_path / 'parts.mcap',
+        topic='/cell/points',
+        period_s=0.5,
+        written=lambda path, cloud: seen.append((path.name, cloud.unit)),
+    )
+    messages = messages_of(tmp_path / 'parts.mcap')
+    assert [(message.topic, message.log_time) for message in messages] == [
+        ('/cell/points', 500_000_000), ('/cell/points', 1_000_000_000),
+    ]  # fmt: skip
+    assert [PointCloud.decode(message.data).xyz()[0, 0, 2] for message in messages] == [1.0, 0.0]
+    assert PointCloud.decode(messages[0].data).header.frame_id == 'microscope'
+    assert seen == [('b.npz', 'um'), ('a.npz', 'um')]
+
+
+def test_a_period_that_is_not_above_0_is_refused(tmp_path):
+    with pytest.raises(SettingError, match='must be above 0 s'):
+        record_clouds(['a.npz'], tmp_path / 'x.mcap', period_s=0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_stack_is_recorded_with_the_parameters_that_measure_it(tmp_path):
+    np.savez(tmp_path / 's.npz', frames=FRAMES, z=np.arange(4))
+    written = record_stack(tmp_path / 's.npz', tmp_path / 's.mcap', pitch=2e-6, z_step=1e-5)
+    assert written == (4, tmp_path / 's.yaml')
+    frames = [message for message in messages_of(tmp_path / 's.mcap') if message.topic == '/stack/image']
+    assert [message.log_time for message in frames] == [20_000_000, 40_000_000, 60_000_000, 80_000_000]
+    np.testing.assert_array_equal([Image.decode(message.data).pixels() for message in frames], FRAMES)
+    settings = PipelineSettings.from_ros(read_parameter_file(written.parameters))
+    assert (settings.stack.pitch_x, settings.stack.frames, settings.stack.z_source) == (2e-6, 4, 'joint_states')
+
+
+@pytest.mark.parametrize('lengths', [{'pitch': None, 'z_step': 1e-6}, {'pitch': 1e-6, 'z_step': 0.0}])
+def test_a_stack_without_its_pitch_or_step_is_refused(tmp_path, lengths):
+    np.savez(tmp_path / 's.npz', frames=FRAMES, z=np.arange(4))
+    with pytest.raises(ImportFileError, match='give --pitch and --z-step in metres'):
+        record_stack(tmp_path / 's.npz', tmp_path / 's.mcap', **lengths)
+    assert not (tmp_path / 's.mcap').exists()
+
+
+def test_frames_of_different_shapes_are_refused(tmp_path):
+    pillow = pytest.importorskip('PIL.Image')
+    (tmp_path / 'frames').mkdir()
+    for number, frame in enumerate((FRAMES[0], FRAMES[1], FRAMES[2, :4])):
+        pillow.fromarray(frame).save(tmp_path / 'frames' / f'{number}.png')
+    with pytest.raises(
+        ImportFileError, match=r'frame 2 has the shape \(4, 6\), the frames before it have \(5, 6\)'
+    ):
+        record_stack(tmp_path / 'frames', tmp_path / 's.mcap', pitch=1e-6, z_step=1e-6)
+
+
+def test_a_simulation_is_recorded_with_its_parameters(tmp_path):
+    simulation, seen = simulate('flat', 20, 30, frames=5, seed=3), []
+    written = record_simulation(
+        simulation, tmp_path / 's.mcap', progress=lambda done, total: seen.append((done, total))
+    )
+    assert written == (5, tmp_path / 's.yaml')
+    assert seen == [(number, 5) for number in range(1, 6)]
+    topics = {message.topic for message in messages_of(tmp_path / 's.mcap')}
+    assert topics == {'/stack/image', '/stack/joint_states', '/truth/surface', '/truth/description'}
+
+
+def test_a_parameter_file_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / 's.yaml').mkdir()
+    with pytest.raises(SocialCircleError, match=r's\.yaml cannot be written'):
+        record_simulation(simulate('flat', 20, 30, frames=3), tmp_path / 's.mcap')
