@@ -85,7 +85,7 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
         (['record', '-o', 'no/folder/x.mcap'], 1, 'no/folder'),
         (['demo', 'nowhere.npz'], 1, 'nowhere.npz does not exist'),
         (['demo', 'nowhere.mcap'], 1, 'nowhere.mcap'),
-        (['demo', '-o', '/proc/demo'], 1, '/proc/demo cannot be made'),
+        (['demo', '-o', '/proc/demo'], 1, '/proc/demo cannot be written'),
         (['node', '--ros-args', '-p', 'circle.window:=4'], 1, 'circle.window'),
         (['node', 'circle.window:=5'], 2, 'arguments for ROS follow --ros-args'),
         (['node', '--ros-args', '--params-file', 'nowhere.yaml'], 1, 'nowhere.yaml'),
@@ -122,7 +122,7 @@ def test_a_topic_without_messages_is_reported(run):
     assert 'No message came on /nowhere' in done.err
 
 
-def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
+def test_the_demo_prints_a_table_and_names_the_files_that_it_wrote(run, tmp_path):
     done = run('demo', timeout=300)
     assert done.code == 0, done.err
     for name in ('metal_groove', 'parts', 'padded', 'stack'):
@@ -147,7 +147,7 @@ def test_the_demo_shows_the_node_at_work_and_names_what_it_wrote(run, tmp_path):
     assert len(messages) == 4
 
 
-def test_the_demo_takes_a_measurement_file(run, tmp_path):
+def test_the_demo_plays_a_measurement_file(run, tmp_path):
     import numpy as np
 
     z = np.random.default_rng(0).random((80, 90))
@@ -160,7 +160,7 @@ def test_the_demo_takes_a_measurement_file(run, tmp_path):
     assert np.isnan(PointCloud.decode(filtered).xyz()[40, 40]).all()
 
 
-def test_the_demo_has_no_times_for_steps_that_the_mode_does_not_have(run, tmp_path):
+def test_the_demo_leaves_out_the_times_of_stages_that_the_mode_does_not_have(run, tmp_path):
     with RecordingWriter(tmp_path / 'one.mcap') as writer:
         writer.add_topic(ros_topic('/points', CLOUD))
         writer.write('/points', cloud(40, 50), 1)
@@ -171,7 +171,7 @@ def test_the_demo_has_no_times_for_steps_that_the_mode_does_not_have(run, tmp_pa
     assert 'one 0' in done.out
 
 
-def test_the_demo_goes_on_after_a_cloud_that_is_refused(run, tmp_path):
+def test_the_demo_continues_after_a_refused_cloud(run, tmp_path):
     with RecordingWriter(tmp_path / 'mixed.mcap') as writer:
         writer.add_topic(ros_topic('/points', CLOUD))
         writer.write('/points', cloud(1, 9), 1)
@@ -208,7 +208,7 @@ def test_ctrl_c_ends_a_replay_in_a_loop(tmp_path):
     assert 'Traceback' not in player.output[1]
 
 
-def test_the_demo_says_why_a_stack_becomes_no_cloud(run):
+def test_the_demo_names_the_reason_why_a_stack_was_refused(run):
     done = run('demo', BAGS / 'stack.mcap')
     assert done.code == 0, done.err
     assert 'stack (stack) was refused: A frame was refused: stack.pitch_x is not set' in done.err

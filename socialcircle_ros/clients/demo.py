@@ -1,0 +1,270 @@
+"""The demo: the node in its own process, and recordings that are played into it over DDS."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from socialcircle_ros import interface
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.interface import STAGE_TIME, MeasurementValues
+from socialcircle_ros.messages.image import OUTLIER, decode_mono8
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.metrics.scores import Scores, score
+from socialcircle_ros.recording import RecordingReader, RecordingWriter, import_cloud, open_recording, ros_topic
+from socialcircle_ros.recording.create import write_cloud
+from socialcircle_ros.recording.offline import clouds_of, stacks_of
+from socialcircle_ros.recording.truth import truths_of
+from socialcircle_ros.report.pictures import before_and_after
+
+from .process import Answer, Client, NodeProcess
+
+NAMESPACE = '/socialcircle_demo'
+"""Namespace of the demo's node; no cell uses it."""
+
+SHIPPED = ('metal_groove.mcap', 'parts.mcap', 'padded.mcap', 'stack.mcap')
+"""Recordings of the package, with known truth."""
+
+STAGES = ('vote', 'radius', 'expansion', 'total')
+"""Stages of the node whose times the demo shows."""
+
+_STACK_PARAMETERS = 'stack.yaml'
+_START_TIMEOUT_S = 180.0
+_COMPILE_TIMEOUT_S = 120.0  # for the first cloud in another mode, which may compile
+_LISTENER_TIMEOUT_S = 30.0
+
+
+@dataclass(frozen=True)
+class DemoCloud:
+    """What the node made of one cloud.
+
+    Attributes:
+        name: recording and number of the cloud, such as `parts 3`.
+        measurement: counts, seed and radius.
+        times_ms: time of each of `STAGES`; a mode does not have all of them.
+        latency_ms: time from the publication of the cloud, or of the last frame, to the filtered cloud.
+        scores: scores against the truth; None where it is not known.
+    """
+
+    name: str
+    measurement: MeasurementValues
+    times_ms: Mapping[str, float]
+    latency_ms: float
+    scores: Scores | None
+
+
+@dataclass(frozen=True)
+class RefusedCloud:
+    """A cloud that the node refused, and the reason."""
+
+    name: str
+    reason: str
+
+
+@dataclass
+class Demo:
+    """What the demo did.
+
+    Attributes:
+        clouds: the filtered and the refused clouds, in their order.
+        written: the recordings and pictures that were written.
+        damage: one sentence per damaged recording.
+    """
+
+    clouds: list[DemoCloud | RefusedCloud] = field(default_factory=list)
+    written: list[Path] = field(default_factory=list)
+    damage: list[str] = field(default_factory=list)
+
+
+def run_demo(
+    files: Sequence[Path],
+    output: Path,
+    *,
+    params_file: Path | None = None,
+    status: Callable[[str], None] = lambda text: None,
+) -> Demo:
+    """Start the node, play recordings into it, and write and draw the results.
+
+    Args:
+        files: recordings, or `.npz`, `.ply` and `.pcd` measurements; empty: the recordings of the package.
+        output: an existing folder for the results and the node's log.
+        params_file: parameters of the node; None: the defaults, or those of the shipped stack if `files` is empty.
+        status: called with a sentence before each step.
+
+    Raises:
+        SocialCircleError: a file cannot be read, the node does not start, or matplotlib is not installed.
+    """
+    recordings = [_as_recording(path, output) for path in files or shipped_recordings()]
+    if params_file is None and not files:
+        params_file = _shared_folder('bags') / _STACK_PARAMETERS
+    arguments = () if params_file is None else ('--params-file', str(params_file))
+    demo = Demo()
+    status('Starting the node. The first start compiles the filter, which takes about 20 s.')
+    with NodeProcess(NAMESPACE, output / 'node.log', arguments=arguments) as process, Client(NAMESPACE) as client:
+        client.wait_for_node(process, _START_TIMEOUT_S)
+        for recording in recordings:
+            status(f'Playing {recording.name} into the node.')
+            play_recording(recording, client, output, demo)
+    return demo
+
+
+def play_recording(recording: Path, client: Client, output: Path, demo: Demo) -> None:
+    """Play one recording into a node, one cloud and one stack at a time.
+
+    Writes the filtered recording, and a picture of the first cloud.
+
+    Args:
+        recording: an MCAP file or a rosbag2 directory.
+        client: a client of the node.
+        output: the folder of the results.
+        demo: takes up the results.
+    """
+    filtered = output / f'{recording.stem}_cleaned.mcap'
+    with (
+        open_recording(recording) as reader,
+        RecordingWriter(filtered, compression='zstd', overwrite=True, source=recording) as writer,
+    ):
+        demo.written.append(filtered)
+        session = _Session(recording.stem, reader, writer, client, output, demo)
+        for topic in clouds_of(reader):
+            session.play_clouds(topic)
+        for namespace in stacks_of(reader):
+            session.play_stack(namespace)
+        if reader.damage:
+            demo.damage.append(reader.damage)
+
+
+class _Session:
+    """Plays the topics of one recording, and passes the results on."""
+
+    def __init__(
+        self,
+        name: str,
+        reader: RecordingReader,
+        writer: RecordingWriter,
+        client: Client,
+        output: Path,
+        demo: Demo,
+    ) -> None:
+        self._name, self._reader, self._writer = name, reader, writer
+        self._client, self._output, self._demo = client, output, demo
+        self._truths = truths_of(reader)
+        self._drawn = False
+
+    def play_clouds(self, topic: str) -> None:
+        self._writer.add_topic(self._reader.topics[topic])
+        for number, message in enumerate(self._reader.messages([topic])):
+            self._writer.write(*message)
+            name = f'{self._name} {number}'
+            try:
+                answer = self._client.clean(message.data)
+            except SocialCircleError as error:
+                self._demo.clouds.append(RefusedCloud(name, str(error)))
+                continue
+            self._take(name, topic.rpartition('/')[0], message.log_time, message.data, answer)
+
+    def play_stack(self, namespace: str) -> None:
+        name = f'{self._name} (stack)'
+        inputs = (interface.STACK_FRAMES, interface.STACK_JOINT_STATES)
+        topics = [topic.within(namespace) for topic in inputs if topic.within(namespace) in self._reader.topics]
+        player = self._client.player([self._reader.topics[topic] for topic in topics])
+        player.wait_for_listeners(topics, _LISTENER_TIMEOUT_S)
+        messages = list(self._reader.messages(topics))
+        try:
+            answer = self._client.measure(player, messages)
+        except SocialCircleError as error:
+            self._demo.clouds.append(RefusedCloud(name, str(error)))
+            return
+        cloud = answer.stack_points or b''
+        self._take(name, namespace, messages[-1].log_time, cloud, answer)
+        if answer.measurement.values['circle.mode'] == 'paper':
+            self._repeat_adaptive(namespace, cloud)
+
+    def _repeat_adaptive(self, namespace: str, cloud: bytes) -> None:
+        """Filter the node's last cloud again in the adaptive mode, as a change of the parameter does."""
+        name = '… adaptive'
+        try:
+            # Twice, because the first change compiles the adaptive mode, which its time should not contain.
+            for _ in range(2):
+                answer = self._client.change('circle.mode', 'adaptive', _COMPILE_TIMEOUT_S)
+                self._client.change('circle.mode', 'paper')
+        except SocialCircleError as error:
+            self._demo.clouds.append(RefusedCloud(name, str(error)))
+            return
+        self._demo.clouds.append(self._described(name, namespace, cloud, answer))
+        self._draw(f'{self._name}_adaptive.png', f'{self._name}, adaptive', cloud, answer)
+
+    def _take(self, name: str, namespace: str, log_time: int, cloud: bytes, answer: Answer) -> None:
+        """Write, describe and (for the first cloud) draw what the node published."""
+        for topic, data in _published(answer):
+            full_name = topic.within(namespace)
+            self._writer.add_topic(ros_topic(full_name, topic.type))
+            self._writer.write(full_name, data, log_time)
+        self._demo.clouds.append(self._described(name, namespace, cloud, answer))
+        if not self._drawn:
+            self._draw(f'{self._name}.png', self._name, cloud, answer)
+            self._drawn = True
+
+    def _described(self, name: str, namespace: str, cloud: bytes, answer: Answer) -> DemoCloud:
+        truth = self._truths(namespace, cloud)
+        scores = None
+        if truth is not None:
+            scores = score(decode_mono8(answer.mask) == OUTLIER, truth.outlier, truth.counted)
+        values = answer.measurement.values
+        keys = {stage: STAGE_TIME.format(stage=stage) for stage in STAGES}
+        return DemoCloud(
+            name=name,
+            measurement=MeasurementValues.from_text(values),
+            times_ms={stage: float(values[key]) for stage, key in keys.items() if key in values},
+            latency_ms=1e3 * answer.latency,
+            scores=scores,
+        )
+
+    def _draw(self, file: str, name: str, cloud: bytes, answer: Answer) -> None:
+        xyz = PointCloud.decode(cloud).xyz()
+        outliers = decode_mono8(answer.mask) == OUTLIER
+        before_and_after(self._output / file, xyz, outliers, f'{name}: {answer.measurement.message}')
+        self._demo.written.append(self._output / file)
+
+
+def _published(answer: Answer) -> Iterator[tuple[interface.NodeTopic, bytes]]:
+    yield interface.FILTERED, answer.filtered
+    yield interface.MASK, answer.mask
+    yield interface.MEASUREMENT, answer.measurement.encode()
+    if answer.stack_points is not None:
+        yield interface.STACK_POINTS, answer.stack_points
+    if answer.stack_image is not None:
+        yield interface.STACK_IMAGE, answer.stack_image
+
+
+def shipped_recordings() -> list[Path]:
+    """The recordings of the package.
+
+    Raises:
+        SocialCircleError: they are not installed.
+    """
+    return [_shared_folder('bags') / name for name in SHIPPED]
+
+
+def _shared_folder(name: str) -> Path:
+    """A folder of the package: of the checkout, or of an installation under share/."""
+    prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
+    places = [Path(__file__).resolve().parents[2] / name]
+    places += [Path(prefix) / 'share/socialcircle_ros' / name for prefix in prefixes if prefix]
+    for place in places:
+        if (place / SHIPPED[0]).is_file():
+            return place
+    raise SocialCircleError('The recordings of the package are not installed here; give a recording of your own.')
+
+
+def _as_recording(path: Path, output: Path) -> Path:
+    """The recording itself, or a new recording of a measurement file."""
+    if path.is_dir() or path.suffix == '.mcap':
+        return path
+    cloud = import_cloud(path)
+    recording = output / f'{path.stem}.mcap'
+    frame_id = f'{path.stem} [{cloud.unit}]' if cloud.unit else path.stem
+    with RecordingWriter(recording, overwrite=True) as writer:
+        write_cloud(writer, interface.POINTS.within(''), cloud, stamp=1_000_000_000, frame_id=frame_id)
+    return recording

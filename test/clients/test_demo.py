@@ -1,0 +1,87 @@
+"""The demo without its node: a stand-in filters the clouds in this process."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='the demo needs ROS 2')
+pytest.importorskip('matplotlib')
+
+from examples import cloud
+
+from socialcircle_ros.clients.demo import Demo, DemoCloud, RefusedCloud, _as_recording, play_recording
+from socialcircle_ros.clients.process import Answer
+from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.pipeline.clouds import filter_cloud
+from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+
+
+class StandIn:
+    """A client whose node is the offline filter."""
+
+    def clean(self, message):
+        found = filter_cloud(message)
+        return Answer(found.filtered, found.mask, found.measurement, 0.25, None, None)
+
+
+def played(recording, output):
+    demo = Demo()
+    play_recording(recording, StandIn(), output, demo)
+    return demo
+
+
+def test_each_cloud_is_described_and_compared_with_the_truth(tmp_path):
+    demo = played(BAGS / 'padded.mcap', tmp_path)
+    assert [found.name for found in demo.clouds] == ['padded 0', 'padded 1']
+    for found in demo.clouds:
+        assert isinstance(found, DemoCloud)
+        assert found.measurement.points == 10800
+        assert found.latency_ms == 250.0
+        assert set(found.times_ms) == {'vote', 'radius', 'expansion', 'total'}
+        assert found.scores.recall > 0.99
+
+
+def test_the_results_are_written_and_the_first_cloud_is_drawn(tmp_path):
+    demo = played(BAGS / 'padded.mcap', tmp_path)
+    assert demo.written == [tmp_path / 'padded_cleaned.mcap', tmp_path / 'padded.png']
+    assert demo.written[1].stat().st_size > 10_000
+    with open_recording(demo.written[0]) as reader:
+        topics = [message.topic for message in reader.messages()]
+    each = ['/points', '/points_filtered', '/outlier_mask', '/social_circle/measurement']
+    assert sorted(topics) == sorted(2 * each)
+
+
+def test_a_refused_cloud_is_named_with_the_reason_and_the_next_one_is_drawn(tmp_path):
+    with RecordingWriter(tmp_path / 'mixed.mcap') as writer:
+        writer.add_topic(ros_topic('/points', CLOUD))
+        writer.write('/points', cloud(1, 9), 1)
+        writer.write('/points', cloud(), 2)
+    refused, found = played(tmp_path / 'mixed.mcap', tmp_path).clouds
+    assert isinstance(refused, RefusedCloud)
+    assert 'not organized' in refused.reason
+    assert found.scores is None
+    assert (tmp_path / 'mixed.png').exists()
+
+
+def test_a_damaged_recording_is_named(tmp_path):
+    data = (BAGS / 'padded.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(data[: len(data) // 2])
+    (sentence,) = played(tmp_path / 'cut.mcap', tmp_path).damage
+    assert 'cut.mcap' in sentence
+
+
+def test_a_measurement_file_becomes_a_recording_and_a_recording_stays(tmp_path):
+    np.savez(tmp_path / 'part.npz', z=np.random.default_rng(0).random((8, 9)), dx=1.0, dy=1.0)
+    path = _as_recording(tmp_path / 'part.npz', tmp_path)
+    with open_recording(path) as reader:
+        (message,) = reader.messages()
+    assert message.topic == '/points'
+    assert PointCloud.decode(message.data).header.frame_id == 'part [um]'
+    assert _as_recording(path, tmp_path) == path
+    with pytest.raises(ImportFileError, match=r'nowhere\.npz does not exist'):
+        _as_recording(tmp_path / 'nowhere.npz', tmp_path)
