@@ -4,7 +4,7 @@ The names below load what they need on first use, so that the command line answe
 """
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from socialcircle_ros.circle import CircleResult, remove_outliers
@@ -48,7 +48,7 @@ _ROOMS = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Load a public name from its room."""
     if name not in _ROOMS:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -18,7 +18,8 @@ from socialcircle_ros.recording.offline import clouds_of, stacks_of
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.report.pictures import before_and_after
 
-from .process import Answer, Client, NodeProcess
+from .cloud_client import Client, Response
+from .process import NodeProcess
 
 NAMESPACE = '/socialcircle_demo'
 """Namespace of the demo's node; no cell uses it."""
@@ -27,7 +28,7 @@ SHIPPED = ('metal_groove.mcap', 'parts.mcap', 'padded.mcap', 'stack.mcap')
 """Recordings of the package, with known truth."""
 
 STAGES = ('vote', 'radius', 'expansion', 'total')
-"""Stages of the node whose times the demo shows."""
+"""Stages of the node that the table shows."""
 
 _STACK_PARAMETERS = 'stack.yaml'
 _START_TIMEOUT_S = 180.0
@@ -158,11 +159,11 @@ class _Session:
             self._writer.write(*message)
             name = f'{self._name} {number}'
             try:
-                answer = self._client.clean(message.data)
+                response = self._client.clean(message.data)
             except SocialCircleError as error:
                 self._demo.clouds.append(RefusedCloud(name, str(error)))
                 continue
-            self._take(name, topic.rpartition('/')[0], message.log_time, message.data, answer)
+            self._take(name, topic.rpartition('/')[0], message.log_time, message.data, response)
 
     def play_stack(self, namespace: str) -> None:
         name = f'{self._name} (stack)'
@@ -172,13 +173,13 @@ class _Session:
         player.wait_for_listeners(topics, _LISTENER_TIMEOUT_S)
         messages = list(self._reader.messages(topics))
         try:
-            answer = self._client.measure(player, messages)
+            response = self._client.measure(player, messages)
         except SocialCircleError as error:
             self._demo.clouds.append(RefusedCloud(name, str(error)))
             return
-        cloud = answer.stack_points or b''
-        self._take(name, namespace, messages[-1].log_time, cloud, answer)
-        if answer.measurement.values['circle.mode'] == 'paper':
+        cloud = response.stack_points or b''
+        self._take(name, namespace, messages[-1].log_time, cloud, response)
+        if response.measurement.values['circle.mode'] == 'paper':
             self._repeat_adaptive(namespace, cloud)
 
     def _repeat_adaptive(self, namespace: str, cloud: bytes) -> None:
@@ -187,55 +188,55 @@ class _Session:
         try:
             # Twice, because the first change compiles the adaptive mode, which its time should not contain.
             for _ in range(2):
-                answer = self._client.change('circle.mode', 'adaptive', _COMPILE_TIMEOUT_S)
+                response = self._client.change('circle.mode', 'adaptive', _COMPILE_TIMEOUT_S)
                 self._client.change('circle.mode', 'paper')
         except SocialCircleError as error:
             self._demo.clouds.append(RefusedCloud(name, str(error)))
             return
-        self._demo.clouds.append(self._described(name, namespace, cloud, answer))
-        self._draw(f'{self._name}_adaptive.png', f'{self._name}, adaptive', cloud, answer)
+        self._demo.clouds.append(self._described(name, namespace, cloud, response))
+        self._draw(f'{self._name}_adaptive.png', f'{self._name}, adaptive', cloud, response)
 
-    def _take(self, name: str, namespace: str, log_time: int, cloud: bytes, answer: Answer) -> None:
+    def _take(self, name: str, namespace: str, log_time: int, cloud: bytes, response: Response) -> None:
         """Write, describe and (for the first cloud) draw what the node published."""
-        for topic, data in _published(answer):
+        for topic, data in _published(response):
             full_name = topic.within(namespace)
             self._writer.add_topic(ros_topic(full_name, topic.type))
             self._writer.write(full_name, data, log_time)
-        self._demo.clouds.append(self._described(name, namespace, cloud, answer))
+        self._demo.clouds.append(self._described(name, namespace, cloud, response))
         if not self._drawn:
-            self._draw(f'{self._name}.png', self._name, cloud, answer)
+            self._draw(f'{self._name}.png', self._name, cloud, response)
             self._drawn = True
 
-    def _described(self, name: str, namespace: str, cloud: bytes, answer: Answer) -> DemoCloud:
+    def _described(self, name: str, namespace: str, cloud: bytes, response: Response) -> DemoCloud:
         truth = self._truths(namespace, cloud)
         scores = None
         if truth is not None:
-            scores = score(decode_mono8(answer.mask) == OUTLIER, truth.outlier, truth.counted)
-        values = answer.measurement.values
+            scores = score(decode_mono8(response.mask) == OUTLIER, truth.outlier, truth.counted)
+        values = response.measurement.values
         keys = {stage: STAGE_TIME.format(stage=stage) for stage in STAGES}
         return DemoCloud(
             name=name,
             measurement=MeasurementValues.from_text(values),
             times_ms={stage: float(values[key]) for stage, key in keys.items() if key in values},
-            latency_ms=1e3 * answer.latency,
+            latency_ms=response.latency_ms,
             scores=scores,
         )
 
-    def _draw(self, file: str, name: str, cloud: bytes, answer: Answer) -> None:
+    def _draw(self, file: str, name: str, cloud: bytes, response: Response) -> None:
         xyz = PointCloud.decode(cloud).xyz()
-        outliers = decode_mono8(answer.mask) == OUTLIER
-        before_and_after(self._output / file, xyz, outliers, f'{name}: {answer.measurement.message}')
+        outliers = decode_mono8(response.mask) == OUTLIER
+        before_and_after(self._output / file, xyz, outliers, f'{name}: {response.measurement.message}')
         self._demo.written.append(self._output / file)
 
 
-def _published(answer: Answer) -> Iterator[tuple[interface.NodeTopic, bytes]]:
-    yield interface.FILTERED, answer.filtered
-    yield interface.MASK, answer.mask
-    yield interface.MEASUREMENT, answer.measurement.encode()
-    if answer.stack_points is not None:
-        yield interface.STACK_POINTS, answer.stack_points
-    if answer.stack_image is not None:
-        yield interface.STACK_IMAGE, answer.stack_image
+def _published(response: Response) -> Iterator[tuple[interface.NodeTopic, bytes]]:
+    yield interface.FILTERED, response.filtered
+    yield interface.MASK, response.mask
+    yield interface.MEASUREMENT, response.measurement.encode()
+    if response.stack_points is not None:
+        yield interface.STACK_POINTS, response.stack_points
+    if response.stack_image is not None:
+        yield interface.STACK_IMAGE, response.stack_image
 
 
 def shipped_recordings() -> list[Path]:

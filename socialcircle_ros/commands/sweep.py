@@ -14,8 +14,7 @@ from .options import parameter_options, parameter_values, progress_bar, quantity
 @click.option(
     '--param', 'params', multiple=True, required=True, metavar='NAME=VALUES',
     help='Parameter of circle or focus to vary, and its values: LOW:HIGH:STEP, or VALUE,VALUE, or with --search'
-    ' LOW:HIGH.'
-    ' May be repeated.',
+    ' LOW:HIGH. May be repeated.',
 )  # fmt: skip
 @click.option(
     '--search',

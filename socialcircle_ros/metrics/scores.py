@@ -111,7 +111,7 @@ def roc_area(values: PointScores, truth: Mask, counted: Mask) -> float:
 
 
 def f1_at(
-    values: PointScores, truth: Mask, counted: Mask, thresholds: npt.NDArray[np.float32 | np.float64]
+    values: PointScores, truth: Mask, counted: Mask, thresholds: npt.NDArray[np.number]
 ) -> npt.NDArray[np.float64]:
     """Compute F1 for many thresholds at once; a point above the threshold is called an outlier.
 

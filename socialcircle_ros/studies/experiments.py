@@ -27,14 +27,14 @@ _PAPER_TITLE = 'The social circle compared with other filters'
 _PAPER_INTRODUCTION = (
     'The experiments of "Fast outlier removing method for point cloud of microscopic 3D measurement based on'
     ' social circle", repeated on clouds with known outliers. Does the social circle keep more points, remove'
-    ' more outliers and take less time than other filters? Every sentence under "What was found" is computed from'
+    ' more outliers and take less time than other filters? Every sentence under "Findings" is computed from'
     ' this run.'
 )
 _ADAPTIVE_TITLE = 'The adaptive mode and its goals'
 _ADAPTIVE_INTRODUCTION = (
     'The adaptive mode has one setting for all instruments. This page lists its goals and the measured values, on'
     ' simulated clouds and on measured surfaces. No constant of the mode was chosen on the seeds used here. Every'
-    ' sentence under "What was found" is computed from this run.'
+    ' sentence under "Findings" is computed from this run.'
 )
 
 

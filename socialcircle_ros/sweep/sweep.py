@@ -45,9 +45,8 @@ def run_sweep(
     Settings are scored by F1 against the truth where the recording holds one, otherwise by the criterion
     `sweep.clouds.CRITERION`. The parameters as given are always tried as well. Several trials run at once.
 
-    Writes four files: `sweep.html`, a page with a chart, a table and pictures; `sweep.csv`, all trials;
-    `best.yaml`, the given parameters and the best values, for `--params-file`; `trials.jsonl`, the finished
-    trials. The same call with the same folder continues from `trials.jsonl` after an interruption.
+    Writes `sweep.html`, a page with a chart, a table and pictures; `sweep.csv`, all trials; `best.yaml`, the given
+    parameters and the best values; and `trials.jsonl`, from which the same call continues after an interruption.
 
     Args:
         recording: an MCAP file or a rosbag2 directory.
@@ -75,17 +74,14 @@ def run_sweep(
         >>> from socialcircle_ros.sweep.search_space import Choice, Range
         >>> result = run_sweep('bags/parts.mcap', [Choice('circle.radius_scale', [0.5, 1.0, 1.5])], 'out/sweep')
         >>> result.best.values, result.best.score
-        >>> search_space = [Range('circle.radius_scale', 0.5, 3), Choice('circle.window', [3, 5])]
-        >>> result = run_sweep('bags/parts.mcap', search_space, 'out/search', search=20)
+        >>> result = run_sweep('bags/parts.mcap', [Range('circle.radius_scale', 0.5, 3)], 'out/search', search=20)
     """
     recording, output, parameters = Path(recording), Path(output), parameters or {}
     check_search_space(search_space)
-    base = {name: value for group in _GROUPS for name, value in group.from_ros(parameters).to_ros().items()}
+    base = _all_parameters(parameters)
     as_given = {dimension.name: base[dimension.name] for dimension in search_space}
-    wanted = [as_given, *(values for values in ([] if search else grid(search_space)) if values != as_given)]
-    if search:
-        Search(search_space, search, ())  # fails now where Optuna is missing, and not after the first trial
-    new_figure(1, 1)  # the same for matplotlib
+    others = [] if search else [values for values in grid(search_space) if values != as_given]
+    _check_extras(search_space, search)
     prepare(output)
     recorded = RecordedClouds(recording, base, tuple(topics), max_clouds)
     clouds = cached(recorded.load)
@@ -93,7 +89,7 @@ def run_sweep(
     fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
     with TrialFile(output / TRIALS, fingerprint, restart=restart) as file:
         resumed = len(file.trials)
-        _run_trials(file, base, clouds, wanted, search_space, search, progress)
+        _run_trials(file, base, clouds, [as_given, *others], search_space, search, progress)
     best = best_of(file.trials)
     result = SweepResult(
         recording=recording.name,
@@ -111,6 +107,18 @@ def run_sweep(
     save(output / BEST, yaml_text({**parameters, **best.values}, whole=False))
     save(output / PAGE, sweep_page(result, made_by))
     return result
+
+
+def _all_parameters(given: Mapping[str, RosValue]) -> ParameterValues:
+    groups = [group.from_ros(given) for group in _GROUPS]
+    return {name: value for group in groups for name, value in group.to_ros().items()}
+
+
+def _check_extras(search_space: Sequence[SearchDimension], search: int | None) -> None:
+    """Fail where matplotlib or Optuna is missing, before the work and not after it."""
+    new_figure(1, 1)
+    if search:
+        Search(search_space, search, ())
 
 
 def _run_trials(

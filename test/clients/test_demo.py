@@ -22,7 +22,7 @@ BAGS = Path(__file__).resolve().parents[2] / 'bags'
 
 
 class StandIn:
-    """A client whose node is the offline filter."""
+    """A client with the offline filter in place of a node."""
 
     def clean(self, message):
         found = filter_cloud(message)
