@@ -175,7 +175,7 @@ def _lit(flat: npt.NDArray[np.uint8], heights: npt.NDArray[np.floating], drawn: 
 
 def height_picture(xyz: Cloud, mask: npt.NDArray[np.uint8], span: tuple[float, float]) -> npt.NDArray[np.uint8]:
     """The heights of kept points as a picture (h, w, 3) uint8; pixels without a kept point are gray."""
-    z = thinned(xyz[..., 2], PIXELS)
+    z: npt.NDArray[np.floating] = thinned(xyz[..., 2], PIXELS)
     picture = colours.coloured(z, span)
     picture[(thinned(mask, PIXELS) != 0) | ~np.isfinite(z)] = colours.NOT_MEASURED
     return picture

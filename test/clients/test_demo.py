@@ -10,8 +10,8 @@ pytest.importorskip('matplotlib')
 
 from examples import cloud
 
+from socialcircle_ros.clients.cloud_client import Response
 from socialcircle_ros.clients.demo import Demo, DemoCloud, RefusedCloud, _as_recording, play_recording
-from socialcircle_ros.clients.process import Answer
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
 from socialcircle_ros.messages.point_cloud import PointCloud
@@ -26,7 +26,7 @@ class StandIn:
 
     def clean(self, message):
         found = filter_cloud(message)
-        return Answer(found.filtered, found.mask, found.measurement, 0.25, None, None)
+        return Response(found.filtered, found.mask, found.measurement, 250.0, None, None)
 
 
 def played(recording, output):

@@ -73,7 +73,10 @@ def test_warnings_of_the_filter_are_shown():
         ({'circle.radius_scale': '1.0', 'outliers': '7'}, ['found 7 outliers with the same circle parameters']),
         ({'circle.radius_scale': '1.0', 'outliers': '26'}, []),
         ({}, []),
-        ({'outliers': 'many'}, ["cannot be compared. It is not a measurement of the node: its key 'outliers'"]),
+        (
+            {'outliers': 'many'},
+            ["cannot be compared. The message is not a measurement of the node: its key 'outliers'"],
+        ),
     ],
 )
 def test_differences_from_a_recorded_measurement_are_warnings(values, sentences):
