@@ -14,7 +14,7 @@ ROS = [
     'ros-jazzy-rmw-fastrtps-cpp==8.4.3',
     'ros-jazzy-ament-index-python==1.8.1',
 ]
-PICTURES = ['matplotlib>=3.6']
+PICTURES = ['matplotlib>=3.6', 'Pillow>=9']
 TUNING = ['optuna>=4']
 PANEL = ['viser>=1.1,<2', *PICTURES]
 TEST = [
@@ -22,6 +22,7 @@ TEST = [
     'pytest-xdist>=3.4',
     'hypothesis>=6.98',
     'rosbags>=0.10',
+    'mcap-ros2-support>=0.5',
     'playwright>=1.40',  # drives the system's Chromium; brings no browser of its own
 ]
 LINT = ['ruff==0.17.6', 'mypy==2.4.1', 'types-PyYAML']
@@ -59,7 +60,8 @@ setup(
         'numpy>=1.26',
         'numba>=0.58',
         'mcap>=1.2',
-        'mcap-ros2-support>=0.5',
+        'lz4>=4',
+        'zstandard>=0.21',
         'PyYAML>=6',
         'click>=8.1',
         'rich>=13',
