@@ -2,23 +2,24 @@
 
 import contextlib
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import yaml
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
 
 from . import PARAMETERS
+from .schema import RosValue
 
 
-def read_parameter_file(path: Path) -> dict[str, Any]:
+def read_parameter_file(path: Path) -> dict[str, RosValue]:
     """Read the parameters of all nodes in a file.
 
     Args:
         path: A ROS parameter file; names may be nested or dotted.
 
     Returns:
-        Values under dotted names.
+        Values under dotted names; their types are not checked.
 
     Raises:
         SocialCircleError: The file cannot be read.
@@ -30,14 +31,14 @@ def read_parameter_file(path: Path) -> dict[str, Any]:
         raise SocialCircleError(f'{path} cannot be read: {error.strerror}.') from None
     except (yaml.YAMLError, UnicodeDecodeError):
         raise SettingError(f'{path} is not YAML; see config/social_circle.yaml for the form.') from None
-    found: dict[str, Any] = {}
+    found: dict[str, RosValue] = {}
 
-    def walk(prefix: str, item: Any) -> None:
+    def walk(prefix: str, item: object) -> None:
         if isinstance(item, dict):
             for key, value in item.items():
                 walk(f'{prefix}.{key}' if prefix else str(key), value)
         else:
-            found[prefix] = as_ros_reads(prefix, item)
+            found[prefix] = as_ros_reads(prefix, cast('RosValue', item))
 
     for node in (content or {}).values() if isinstance(content, dict) else ():
         if isinstance(node, dict):
@@ -47,7 +48,7 @@ def read_parameter_file(path: Path) -> dict[str, Any]:
     return found
 
 
-def as_ros_reads(name: str, value: Any) -> Any:
+def as_ros_reads(name: str, value: RosValue) -> RosValue:
     """The value as ROS reads it: YAML 1.1 reads 1e-6 as text, ROS reads it as a number."""
     if name in PARAMETERS and PARAMETERS[name].kind is float and isinstance(value, str):
         with contextlib.suppress(ValueError):

@@ -323,7 +323,7 @@ class PipelineSettings:
     output: OutputSettings = dataclasses.field(default_factory=OutputSettings)
 
     @classmethod
-    def from_ros(cls: type[AnyPipelineSettings], values: Mapping[str, Any]) -> AnyPipelineSettings:  # noqa: PYI019 - not in Python 3.10
+    def from_ros(cls: type[AnyPipelineSettings], values: Mapping[str, object]) -> AnyPipelineSettings:  # noqa: PYI019 - not in Python 3.10
         """Make settings from values under full ROS names; missing names get their defaults.
 
         Raises:

@@ -11,9 +11,11 @@ import types
 import typing
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import ClassVar, Literal, SupportsFloat, SupportsIndex, TypeVar, cast
 
 from socialcircle_ros.errors import SettingError
+
+Value = TypeVar('Value')
 
 RosValue = bool | int | float | str | list[int]
 """The types of ROS parameters that are used here."""
@@ -43,7 +45,7 @@ class _Column:
 
 
 def setting(
-    default: Any,
+    default: Value,
     sentence: str,
     *,
     unit: str = '',
@@ -53,7 +55,7 @@ def setting(
     choices: tuple[str, ...] = (),
     empty: RosValue | None = None,
     read_only: bool = False,
-) -> Any:
+) -> Value:
     """Declare a parameter: a dataclass field with its default and its description.
 
     Args:
@@ -124,7 +126,7 @@ class Parameter:
         """Sentence and unit as the ROS descriptor holds them; `sentence_and_unit` separates them."""
         return f'{self.sentence} [{self.unit}]' if self.unit else self.sentence
 
-    def to_ros(self, value: Any) -> RosValue:
+    def to_ros(self, value: object) -> RosValue:
         """Convert a Python value to the ROS value.
 
         Raises:
@@ -134,10 +136,9 @@ class Parameter:
             if self.empty is None:
                 raise SettingError(f'{self.name} needs a value.')
             return self.empty
-        ros: RosValue = list(value) if isinstance(value, tuple) else value
-        return ros
+        return cast('RosValue', list(value) if isinstance(value, tuple) else value)
 
-    def from_ros(self, value: Any) -> Any:
+    def from_ros(self, value: object) -> object:
         """Convert a ROS value to the Python value; `empty` becomes None."""
         if isinstance(value, Sequence) and not isinstance(value, str):
             value = tuple(value)
@@ -175,7 +176,7 @@ class Settings:
         rows = []
         for field in dataclasses.fields(cls):
             column: _Column = field.metadata[_OWN]
-            default: Any = column.empty if field.default is None else field.default
+            default = cast('RosValue | None', column.empty if field.default is None else field.default)
             if default is None:
                 raise TypeError(f'{field.name} needs a default or an empty value.')
             rows.append(
@@ -194,7 +195,7 @@ class Settings:
         return tuple(rows)
 
     @classmethod
-    def from_ros(cls: type['Self'], values: Mapping[str, Any]) -> 'Self':
+    def from_ros(cls: type['Self'], values: Mapping[str, object]) -> 'Self':
         """Make settings from values under full ROS names.
 
         Names of other groups are ignored; missing names get their defaults.
@@ -212,7 +213,7 @@ class Settings:
 Self = TypeVar('Self', bound=Settings)
 
 
-def _checked(name: str, value: Any, hint: Any, column: _Column) -> Any:
+def _checked(name: str, value: object, hint: object, column: _Column) -> object:
     """`value` in the exact Python type of the field.
 
     Raises:
@@ -243,11 +244,11 @@ def _checked(name: str, value: Any, hint: Any, column: _Column) -> Any:
     return _whole(name, value, limits) if kind is int else _real(name, value, limits)
 
 
-def _whole(name: str, value: Any, limits: Limits) -> int:
+def _whole(name: str, value: object, limits: Limits) -> int:
     try:
         if isinstance(value, bool):
             raise TypeError  # noqa: TRY301
-        number = operator.index(value)
+        number = operator.index(cast('SupportsIndex', value))
     except TypeError:
         raise SettingError(f'{name} must be a whole number, not {value!r}.') from None
     if limits.odd and number % 2 == 0:
@@ -257,11 +258,11 @@ def _whole(name: str, value: Any, limits: Limits) -> int:
     return int(_within(name, number, limits))
 
 
-def _real(name: str, value: Any, limits: Limits) -> float:
+def _real(name: str, value: object, limits: Limits) -> float:
     try:
         if isinstance(value, (bool, str)):
             raise TypeError  # noqa: TRY301
-        number = float(value)
+        number = float(cast('SupportsFloat', value))
     except (TypeError, ValueError):
         raise SettingError(f'{name} must be a number, not {value!r}.') from None
     if not math.isfinite(number):
