@@ -341,6 +341,10 @@ class HealthValues(StatusValues):
             'Publishers that the node cannot receive from, and what to change; present while the node is active.'
         ),
     )
+    differences: str | None = field(
+        default=None,
+        metadata=_key('What the installed rclpy lacks, and what is lost by it; else absent.'),
+    )
 
 
 STAGE_TIME = 'time_{stage}_ms'

@@ -75,9 +75,10 @@ def command(
         def count(message: 'Message | None', results: 'list[CloudOutputs]') -> None:
             nonlocal read, measured, outliers
             read += message is not None
-            measured += sum(result.measured for result in results)
-            outliers += sum(result.outliers for result in results)
-            warnings.update(result.status.message for result in results if result.status.level != OK)
+            measurements = [result.measurement for result in results]
+            measured += sum(each.values.measured for each in measurements)
+            outliers += sum(each.values.outliers for each in measurements)
+            warnings.update(each.message for each in measurements if each.level != OK)
             progress(read, total)
 
         summary = filter_recording(

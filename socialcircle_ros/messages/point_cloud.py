@@ -3,11 +3,12 @@
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
@@ -21,6 +22,9 @@ DATATYPES = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: '
 """sensor_msgs/PointField's datatypes as NumPy writes them, without byte order."""
 
 _NAMES = {1: 'INT8', 2: 'UINT8', 3: 'INT16', 4: 'UINT16', 5: 'INT32', 6: 'UINT32', 7: 'FLOAT32', 8: 'FLOAT64'}
+Bits = npt.NDArray[np.uint32] | npt.NDArray[np.uint64]
+BitsOfOne = np.uint32 | np.uint64
+
 _LEAST_FIELD = 17  # bytes of a PointField with an empty name
 
 
@@ -38,7 +42,9 @@ class PointField:
 class PointCloud:
     """A PointCloud2 where it lies: its description, and its bytes untouched.
 
-    `message` is the whole serialized message; the points begin at `data_start` in it.
+    `message` is the whole serialized message; the points begin at `data_start` in it. `row_step` is the distance
+    of two rows; a message whose row_step is the size of the whole cloud, without padding, has rows of width ·
+    point_step.
     """
 
     message: bytes | memoryview
@@ -70,6 +76,10 @@ class PointCloud:
         is_bigendian = reader.boolean()
         point_step, row_step = reader.uint32(), reader.uint32()
         data_start, data_length = reader.octets()
+        packed = width * point_step
+        if row_step == height * packed == data_length:
+            # PointCloud2Modifier::resize(width, height) of sensor_msgs leaves the size of the whole cloud here.
+            row_step = packed
         return cls(
             message=message,
             header=header,
@@ -84,7 +94,7 @@ class PointCloud:
             is_dense=reader.boolean(),
         )
 
-    def xyz(self) -> npt.NDArray[Any]:
+    def xyz(self) -> Cloud:
         """The coordinates, (height, width, 3) float32 or float64, native byte order.
 
         Where x, y and z are of one type and evenly spaced, as they nearly always are, the array is a view of
@@ -101,7 +111,7 @@ class PointCloud:
         if not (together and x.dtype.isnative):
             stacked = np.stack([x, y, z], axis=2)
             return stacked.astype(stacked.dtype.newbyteorder('='), copy=False)
-        view: npt.NDArray[Any] = np.ndarray(
+        view = np.ndarray(
             (self.height, self.width, 3),
             x.dtype,
             self.message,
@@ -160,66 +170,48 @@ class PointCloud:
             )
         return field
 
-    def without(self, outliers: npt.NDArray[np.bool_], *, dense: bool) -> bytes:
-        """This message with x, y and z of the outliers set to NaN; every other byte stays as it came.
+    def without(self, outliers: Mask, *, dense: bool) -> bytes:
+        """This message with x, y and z of the outliers NaN; every other byte stays as it came.
 
         Args:
             outliers: (height, width) mask.
-            dense: whether every point of the result is measured: what is_dense will say.
+            dense: whether every point of the result is measured: the value of is_dense.
 
         Returns:
             The serialized message.
         """
+        return _written(bytes(len(self.message)), lambda target: self.write_without(outliers, target, dense=dense))
 
-        def write(message: memoryview) -> None:
-            self._exchange(message, outliers, self._nan(outliers))
-            message[self.data_start + self.data_length] = dense
+    def write_without(self, outliers: Mask, target: memoryview, *, dense: bool) -> None:
+        """Write what `without` returns into memory that the caller reuses.
 
-        return _written(bytes(self.message), write)
-
-    def take_out(self, outliers: npt.NDArray[np.bool_], *, dense: bool) -> Callable[[], None]:
-        """Make `message`, which may be written to, what `without` gives.
+        Rows are copied and their outliers overwritten in one pass, on all cores: 20 MB take about 1 ms.
 
         Args:
             outliers: (height, width) mask.
-            dense: whether every point of the result is measured.
-
-        Returns:
-            Makes `message` again what it was, if called once.
+            target: writable, as long as the message, and not the message itself.
+            dense: whether every point of the result is measured: the value of is_dense.
         """
-        message, flag = memoryview(self.message), self.data_start + self.data_length
-        others, was_dense = self._nan(outliers), message[flag]
-        self._exchange(message, outliers, others)
-        message[flag] = dense
+        source = np.frombuffer(self.message, np.uint8)
+        copy = np.frombuffer(target, np.uint8)
+        first, last = self.data_start, self.data_start + self.height * self.row_step
+        copy[:first] = source[:first]
+        copy[last:] = source[last:]
+        source_rows, rows = (memory[first:last].reshape(self.height, self.row_step) for memory in (source, copy))
+        # As whole numbers: the byte order plays no part for the kernel, and NaN keeps its bits.
+        fields = [(values, f'=u{values.itemsize}') for values in self._coordinates(target)]
+        xyz = [values.view(bits) for values, bits in fields]
+        nan_x, nan_y, nan_z = (np.full(1, np.nan, values.dtype).view(bits)[0] for values, bits in fields)
 
-        def put_back() -> None:
-            self._exchange(message, outliers, others)
-            message[flag] = was_dense
+        def write(band: slice) -> None:
+            x, y, z = (values[band] for values in xyz)
+            coordinates = _Coordinates(x, y, z, nan_x, nan_y, nan_z)
+            _copy_without(source_rows[band], outliers[band], rows[band], coordinates)
 
-        return put_back
+        in_bands(write, self.height, self.width)
+        copy[self.data_start + self.data_length] = dense
 
-    def _nan(self, where: npt.NDArray[np.bool_]) -> list[npt.NDArray[Any]]:
-        """NaN for x, y and z of the points of a mask, each as wide as its field."""
-        count = np.count_nonzero(where)
-        return [np.full(count, np.nan, self._kind(self.field(name))) for name in 'xyz']
-
-    def _exchange(
-        self, message: bytes | memoryview, where: npt.NDArray[np.bool_], others: Sequence[npt.NDArray[Any]]
-    ) -> None:
-        """Exchange x, y and z of the points of a mask in `message` for others, (number of points,) each."""
-        fields = [self._values(message, self.field(name)) for name in 'xyz']
-        # As whole numbers, so that byte order plays no part for the compiled loop, and a NaN keeps its bits.
-        points = [values.view(f'=u{values.itemsize}') for values in fields]
-        numbers = [values.view(f'=u{values.itemsize}') for values in others]
-
-        def exchange(band: slice) -> None:
-            before = np.count_nonzero(where[: band.start])
-            rows, rest = [values[band] for values in points], [values[before:] for values in numbers]
-            _exchange(where[band], np.empty(self.width, np.int64), *rows, *rest)
-
-        in_bands(exchange, self.height, self.width)
-
-    def replaced(self, where: npt.NDArray[np.bool_], xyz: npt.NDArray[Any], *, dense: bool) -> bytes:
+    def replaced(self, where: Mask, xyz: Cloud, *, dense: bool) -> bytes:
         """This message with other x, y and z for some points; every other byte stays as it came.
 
         Args:
@@ -239,10 +231,14 @@ class PointCloud:
 
         return _written(bytes(self.message), fill)
 
-    def _kind(self, field: PointField) -> np.dtype[Any]:
+    def _kind(self, field: PointField) -> np.dtype[np.generic]:
         return np.dtype(('>' if self.is_bigendian else '<') + DATATYPES[field.datatype])
 
-    def _values(self, message: bytes | memoryview, field: PointField) -> npt.NDArray[Any]:
+    def _coordinates(self, message: bytes | memoryview) -> list[npt.NDArray[np.generic]]:
+        """x, y and z as (height, width) views of `message`, which has this cloud's layout."""
+        return [self._values(message, self.field(name)) for name in 'xyz']
+
+    def _values(self, message: bytes | memoryview, field: PointField) -> npt.NDArray[np.generic]:
         """One field of all points as a (height, width) view of `message`, which has this cloud's layout."""
         return np.ndarray(
             (self.height, self.width),
@@ -253,31 +249,39 @@ class PointCloud:
         )
 
 
-@kernel
-def _exchange(where: Any, columns: Any, x: Any, y: Any, z: Any, other_x: Any, other_y: Any, other_z: Any) -> None:
-    """Exchange the values where the mask says so for others, in one pass over the cloud.
+class _Coordinates(NamedTuple):
+    """x, y and z of a cloud as whole numbers of their width, (H, W) views of a message, and the bits of NaN."""
 
-    A row's points are found without a branch, which the processor would guess wrong at each; then all are
-    read before one is written, so that no read waits to see where a write goes. `columns`, (W,), is for work.
+    x: Bits
+    y: Bits
+    z: Bits
+    nan_x: BitsOfOne
+    nan_y: BitsOfOne
+    nan_z: BitsOfOne
+
+
+@kernel
+def _copy_without(
+    source: npt.NDArray[np.uint8], outliers: Mask, target: npt.NDArray[np.uint8], coordinates: _Coordinates
+) -> None:
+    """Copy rows of a message, (H, row_step), and set x, y and z of the outliers in the copy to NaN.
+
+    The bytes are copied in a loop of our own: an assignment of whole rows takes five times as long in Numba.
     """
-    i = np.uint64(0)
-    for row in range(where.shape[0]):
-        chosen, of_x, of_y, of_z = where[row], x[row], y[row], z[row]
-        count = 0
-        for column in range(where.shape[1]):
-            columns[count] = column
-            count += chosen[column]
-        for k in range(count):
-            at = np.uint64(columns[k])
-            old_x, old_y, old_z = of_x[at], of_y[at], of_z[at]
-            new_x, new_y, new_z = other_x[i], other_y[i], other_z[i]
-            of_x[at], of_y[at], of_z[at] = new_x, new_y, new_z
-            other_x[i], other_y[i], other_z[i] = old_x, old_y, old_z
-            i += np.uint64(1)
+    x, y, z, nan_x, nan_y, nan_z = coordinates
+    for row in range(outliers.shape[0]):
+        row_of_source, row_of_target = source[row], target[row]
+        for i in range(row_of_source.size):
+            row_of_target[i] = row_of_source[i]
+        for column in range(outliers.shape[1]):
+            if outliers[row, column]:
+                x[row, column] = nan_x
+                y[row, column] = nan_y
+                z[row, column] = nan_z
 
 
 def encode_point_cloud(
-    header: Header, xyz: npt.NDArray[Any], extra: Mapping[str, npt.NDArray[Any]] | None = None
+    header: Header, xyz: npt.NDArray[np.generic], extra: Mapping[str, npt.NDArray[np.generic]] | None = None
 ) -> bytes:
     """A serialized PointCloud2 of an organized cloud.
 
@@ -350,7 +354,7 @@ def _written(message: bytes, write: Callable[[memoryview], None]) -> bytes:
 
 
 def encode_layout(
-    header: Header, points: npt.NDArray[Any], data: npt.NDArray[np.uint8], *, is_dense: bool = False
+    header: Header, points: npt.NDArray[np.generic], data: npt.NDArray[np.uint8], *, is_dense: bool = False
 ) -> bytes:
     """A serialized PointCloud2 of any layout.
 
@@ -366,7 +370,7 @@ def encode_layout(
 
 
 def _description(
-    header: Header, shape: tuple[int, ...], layout: np.dtype[Any], row_step: int, data_length: int
+    header: Header, shape: tuple[int, ...], layout: np.dtype[np.generic], row_step: int, data_length: int
 ) -> bytes:
     """What comes before the data of a serialized PointCloud2; behind it there is only is_dense, one byte."""
     codes = {code: number for number, code in DATATYPES.items()}
@@ -374,7 +378,7 @@ def _description(
     header.write(writer)
     writer.uint32(shape[0])
     writer.uint32(shape[1])
-    fields: Any = layout.fields or {}
+    fields = dict(layout.fields or {})
     writer.uint32(len(fields))
     for name, (kind, offset, *_) in fields.items():
         writer.string(name)

@@ -1,19 +1,21 @@
-"""Why no cloud arrives: publishers that cannot be heard, or that are silent, and what to change."""
+"""Why no cloud arrives: publishers that cannot be heard or that are silent, and what to change."""
 
 from collections.abc import Iterable
-from typing import Any
 
 from rclpy.qos import QoSCompatibility, QoSProfile, QoSReliabilityPolicy, qos_check_compatible
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-UNNAMED = 'NODE_NAME_UNKNOWN'  # what the middleware answers meanwhile, and for publishers without a ROS node
+UNNAMED = 'NODE_NAME_UNKNOWN'  # the middleware's answer before discovery, and for publishers without a ROS node
 SILENT = (
-    'Publisher {who} on {topic} has sent no cloud for {seconds:.0f} s; see that it publishes, and that its'
+    'Publisher {names} on {topic} has sent no cloud for {seconds:.0f} s; see that it publishes, and that its'
     ' clouds are not lost on the way: start it with FASTRTPS_DEFAULT_PROFILES_FILE={profile} (clouds over'
     ' 0.5 MB do not fit the shared memory of Fast DDS as shipped).'
 )
 
 
-def complaints(topic: str, type_name: str, wanted: QoSProfile, publishers: Iterable[Any]) -> list[str]:
+def complaints(
+    topic: str, type_name: str, wanted: QoSProfile, publishers: Iterable[TopicEndpointInfo]
+) -> list[str]:
     """One sentence for each publisher that this subscription cannot hear.
 
     Args:
@@ -24,26 +26,26 @@ def complaints(topic: str, type_name: str, wanted: QoSProfile, publishers: Itera
     """
     sentences = []
     for publisher in publishers:
-        who = node_of(publisher)
+        name = node_of(publisher)
         if publisher.topic_type != type_name:
             sentences.append(
-                f'Publisher {who} on {topic} sends {publisher.topic_type}, not {type_name}; remap one of them.'
+                f'Publisher {name} on {topic} sends {publisher.topic_type}, not {type_name}; remap one of them.'
             )
             continue
         compatibility, reason = qos_check_compatible(publisher.qos_profile, wanted)
         if compatibility == QoSCompatibility.ERROR:
-            sentences.append(f'Publisher {who} on {topic} cannot be heard: {_mend(topic, publisher, reason)}')
+            sentences.append(f'Publisher {name} on {topic} cannot be heard: {_mend(topic, publisher, reason)}')
     return sentences
 
 
-def node_of(publisher: Any) -> str:
+def node_of(publisher: TopicEndpointInfo) -> str:
     """The name of the publisher's node with its namespace, once discovery has told it."""
     if UNNAMED in publisher.node_name:
         return '(of a node not yet known by name)'
     return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
 
 
-def _mend(topic: str, publisher: Any, reason: str) -> str:
+def _mend(topic: str, publisher: TopicEndpointInfo, reason: str) -> str:
     if publisher.qos_profile.reliability == QoSReliabilityPolicy.BEST_EFFORT:
         return (
             'it is best effort and this node asks for reliable; make the publisher reliable (best effort'

@@ -1,6 +1,6 @@
-"""How the node is doing: what arrived, what became of it, how long it took. No rclpy.
+"""The node's health: counts of what arrived and what became of it, rates and latencies. No rclpy.
 
-Counted on the worker's thread and the executor's, read once a second for /diagnostics.
+The worker's and the executor's threads count; /diagnostics reads the counts once per second.
 """
 
 import threading
@@ -9,8 +9,10 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-WINDOW = 10.0
-"""Seconds over which rates and latencies are given."""
+from socialcircle_ros.interface import BAD_PIXELS, HealthValues
+
+WINDOW_S = 10.0
+"""Time over which rates and latencies are given."""
 
 
 @dataclass
@@ -35,32 +37,32 @@ class Health:
     counts: Counts = field(default_factory=Counts)
     last_reason: str = ''
     _lock: threading.Lock = field(default_factory=threading.Lock)
-    _arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
-    _latencies: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=10_000))
-    _trouble_at: float = float('-inf')
+    _arrivals_s: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
+    _latencies_s: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=10_000))
+    _trouble_at_s: float = float('-inf')
     _last_was_refused: bool = False
-    _stack_latency: float | None = None
+    _stack_latency_s: float | None = None
     _bad_pixels: Mapping[str, int] = field(default_factory=dict)
 
     def received(self) -> None:
         """A cloud arrived."""
         with self._lock:
             self.counts.received += 1
-            self._arrivals.append(time.monotonic())
+            self._arrivals_s.append(time.monotonic())
 
     def published(self, latency: float) -> None:
         """A cloud went out, `latency` seconds after it had arrived."""
         with self._lock:
             self.counts.published += 1
-            self._latencies.append((time.monotonic(), latency))
+            self._latencies_s.append((time.monotonic(), latency))
             self._last_was_refused = False
 
     def dropped(self) -> None:
-        """A cloud was overtaken by a newer one while it waited."""
+        """A newer cloud replaced one that waited."""
         with self._lock:
             self.counts.dropped += 1
             self.last_reason = 'A cloud was dropped: a newer one arrived while the one before was being filtered.'
-            self._trouble_at = time.monotonic()
+            self._trouble_at_s = time.monotonic()
 
     def refused(self, reason: str) -> None:
         """A cloud could not be used."""
@@ -69,7 +71,7 @@ class Health:
             self._trouble(reason)
 
     def failed(self, reason: str) -> None:
-        """Our own code went wrong on a cloud."""
+        """A cloud or a frame met a fault of this package."""
         with self._lock:
             self.counts.failed += 1
             self._trouble(reason)
@@ -80,7 +82,7 @@ class Health:
             self.counts.frames_received += 1
 
     def frame_dropped(self) -> None:
-        """A frame found too many others waiting."""
+        """A frame was dropped, because too many others waited."""
         with self._lock:
             self.counts.frames_dropped += 1
             self._trouble('A frame was dropped: frames come faster than their focus is measured.')
@@ -95,17 +97,17 @@ class Health:
         """A stack became a cloud, `latency` seconds after its last frame had arrived."""
         with self._lock:
             self.counts.stacks += 1
-            self._stack_latency = latency
+            self._stack_latency_s = latency
             self._last_was_refused = False
 
     def pixels_judged(self, bad: Mapping[str, int]) -> None:
-        """Of the last stack: how many pixels are bad, by reason."""
+        """The last stack has bad pixels: their number by reason."""
         with self._lock:
             self._bad_pixels = bad
 
     def _trouble(self, reason: str) -> None:
         self.last_reason = reason
-        self._trouble_at = time.monotonic()
+        self._trouble_at_s = time.monotonic()
         self._last_was_refused = True
 
     def reset(self) -> None:
@@ -113,17 +115,17 @@ class Health:
         with self._lock:
             self.counts = Counts()
             self.last_reason = ''
-            self._arrivals.clear()
-            self._latencies.clear()
-            self._stack_latency = None
+            self._arrivals_s.clear()
+            self._latencies_s.clear()
+            self._stack_latency_s = None
             self._bad_pixels = {}
-            self._trouble_at = float('-inf')
+            self._trouble_at_s = float('-inf')
             self._last_was_refused = False
 
     def seconds_silent(self) -> float:
         """Time since the last cloud arrived; infinite where none has."""
         with self._lock:
-            return time.monotonic() - self._arrivals[-1] if self._arrivals else float('inf')
+            return time.monotonic() - self._arrivals_s[-1] if self._arrivals_s else float('inf')
 
     def in_trouble(self) -> bool:
         """Whether the last cloud was refused or failed."""
@@ -131,31 +133,42 @@ class Health:
 
     def had_trouble(self) -> bool:
         """Whether a cloud was lost within the last window."""
-        return time.monotonic() - self._trouble_at < WINDOW
+        return time.monotonic() - self._trouble_at_s < WINDOW_S
 
-    def values(self) -> dict[str, str]:
-        """All of it as the values of a DiagnosticStatus."""
+    def values(
+        self, state: str, publishers: int | None, connections: str | None, differences: str | None
+    ) -> dict[str, str]:
+        """All of it as the values of a DiagnosticStatus.
+
+        Args:
+            state: of the lifecycle.
+            publishers: how many there are on points; None while the node is not active.
+            connections: complaints about publishers; None while the node is not active.
+            differences: what the installed rclpy lacks; None: nothing.
+        """
         with self._lock:
-            now = time.monotonic()
-            arrivals = sum(now - at < WINDOW for at in self._arrivals)
-            latencies = sorted(1e3 * latency for at, latency in self._latencies if now - at < WINDOW)
-            values = {
-                'clouds_received': str(self.counts.received),
-                'clouds_published': str(self.counts.published),
-                'clouds_dropped': str(self.counts.dropped),
-                'clouds_refused': str(self.counts.refused),
-                'clouds_failed': str(self.counts.failed),
-                'frames_received': str(self.counts.frames_received),
-                'frames_dropped': str(self.counts.frames_dropped),
-                'stack_refusals': str(self.counts.stack_refusals),
-                'stacks_finished': str(self.counts.stacks),
-                'last_reason': self.last_reason,
-                'rate_hz': f'{arrivals / WINDOW:.1f}',
-            }
-            if latencies:
-                values['latency_median_ms'] = f'{latencies[len(latencies) // 2]:.1f}'
-                values['latency_max_ms'] = f'{latencies[-1]:.1f}'
-            if self._stack_latency is not None:
-                values['stack_latency_ms'] = f'{1e3 * self._stack_latency:.1f}'
-            values |= {f'stack_pixels_{reason}': str(count) for reason, count in self._bad_pixels.items()}
-            return values
+            now_s = time.monotonic()
+            arrivals = sum(now_s - at_s < WINDOW_S for at_s in self._arrivals_s)
+            latencies_ms = sorted(1e3 * latency for at_s, latency in self._latencies_s if now_s - at_s < WINDOW_S)
+            values = HealthValues(
+                state=state,
+                clouds_received=self.counts.received,
+                clouds_published=self.counts.published,
+                clouds_dropped=self.counts.dropped,
+                clouds_refused=self.counts.refused,
+                clouds_failed=self.counts.failed,
+                frames_received=self.counts.frames_received,
+                frames_dropped=self.counts.frames_dropped,
+                stack_refusals=self.counts.stack_refusals,
+                stacks_finished=self.counts.stacks,
+                last_reason=self.last_reason,
+                rate_hz=arrivals / WINDOW_S,
+                latency_median_ms=latencies_ms[len(latencies_ms) // 2] if latencies_ms else None,
+                latency_max_ms=latencies_ms[-1] if latencies_ms else None,
+                stack_latency_ms=None if self._stack_latency_s is None else 1e3 * self._stack_latency_s,
+                publishers=publishers,
+                connections=connections,
+                differences=differences,
+            )
+            bad = {BAD_PIXELS.format(reason=reason): str(count) for reason, count in self._bad_pixels.items()}
+            return values.to_text() | bad

@@ -7,20 +7,23 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import yaml
 
 from .transport import prepare_process
 
-_SWITCH = 1e-4  # s that a thread keeps the interpreter from others, instead of Python's 5 ms
+if TYPE_CHECKING:
+    from .social_circle_node import SocialCircleNode
+
+_SWITCH_S = 1e-4  # interval at which threads switch; 5 ms is the default of Python
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the node until Ctrl-C or SIGTERM.
 
     Args:
-        arguments: as ROS takes them (--ros-args ...); None: the command line's.
+        arguments: those of ROS (--ros-args ...); None: those of the command line.
 
     Returns:
         The exit code: 0 after a clean end, 1 where the node could not start.
@@ -28,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return _run(arguments)
     except KeyboardInterrupt:
-        return 0  # before the node could be told to end
+        return 0  # a signal came before the node handles it
 
 
 def _run(arguments: list[str] | None) -> int:
@@ -45,11 +48,10 @@ def _run(arguments: list[str] | None) -> int:
 
     from .social_circle_node import SocialCircleNode  # noqa: PLC0415
 
-    odd = _file_without_parameters(sys.argv[1:] if arguments is None else arguments)
-    if odd is not None:
-        sys.stderr.write(
-            f'The node cannot start: {odd} holds no parameters; see config/social_circle.yaml for the form.\n'
-        )
+    other_text = _file_without_parameters(sys.argv[1:] if arguments is None else arguments)
+    if other_text is not None:
+        form = 'see config/social_circle.yaml for the form'
+        sys.stderr.write(f'The node cannot start: {other_text} holds no parameters; {form}.\n')
         return 1
     node, began = None, False
     try:
@@ -59,8 +61,8 @@ def _run(arguments: list[str] | None) -> int:
         node.start()
         if not rclpy.ok():
             return 0
-        # The worker has a cloud while the executor still prepares its next wait: it need not wait for that.
-        sys.setswitchinterval(_SWITCH)
+        # The worker takes a cloud at once, instead of waiting until the executor has prepared its next wait.
+        sys.setswitchinterval(_SWITCH_S)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         executor.spin()
@@ -68,21 +70,22 @@ def _run(arguments: list[str] | None) -> int:
         return 0
     except (ParameterException, SocialCircleError, RuntimeError) as error:
         if began and not rclpy.ok():
-            return 0  # a signal came in the middle of something, which then could not be done
+            return 0  # a signal ended the context, and the call that needed it failed
         if node is not None:
             raise
-        # RuntimeError is what rclpy raises for arguments and files that it cannot read, on several lines.
+        # rclpy raises RuntimeError, with several lines, for arguments and files that it cannot read.
         sys.stderr.write(f'The node cannot start: {str(error).splitlines()[0]}\n')
         return 1
     finally:
-        _end(node, rclpy)
+        _end(node)
     return 0
 
 
 def _file_without_parameters(arguments: Sequence[str]) -> str | None:
-    """A parameter file that is some other text, which rcl takes for one without parameters; None: none is.
+    """The first parameter file that holds another text; None: there is none.
 
-    An empty file may be meant; what rcl refuses itself, and what cannot be read, is left to it.
+    rcl takes such a file for one without parameters. An empty file may be intended. Files that rcl refuses, and
+    unreadable files, are left to rcl.
     """
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
@@ -93,8 +96,10 @@ def _file_without_parameters(arguments: Sequence[str]) -> str | None:
     return None
 
 
-def _end(node: Any, rclpy: Any) -> None:
-    """Leave the graph; a second Ctrl-C must not cut that short: a worker left behind aborts the process."""
+def _end(node: 'SocialCircleNode | None') -> None:
+    """Leave the graph. A second Ctrl-C must not interrupt this: a worker that still runs aborts the process."""
+    import rclpy  # noqa: PLC0415 - as in _run
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if node is None:
         rclpy.try_shutdown()
@@ -102,10 +107,11 @@ def _end(node: Any, rclpy: Any) -> None:
     node.close()
     rclpy.try_shutdown()
     if node.warm_up.running:
-        # What is being compiled can neither be interrupted nor waited for; everything else has ended, and
-        # the context, whose end frees the shared memory, is not left to the interpreter's exit.
-        node._state_machine.destroy_when_not_in_use()  # noqa: SLF001 - it holds the node, and that the context
-        node.context.destroy()
+        # The compilation can neither be interrupted nor waited for. Everything else has ended. The context
+        # is freed here, since that frees the shared memory, and the interpreter's exit is skipped.
+        from .rclpy_internals import release_context  # noqa: PLC0415
+
+        release_context(node)
         sys.stderr.flush()
         os._exit(0)
 

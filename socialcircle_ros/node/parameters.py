@@ -1,10 +1,9 @@
-"""The node's parameters: declared from the table in settings.py, validated whole, applied at once, saved."""
+"""The node's parameters: declared from the table in `settings`, validated as a whole, applied at once, saved."""
 
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import yaml
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -13,6 +12,8 @@ from rclpy.parameter import Parameter as RosParameter
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import PARAMETERS, NodeSettings, Parameter, PipelineSettings, RosValue, yaml_text
+
+from .rclpy_internals import given_parameters
 
 
 @dataclass(frozen=True)
@@ -25,16 +26,15 @@ class Configuration(PipelineSettings):
 class LiveParameters:
     """The parameters of a running node.
 
-    A change is built into a whole new Configuration before it is accepted; if that cannot be, the change is
-    refused with its reason, and nothing has changed. Once accepted, the new Configuration replaces the old in
-    one assignment.
+    A change is built into a new Configuration before it is accepted. If that fails, the change is refused with the
+    reason, and nothing changes. An accepted Configuration replaces the old one in one assignment.
 
     Args:
-        node: where to declare the parameters.
-        changed: called after each accepted change, with the configuration before it.
+        node: the node that declares the parameters.
+        changed: called after each accepted change with the configuration before it.
 
     Raises:
-        SettingError: the node was started with parameters that cannot be.
+        SettingError: the node was started with invalid parameters.
     """
 
     def __init__(self, node: Node, changed: Callable[[Configuration], None]) -> None:
@@ -47,7 +47,7 @@ class LiveParameters:
         node.add_post_set_parameters_callback(self._apply)
 
     def unknown(self) -> list[str]:
-        """Names that the node was started with and does not have: most likely misspelled."""
+        """Parameters that the node was started with and does not have; they are probably misspelled."""
         return sorted(
             name
             for name in self._given()
@@ -57,7 +57,8 @@ class LiveParameters:
     def save(self) -> Path:
         """Write the parameters in force to a file that the node starts from, in any namespace.
 
-        What it was started with of qos_overrides, whose names hold whole topics, is kept for this node alone.
+        The qos_overrides that the node was started with are kept for this node alone: their names hold whole
+        topics.
 
         Raises:
             OSError: the file cannot be written.
@@ -83,9 +84,9 @@ class LiveParameters:
 
     def _given(self) -> dict[str, RosParameter]:
         """What the node was started with."""
-        return dict(self._node._parameter_overrides)  # noqa: SLF001 - rclpy has no other way to ask
+        return given_parameters(self._node)
 
-    def _values(self) -> dict[str, RosValue]:
+    def _values(self) -> dict[str, RosValue | None]:
         return {name: _plain(self._node.get_parameter(name)) for name in PARAMETERS}
 
     def _validate(self, changes: list[RosParameter]) -> SetParametersResult:
@@ -105,17 +106,17 @@ class LiveParameters:
             self._changed(before)
 
 
-def _plain(parameter: RosParameter) -> Any:
+def _plain(parameter: RosParameter) -> RosValue | None:
     """The value with Python's own types; rclpy holds an array as array.array."""
     value = parameter.value
     return value if isinstance(value, (bool, int, float, str)) or value is None else list(value)
 
 
 def _descriptor(row: Parameter) -> ParameterDescriptor:
-    """What ROS is told of a parameter.
+    """The descriptor of a parameter in ROS.
 
-    A real number is typed dynamically, because ROS refuses 1 where 1.0 is meant (rclcpp #979); settings.py
-    checks the type, and says what it wants.
+    A real number is typed dynamically, because ROS refuses 1 where 1.0 is meant (rclcpp #979); `settings` checks
+    the type.
     """
     descriptor = ParameterDescriptor(
         name=row.name,

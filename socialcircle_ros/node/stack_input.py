@@ -1,50 +1,56 @@
 """Focus stacks in the node: frames and stage positions in, clouds out to be filtered.
 
-Frames are taken by the executor, and measured in their order on a thread of their own, so that a cloud that
-is being filtered loses no frame.
+The executor takes the frames. A thread of their own measures them in their order, so that no frame is lost while a
+cloud is filtered.
 """
 
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from sensor_msgs.msg import Image, JointState, PointCloud2
+from rclpy.lifecycle import LifecycleNode
+from rclpy.subscription import Subscription
 
 from socialcircle_ros.errors import StackError, printable
 from socialcircle_ros.focus import count_reasons
+from socialcircle_ros.interface import (
+    STACK_FRAMES,
+    STACK_IMAGE,
+    STACK_JOINT_STATES,
+    STACK_OUTPUTS,
+    STACK_POINTS,
+    STACK_PREVIEW,
+)
 from socialcircle_ros.kernels.memory import reserve_memory
 from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackCloud, StackEvent
 
 from .health import Health
 from .parameters import Configuration
-from .serialized import publish
+from .rclpy_internals import waiting_messages
+from .topics import CLASSES, Publishers, qos_options
 from .worker import QueueWorker
 
-FRAME_DEPTH, JOINT_DEPTH = 50, 500
-"""Frames and joint states that DDS keeps for us: unlike clouds, each one counts."""
+MOST_WAITING = 100
+"""Frames that may wait for the worker: two seconds at 50 frames per second."""
 
-WAITING = 100
-"""Jobs that may wait for the worker: two seconds at 50 frames per second."""
-
-PAUSE = 0.02
-"""Seconds between two looks whether a stack has fallen silent."""
+PAUSE_S = 0.02
+"""Time between two checks whether a stack has timed out."""
 
 _CLOUDS_AT_ONCE = 4
-"""What finishing and publishing takes, in sizes of the cloud: the measured depth, and the message three times."""
+"""Memory that finishing and publishing needs, in sizes of the cloud: the depth, and the message three times."""
 
-_FINISHING = 30.0  # s that a caller of finish waits; the fit takes a hundredth of it
+_FINISHING_S = 30.0  # how long a caller of `finish` waits; the fit takes a hundredth of it
+
+_LOG_PERIOD_S = 5.0
 
 
 @dataclass(frozen=True)
-class _Job:
+class _Task:
     """Something to do on the worker's thread."""
 
     act: Callable[[StackAssembler], Iterator[StackEvent]]
-    arrived: float = 0.0
+    arrived_s: float = 0.0
     done: threading.Event | None = None
     events: list[StackEvent] | None = None
 
@@ -55,176 +61,151 @@ class StackInput:
     Args:
         node: the lifecycle node, unconfigured or inactive.
         configuration: gives the settings in force.
-        health: where arrivals, refusals and latencies are counted.
-        publish: called with each cloud of a finished stack, to be filtered.
-        overridable: the QoS policies that qos_overrides may change.
+        health: counts arrivals, refusals and latencies.
+        filter_cloud: takes each cloud of a finished stack, with its depth of field in m.
     """
 
     def __init__(
         self,
-        node: Any,
+        node: LifecycleNode,
         configuration: Callable[[], Configuration],
         health: Health,
-        publish: Callable[[bytes, float | None], None],
-        overridable: tuple[Any, ...],
+        filter_cloud: Callable[[bytes, float | None], None],
     ) -> None:
         self._node = node
         self._configuration = configuration
         self._health = health
-        self._filter = publish
-        self._overridable = overridable
+        self._filter_cloud = filter_cloud
         self._assembler = StackAssembler()
         self._reserved = 0
-        self._last_arrival = float('-inf')
-        self._closing_arrival = float('-inf')
-        self._subscriptions: list[Any] = []
-        self._publishers: list[Any] = []
-        try:
-            self._points = self._publisher(PointCloud2, 'stack/points')
-            self._image = self._publisher(Image, 'stack/image_in_focus')
-            self._preview = self._publisher(PointCloud2, 'stack/preview')
-        except Exception:
-            self._destroy_publishers()
-            raise
-        self._worker = QueueWorker[_Job](self._work, self._look_for_silence, WAITING, PAUSE)
+        self._last_arrival_s = float('-inf')
+        self._closing_arrival_s = float('-inf')
+        self._subscriptions: list[tuple[Subscription, str]] = []
+        self._publishers = Publishers(node, (*STACK_OUTPUTS, STACK_PREVIEW))
+        self._worker = QueueWorker[_Task](self._work, self._check_timeout, MOST_WAITING, PAUSE_S)
 
     def listen(self) -> None:
-        """Subscribe."""
-        for kind, topic, depth, arrived in (
-            (Image, 'stack/image', FRAME_DEPTH, self._frame_arrived),
-            (JointState, 'stack/joint_states', JOINT_DEPTH, self._joint_state_arrived),
+        """Subscribe to frames and joint states."""
+        for topic, arrived in (
+            (STACK_FRAMES, self._frame_arrived),
+            (STACK_JOINT_STATES, self._joint_state_arrived),
         ):
             subscription = self._node.create_subscription(
-                kind,
-                topic,
-                arrived,
-                QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE),
-                qos_overriding_options=QoSOverridingOptions(self._overridable),
-                raw=True,
+                CLASSES[topic.type], topic.name, arrived, raw=True, **qos_options(topic)
             )
-            self._subscriptions.append(subscription)
+            self._subscriptions.append((subscription, topic.type))
 
     @property
-    def subscriptions(self) -> list[Any]:
-        """What is being listened to."""
-        return self._subscriptions
+    def subscriptions(self) -> list[tuple[Subscription, str]]:
+        """The subscriptions in force, with the types of their messages."""
+        return list(self._subscriptions)
 
     def ignore(self) -> None:
-        """Subscribe no more, and forget the stack that runs."""
-        while self._subscriptions:
-            self._node.destroy_subscription(self._subscriptions.pop())
+        """End the subscriptions, and forget the running stack."""
+        self._unsubscribe()
         self.forget()
 
     def forget(self) -> None:
-        """Forget the stack that runs."""
+        """Forget the running stack."""
         self._ask(self._forget)
 
     def finish(self) -> list[StackEvent]:
-        """Close the stack that runs, and wait for what comes of it; nothing where none runs.
+        """Close the running stack, and wait for what comes of it; nothing where none runs.
 
-        Frames that DDS has already delivered belong to it: the executor takes one a round, and a service call
-        may come before the last of them.
+        Frames that the middleware has delivered belong to the stack: the executor takes one per round, and may
+        reach a service call before the last of them.
 
         Raises:
             StackError: it did not end in time.
         """
-        for subscription in self._subscriptions:
-            with subscription.handle:
-                while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
-                    subscription.callback(taken[0])
+        for subscription, _ in self._subscriptions:
+            for message in waiting_messages(subscription):
+                subscription.callback(message)
         return self._ask(StackAssembler.finish)
 
     def close(self) -> None:
-        """Stop the worker, give subscriptions and publishers back."""
-        while self._subscriptions:
-            self._node.destroy_subscription(self._subscriptions.pop())
+        """Stop the worker, and destroy subscriptions and publishers."""
+        self._unsubscribe()
         self._worker.stop()
-        self._destroy_publishers()
+        self._publishers.destroy()
 
-    def _publisher(self, kind: Any, topic: str) -> Any:
-        publisher = self._node.create_lifecycle_publisher(
-            kind,
-            topic,
-            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
-            qos_overriding_options=QoSOverridingOptions(self._overridable),
-        )
-        self._publishers.append(publisher)
-        return publisher
-
-    def _destroy_publishers(self) -> None:
-        while self._publishers:
-            self._node.destroy_lifecycle_publisher(self._publishers.pop())
+    def _unsubscribe(self) -> None:
+        while self._subscriptions:
+            subscription, _ = self._subscriptions.pop()
+            self._node.destroy_subscription(subscription)
 
     def _frame_arrived(self, message: bytes) -> None:
         self._health.frame_received()
-        self._last_arrival = time.monotonic()
-        if not self._worker.put_if_room(_Job(lambda assembler: assembler.add_frame(message), self._last_arrival)):
+        self._last_arrival_s = time.monotonic()
+        if not self._worker.put_if_room(
+            _Task(lambda assembler: assembler.add_frame(message), self._last_arrival_s)
+        ):
             self._health.frame_dropped()
 
     def _joint_state_arrived(self, message: bytes) -> None:
-        self._worker.put(_Job(lambda assembler: assembler.add_joint_state(message), time.monotonic()))
+        self._worker.put(_Task(lambda assembler: assembler.add_joint_state(message), time.monotonic()))
 
     def _ask(self, act: Callable[[StackAssembler], Iterator[StackEvent]]) -> list[StackEvent]:
-        """Have something done after what waits, and wait for it.
+        """Let the worker do something after all that waits, and wait for it.
 
         Raises:
             StackError: it was not done in time.
         """
         done, events = threading.Event(), list[StackEvent]()
-        self._worker.put(_Job(act, time.monotonic(), done, events))
-        if not done.wait(_FINISHING):
-            raise StackError(f'Too many frames wait to be measured; nothing came of it in {_FINISHING:.0f} s.')
+        self._worker.put(_Task(act, time.monotonic(), done, events))
+        if not done.wait(_FINISHING_S):
+            raise StackError(f'Too many frames wait to be measured; nothing came of it in {_FINISHING_S:.0f} s.')
         return events
 
     def _forget(self, _: StackAssembler) -> Iterator[StackEvent]:
         self._assembler = StackAssembler()
         return iter(())
 
-    def _work(self, job: _Job) -> None:
-        """Do a job and publish what comes of it; on the worker's thread, so nothing may escape."""
+    def _work(self, task: _Task) -> None:
+        """Do a task and publish what comes of it; on the worker's thread, so no exception may escape."""
         configuration = self._configuration()
         self._assembler.configure(configuration.focus, configuration.stack)
-        self._closing_arrival = job.arrived
+        self._closing_arrival_s = task.arrived_s
         try:
-            for event in job.act(self._assembler):
+            for event in task.act(self._assembler):
                 self._handle(event)
-                if job.events is not None:
-                    job.events.append(event)
+                if task.events is not None:
+                    task.events.append(event)
             self._reserve()
         except Exception as error:  # noqa: BLE001 - whatever it is, the next frame must be taken
             reason = printable(f'A frame could not be used: {type(error).__name__}: {error}')
             self._health.failed(reason)
-            self._node.get_logger().error(reason, throttle_duration_sec=5.0)
+            self._node.get_logger().error(reason, throttle_duration_sec=_LOG_PERIOD_S)
         finally:
-            if job.done is not None:
-                job.done.set()
+            if task.done is not None:
+                task.done.set()
 
     def _reserve(self) -> None:
-        """Take the memory for the cloud behind the first frame of a stack: the last need not wait for it."""
+        """Reserve the memory for the cloud after a stack's first frame, so that its last does not wait for it."""
         size = self._assembler.cloud_size
         if size > self._reserved:
             reserve_memory(_CLOUDS_AT_ONCE * size)
             self._reserved = size
 
-    def _look_for_silence(self) -> None:
+    def _check_timeout(self) -> None:
         timeout = self._assembler.timeout
-        if self._assembler.running and timeout and time.monotonic() - self._last_arrival > timeout:
-            self._work(_Job(StackAssembler.finish, time.monotonic()))
+        if self._assembler.running and timeout and time.monotonic() - self._last_arrival_s > timeout:
+            self._work(_Task(StackAssembler.finish, time.monotonic()))
 
     def _handle(self, event: StackEvent) -> None:
         if isinstance(event, Refusal):
             self._health.frame_refused(event.reason)
-            self._node.get_logger().warning(event.reason, throttle_duration_sec=5.0)
+            self._node.get_logger().warning(event.reason, throttle_duration_sec=_LOG_PERIOD_S)
         elif event.preview:
-            self._preview.publish(event.points)
+            self._publishers.publish(STACK_PREVIEW, event.points)
         else:
             self._publish(event)
 
     def _publish(self, cloud: StackCloud) -> None:
         if cloud.warning:
-            self._node.get_logger().warning(cloud.warning, throttle_duration_sec=5.0)
-        publish(self._points, cloud.points)
-        self._health.stack_finished(time.monotonic() - self._closing_arrival)
-        self._filter(cloud.points, cloud.depth_of_field)
-        self._image.publish(cloud.image)
+            self._node.get_logger().warning(cloud.warning, throttle_duration_sec=_LOG_PERIOD_S)
+        self._publishers.publish(STACK_POINTS, cloud.points)
+        self._health.stack_finished(time.monotonic() - self._closing_arrival_s)
+        self._filter_cloud(cloud.points, cloud.depth_of_field)
+        self._publishers.publish(STACK_IMAGE, cloud.image)
         self._health.pixels_judged(count_reasons(cloud.reasons))

@@ -1,7 +1,7 @@
-"""What makes large clouds fast over DDS, set in our own processes before rclpy starts.
+"""Settings that make large clouds fast over DDS, made in our own processes before rclpy starts.
 
-Measured at 1280×960 points: with Fast DDS as shipped a cloud of 20 MB does not fit its shared memory segment
-and goes through UDP on loopback in fragments, which loses clouds from 20 Hz on; and glibc gives each large
+Measured at 1280×960 points: a cloud of 20 MB does not fit the shared memory segment of Fast DDS as shipped. It
+goes through UDP on loopback in fragments, and clouds are lost from 20 Hz on. In addition, glibc gives each large
 block back to the system, so that every cloud pays for its pages again.
 """
 
@@ -20,13 +20,13 @@ _CHOSEN_BY_USER = (
 
 
 def prepare_process() -> None:
-    """Set transport and allocator for large messages; what the user has set himself stays."""
+    """Set transport and allocator for large messages; settings of the user stay."""
     use_large_segment()
     keep_freed_memory()
 
 
 def use_large_segment() -> None:
-    """Give Fast DDS a shared memory segment that holds several clouds, by our profile."""
+    """Give Fast DDS a shared memory segment that holds several clouds, by the profile of this package."""
     other_middleware = 'fastrtps' not in os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp')
     if not other_middleware and not any(name in os.environ for name in _CHOSEN_BY_USER):
         os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(PROFILE)

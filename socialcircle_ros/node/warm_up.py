@@ -1,11 +1,11 @@
-"""Compiling before the first cloud comes, on a thread that a signal need not wait for. No rclpy."""
+"""Compilation before the first cloud, on a thread that a signal does not wait for. No rclpy."""
 
 import os
 import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from typing import Any, cast, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -22,18 +22,19 @@ from socialcircle_ros.settings import (
     FocusSettings,
     Mode,
     OutputSettings,
+    PipelineSettings,
     RepairSettings,
     StackSettings,
 )
 
-_LOOK = 0.05  # s between two looks whether somebody still waits
+_PERIOD_S = 0.05  # between two checks whether the caller still waits
 
 
 class WarmUp:
-    """Compiles, or loads from the cache, what clouds and frames need: first the common, then the rare.
+    """Compiles the kernels for clouds and frames, or loads them from the cache: the common ones first.
 
-    Compiling takes seconds on the very first start, and cannot be interrupted; so it has a thread of its own,
-    which the process may leave behind when it ends.
+    The first start compiles for seconds and cannot be interrupted. Therefore it runs on a thread of its own, which
+    may still run when the process ends.
     """
 
     def __init__(self) -> None:
@@ -44,28 +45,28 @@ class WarmUp:
 
     @property
     def running(self) -> bool:
-        """Whether something is still being compiled."""
+        """Whether kernels are still being compiled."""
         return self._thread is not None and self._thread.is_alive()
 
     def wait(self, wanted: Callable[[], bool], mode: Mode) -> bool:
-        """Begin, if that has not been done, and wait until the common is ready.
+        """Begin on the first call, and wait until the common kernels are ready.
 
         Args:
-            wanted: asked again and again; once it says no, nothing is waited for.
-            mode: of the filter, which is compiled first.
+            wanted: called periodically; the wait ends when it returns False.
+            mode: the mode of the filter that is compiled first.
 
         Returns:
-            Whether it is ready.
+            Whether they are ready.
 
         Raises:
-            SocialCircleError: something could not be compiled.
+            SocialCircleError: a kernel could not be compiled.
         """
         if self._thread is None:
             self._mode = mode
             self._thread = threading.Thread(target=self._run, name='warm_up', daemon=True)
             self._thread.start()
         while wanted():
-            if self._ready.wait(_LOOK):
+            if self._ready.wait(_PERIOD_S):
                 if self._error is not None:
                     raise SocialCircleError(f'The filter cannot be compiled: {self._error}')
                 return True
@@ -74,7 +75,7 @@ class WarmUp:
     def _run(self) -> None:
         try:
             _compile_common(self._mode)
-        except Exception as error:  # noqa: BLE001 - told to whom waits
+        except Exception as error:  # noqa: BLE001 - raised in the thread that waits
             self._error = error
         self._ready.set()
         if self._error is None:
@@ -84,12 +85,12 @@ class WarmUp:
 def _compile_common(mode: Mode) -> None:
     """Clouds of both types under default settings, and a stack of 8 bits.
 
-    On the very first start another process compiles for the stack meanwhile: numba compiles one thing at a time,
-    and what the other leaves in the cache is loaded here.
+    On the first start a helper process compiles for the stack meanwhile, because Numba compiles one kernel at a
+    time. This process then loads its kernels from the cache.
     """
     helper = _helper() if _is_cold() else None
     for kind in (np.float32, np.float64):
-        filter_cloud(_cloud(kind), CircleSettings(mode=mode), depth_of_field=1.0)
+        filter_cloud(_cloud(kind), PipelineSettings(circle=CircleSettings(mode=mode)), depth_of_field=1.0)
     if helper is not None:
         with helper:
             helper.wait()
@@ -97,9 +98,10 @@ def _compile_common(mode: Mode) -> None:
 
 
 def _is_cold() -> bool:
-    """Whether what every cloud needs first was not in the cache, so that the rest is not either."""
+    """Whether the first kernel of every cloud was not in the cache; then the others are not either."""
     measured_points(np.zeros((1, 1, 3), np.float32))
-    return bool(cast('Any', load_row).stats.cache_misses)
+    statistics = getattr(load_row, 'stats')  # noqa: B009 - Numba's, which a plain function does not have
+    return bool(statistics.cache_misses)
 
 
 def _helper() -> 'subprocess.Popen[bytes]':
@@ -109,10 +111,10 @@ def _helper() -> 'subprocess.Popen[bytes]':
 
 
 def _help() -> None:
-    """Compile for the stack into the cache, unless the process that asked for it ends."""
+    """Compile for the stack into the cache, unless the parent process ends."""
 
     def end_with_parent() -> None:
-        sys.stdin.read()  # until the parent closes it, or is gone
+        sys.stdin.read()  # returns when the parent closes it or ends
         os._exit(0)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
@@ -121,15 +123,16 @@ def _help() -> None:
 
 
 def _compile_rare() -> None:
-    """What a setting or another camera asks for."""
+    """Kernels that other settings or another camera need."""
     for other in get_args(Mode):
-        filter_cloud(_cloud(np.float32), CircleSettings(mode=other), depth_of_field=1.0)
-    # Where the points begin in a message goes with the name of the frame; float64 may lie at half of its size.
+        filter_cloud(_cloud(np.float32), PipelineSettings(circle=CircleSettings(mode=other)), depth_of_field=1.0)
+    # The length of the frame name decides where the points begin; float64 may lie at half of its size.
     for kind, frame in ((np.float32, ''), (np.float64, ''), (np.float64, 'four')):
         cloud = _cloud(kind, frame)
-        filter_cloud(cloud, CircleSettings(window=5))
+        filter_cloud(cloud, PipelineSettings(circle=CircleSettings(window=5)))
         for method in ('biharmonic', 'spline'):
-            filter_cloud(cloud, None, OutputSettings(repaired=True), RepairSettings(method=method))
+            repair = RepairSettings(method=method)
+            filter_cloud(cloud, PipelineSettings(output=OutputSettings(repaired=True), repair=repair))
     _measure(np.uint16)
     pixels = np.frombuffer(bytes(48), np.uint8)  # read-only, as in a message
     for blue_first in (False, True):
@@ -138,7 +141,7 @@ def _compile_rare() -> None:
 
 
 def _cloud(kind: type[np.floating], frame: str = '') -> bytes:
-    """A rough plane with a spike: something to remove and to repair, and large enough for every step."""
+    """A rough plane with a spike to remove and repair, large enough for every step."""
     rows, columns = np.mgrid[:40, :36]
     heights = (rows % 2).astype(float)
     heights[6, 5] = 99.0

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.interface import MASK
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
-from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
+from socialcircle_ros.pipeline.clouds import Measurement, filter_cloud
 from socialcircle_ros.report.pictures import any_in_tile, thinned
-from socialcircle_ros.settings import CircleSettings, OutputSettings, RosValue
+from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings, RosValue
 
 from . import colours
 from .view import PIXELS
@@ -21,12 +22,12 @@ class Side:
 
     Attributes:
         name: of the setting.
-        outputs: of the filter.
+        measurement: what the filter says of the cloud.
         mask: (H, W) uint8, with the values of `outlier_mask`.
     """
 
     name: str
-    outputs: CloudOutputs
+    measurement: Measurement
     mask: npt.NDArray[np.uint8]
 
 
@@ -86,8 +87,8 @@ def compare(
     """
     sides = []
     for name, values in (a, b):
-        circle = CircleSettings.from_ros(values).of_a_stack(depth_of_field)
-        outputs = filter_cloud(cloud, circle, OutputSettings(mask=True))
-        sides.append(Side(name, outputs, decode_mono8(outputs.mask or b'')))
+        settings = PipelineSettings(circle=CircleSettings.from_ros(values), output=OutputSettings(mask=True))
+        outputs = filter_cloud(cloud, settings, depth_of_field)
+        sides.append(Side(name, outputs.measurement, decode_mono8(outputs.messages[MASK])))
     differing = tuple((key, value, b[1][key]) for key, value in a[1].items() if value != b[1].get(key, value))
     return Comparison(cloud, sides[0], sides[1], differing)

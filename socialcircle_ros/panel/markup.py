@@ -122,9 +122,9 @@ def comparison(compared: Comparison) -> str:
     a, b = compared.a, compared.b
     both, only_a, only_b = compared.counts
     rows = (
-        ('outliers', f'{a.outputs.outliers:,}', f'{b.outputs.outliers:,}'),
-        ('radius', f'{a.outputs.radius:.4g}', f'{b.outputs.radius:.4g}'),
-        ('time', f'{a.outputs.times["total"]:.1f} ms', f'{b.outputs.times["total"]:.1f} ms'),
+        ('outliers', f'{a.measurement.values.outliers:,}', f'{b.measurement.values.outliers:,}'),
+        ('radius', f'{a.measurement.values.radius:.4g}', f'{b.measurement.values.radius:.4g}'),
+        ('time', f'{a.measurement.times_ms["total"]:.1f} ms', f'{b.measurement.times_ms["total"]:.1f} ms'),
         *((name, str(one), str(other)) for name, one, other in compared.differing),
     )
     body = ''.join(

@@ -126,7 +126,8 @@ class Scene:
             x = (view.size[0] / 4 + SIDE / 40) * (-1 if letter == 'A' else 1)
             self._draw(f'/compare/{letter}', view, outliers, outlier_colours, x, 0.5)
             self._server.scene.add_label(
-                f'/compare/{letter}/label', f'{letter}: {side.name}, {side.outputs.outliers:,} outliers',
+                f'/compare/{letter}/label',
+                f'{letter}: {side.name}, {side.measurement.values.outliers:,} outliers',
                 position=(x - view.size[0] / 8, -view.size[1] / 4 - SIDE / 20, 0.0),
             )  # fmt: skip
 

@@ -1,229 +1,219 @@
-"""One cloud message in, its answers out: the job that the node does live and `socialcircle filter` offline.
+"""One cloud: message → cloud → result → outputs. The node does this live, `socialcircle filter` does it offline.
 
-Both publish exactly these bytes, so that what a replay shows is what the line did.
+Both emit the same bytes, so that a replay shows what the line did.
 """
 
-import threading
-import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from socialcircle_ros.circle import CircleResult, remove_outliers
+from socialcircle_ros.interface import (
+    FILTERED,
+    MASK,
+    MEASUREMENT,
+    REPAIRED,
+    SCORE,
+    STAGE_TIME,
+    MeasurementValues,
+    NodeTopic,
+    outputs_of,
+)
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import encode_image, mask_pixels
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.repair import repair_holes
-from socialcircle_ros.settings import CircleSettings, OutputSettings, RepairSettings
+from socialcircle_ros.settings import CircleSettings, PipelineSettings
+from socialcircle_ros.stopwatch import Stopwatch
 
 STATUS_NAME = 'social_circle: measurement'
 
-
-@dataclass(frozen=True)
-class Answers:
-    """What is published beside the filtered cloud: serialized messages, and what they say in numbers."""
-
-    mask: bytes | None
-    """Image mono8; None where it is not wanted."""
-    score: bytes | None
-    """Image 32FC1: 0 to 1, above 0.5 for outliers; None where it is not wanted, and from the paper's mode."""
-    repaired: bytes | None
-    """PointCloud2 as the filtered one, with holes of outliers filled; None where it is not wanted."""
-    points: int
-    measured: int
-    outliers: int
-    seed: tuple[int, int]
-    radius: float
-    times: dict[str, float]
-    """Milliseconds that each stage took, in the order of the stages."""
-    status: diagnostics.Status
-    """The measurement, without times."""
-
-    @property
-    def measurement(self) -> diagnostics.Status:
-        """What `~/measurement` says: the status and the times."""
-        times = {f'time_{stage}_ms': f'{milliseconds:.3f}' for stage, milliseconds in self.times.items()}
-        values = {**self.status.values, **times}
-        status = self.status
-        return diagnostics.Status(status.level, status.name, status.message, status.hardware_id, values)
+Emit = Callable[[NodeTopic, bytes | memoryview], None]
+"""Takes an output as soon as it is made. A memoryview is valid during the call only."""
 
 
 @dataclass(frozen=True)
-class CloudOutputs(Answers):
-    """All that is published of one cloud."""
+class Measurement:
+    """What the filter says of a cloud.
 
-    filtered: bytes
-    """PointCloud2 as it came, with x, y and z of the outliers NaN."""
+    Attributes:
+        level: of diagnostics; WARN where a person should look.
+        message: the result in sentences.
+        frame_id: the cloud's frame.
+        values: the counts, seed and radius.
+        settings: the settings of the circle in force, by their full names.
+        times_ms: time of each stage in ms, in the order of the stages, and `total`.
+    """
+
+    level: int
+    message: str
+    frame_id: str
+    values: MeasurementValues
+    settings: Mapping[str, str]
+    times_ms: Mapping[str, float]
+
+    def status(self, *, timed: bool) -> diagnostics.Status:
+        """The measurement as a message; without times it is the same for the same cloud and settings."""
+        times = (
+            {STAGE_TIME.format(stage=stage): f'{ms:.3f}' for stage, ms in self.times_ms.items()} if timed else {}
+        )
+        values = {**self.values.to_text(), **self.settings, **times}
+        return diagnostics.Status(self.level, STATUS_NAME, self.message, self.frame_id, values)
+
+
+@dataclass(frozen=True)
+class CloudOutputs:
+    """All outputs of one cloud.
+
+    Attributes:
+        messages: the serialized messages by topic; the measurement among them holds no times.
+        measurement: what the filter says of the cloud.
+    """
+
+    messages: Mapping[NodeTopic, bytes]
+    measurement: Measurement
+
+
+class MessageBuffer:
+    """Memory for a message, reused for the next one."""
+
+    def __init__(self) -> None:
+        self._memory = bytearray()
+
+    def view(self, size: int) -> memoryview:
+        """Writable memory of `size` bytes; the view before it is no longer used."""
+        if len(self._memory) < size:
+            self._memory = bytearray(size)
+        return memoryview(self._memory)[:size]
 
 
 def filter_cloud(
-    message: bytes,
-    circle: CircleSettings | None = None,
-    output: OutputSettings | None = None,
-    repair: RepairSettings | None = None,
-    depth_of_field: float | None = None,
+    message: bytes, settings: PipelineSettings | None = None, depth_of_field: float | None = None
 ) -> CloudOutputs:
-    """Filter one serialized PointCloud2.
+    """Filter one serialized PointCloud2, and keep its outputs.
 
     Args:
-        message: the cloud as it came, in CDR.
-        circle: how to filter.
-        output: what is wanted.
-        repair: how holes are filled, where that is wanted.
-        depth_of_field: of a cloud that was a stack, in the unit of the cloud; what `circle` says goes first.
+        message: the cloud in CDR.
+        settings: how to filter and repair, and which outputs are wanted.
+        depth_of_field: of a cloud that was a stack, in the unit of the cloud; `circle.depth_of_field` takes
+            precedence.
 
     Returns:
-        The messages to publish; the same for the same cloud and settings, but for the times.
+        The outputs; the same for the same cloud and settings, except for the times.
 
     Raises:
         MessageError: the message is not an organized cloud, or contradicts itself.
-        CloudError: the method can give no answer for this cloud.
+        CloudError: the method has no result for this cloud.
     """
-    filtering = Filtering(message, circle, depth_of_field)
-    filtered = filtering.filtered()
-    return CloudOutputs(filtered=filtered, **vars(filtering.answers(output, repair)))
+    messages: dict[NodeTopic, bytes] = {}
+
+    def keep(topic: NodeTopic, output: bytes | memoryview) -> None:
+        messages[topic] = bytes(output)
+
+    measurement = process_cloud(message, keep, settings, depth_of_field)
+    messages[MEASUREMENT] = measurement.status(timed=False).encode()
+    return CloudOutputs(messages, measurement)
 
 
-class Filtering:
-    """`filter_cloud` step by step, for who cannot wait: the outliers are found, the filtered cloud is next.
+def process_cloud(
+    message: bytes | memoryview,
+    emit: Emit,
+    settings: PipelineSettings | None = None,
+    depth_of_field: float | None = None,
+    buffer: MessageBuffer | None = None,
+) -> Measurement:
+    """Filter one serialized PointCloud2, and emit each output as soon as it is made: the filtered cloud first.
 
     Args:
-        message: the cloud as it came, in CDR.
-        circle: how to filter.
-        depth_of_field: of a cloud that was a stack, in the unit of the cloud; what `circle` says goes first.
+        message: the cloud in CDR; it is never altered.
+        emit: takes each output but the measurement, which is returned.
+        settings: how to filter and repair, and which outputs are wanted.
+        depth_of_field: of a cloud that was a stack, in the unit of the cloud; `circle.depth_of_field` takes
+            precedence.
+        buffer: memory for the filtered cloud; None: new memory.
 
     Raises:
         MessageError: the message is not an organized cloud, or contradicts itself.
-        CloudError: the method can give no answer for this cloud.
+        CloudError: the method has no result for this cloud.
     """
+    settings = settings or PipelineSettings()
+    circle = settings.circle.of_a_stack(depth_of_field)
+    wanted = outputs_of(circle.mode, settings.output)
+    stopwatch = Stopwatch()
 
-    def __init__(
-        self,
-        message: bytes | memoryview,
-        circle: CircleSettings | None = None,
-        depth_of_field: float | None = None,
-    ) -> None:
-        self._circle = (circle or CircleSettings()).of_a_stack(depth_of_field)
-        self._depth_of_field = depth_of_field
-        self._clock = _Stages()
-        self._cloud = PointCloud.decode(message)
-        self._xyz = self._cloud.xyz()
-        self._clock.stage('decode')
-        self._result = remove_outliers(self._xyz, self._circle)
-        for step, seconds in self._result.times.items():
-            self._clock.times[step] = 1e3 * seconds
-        self._clock.restart()
-        self._points = self._cloud.height * self._cloud.width
-        self._outliers = int(np.count_nonzero(self._result.outliers))
-        self._undo = _change_nothing
-        self._undoing = threading.Lock()
+    cloud = PointCloud.decode(message)
+    xyz = cloud.xyz()
+    stopwatch.lap('decode')
 
-    @cached_property
-    def _measured(self) -> int:
-        return self._outliers + int(np.count_nonzero(self._result.inliers))
+    result = remove_outliers(xyz, circle)
+    stopwatch.times_ms |= {stage: 1e3 * seconds for stage, seconds in result.times.items()}
+    stopwatch.restart()
 
-    @property
-    def _dense(self) -> bool:
-        return self._outliers == 0 and self._measured == self._points
+    points, outliers = cloud.height * cloud.width, int(np.count_nonzero(result.outliers))
+    measured = outliers + int(np.count_nonzero(result.inliers))
+    filtered = _filtered(cloud, result, dense=outliers == 0 and measured == points, buffer=buffer)
+    stopwatch.lap('cloud')
+    emit(FILTERED, filtered)
+    stopwatch.restart()
 
-    def filtered(self) -> bytes:
-        """PointCloud2 as it came, with x, y and z of the outliers NaN."""
-        filtered = self._cloud.without(self._result.outliers, dense=self._dense)
-        self._clock.stage('cloud')
-        return filtered
+    if MASK in wanted:
+        emit(MASK, encode_image(cloud.header, mask_pixels(result.inliers, result.outliers)))
+    if SCORE in wanted and result.score is not None:
+        emit(SCORE, encode_image(cloud.header, result.score))
+    stopwatch.lap('mask')
 
-    def filter_in_place(self) -> None:
-        """Make of the message itself, which may be written to, what `filtered` gives: no copy of it is made."""
-        self._undo = self._cloud.take_out(self._result.outliers, dense=self._dense)
-        self._clock.stage('cloud')
+    filled = 0
+    if REPAIRED in wanted:
+        repair = repair_holes(xyz, result.outliers, settings.repair)
+        filled = int(np.count_nonzero(repair.filled))
+        dense = measured - outliers + filled == points
+        emit(REPAIRED, cloud.replaced(result.outliers, repair.xyz, dense=dense))
+        stopwatch.lap('repair')
 
-    def put_back(self) -> None:
-        """Make the message again what it was when it came; any thread may ask for it, also twice."""
-        with self._undoing:
-            self._undo()
-            self._undo = _change_nothing
-
-    def answers(self, output: OutputSettings | None = None, repair: RepairSettings | None = None) -> Answers:
-        """The rest; the message is again what it was where that matters.
-
-        Args:
-            output: what is wanted.
-            repair: how holes are filled, where that is wanted.
-        """
-        output = output or OutputSettings()
-        header, result, clock = self._cloud.header, self._result, self._clock
-        clock.restart()
-        mask = encode_image(header, mask_pixels(result.inliers, result.outliers)) if output.mask else None
-        score = encode_image(header, result.score) if output.score and result.score is not None else None
-        clock.stage('mask')
-        repaired, filled = None, 0
-        if output.repaired:
-            self.put_back()
-            repair_result = repair_holes(self._xyz, result.outliers, repair)
-            filled = int(np.count_nonzero(repair_result.filled))
-            dense = self._measured - self._outliers + filled == self._points
-            repaired = self._cloud.replaced(result.outliers, repair_result.xyz, dense=dense)
-            clock.stage('repair')
-        clock.times['total'] = sum(clock.times.values())
-        return Answers(
-            mask=mask,
-            score=score,
-            repaired=repaired,
-            points=self._points,
-            measured=self._measured,
-            outliers=self._outliers,
-            seed=result.seed,
-            radius=result.radius,
-            times=clock.times,
-            status=_status(
-                self._cloud,
-                self._measured,
-                self._outliers,
-                filled,
-                result,
-                self._circle,
-                self._depth_of_field,
-            ),
-        )
+    stopwatch.times_ms['total'] = sum(stopwatch.times_ms.values())
+    values = MeasurementValues(
+        stamp=f'{cloud.header.seconds}.{cloud.header.nanoseconds:09d}',
+        points=points,
+        measured=measured,
+        kept=measured - outliers,
+        outliers=outliers,
+        repaired=filled,
+        seed_row=result.seed[0],
+        seed_column=result.seed[1],
+        radius=result.radius,
+        stack_depth_of_field=depth_of_field,
+    )
+    level, sentences = _verdict(values, result, circle)
+    return Measurement(
+        level=level,
+        message=sentences,
+        frame_id=cloud.header.frame_id,
+        values=values,
+        settings={name: str(value) for name, value in circle.to_ros().items()},
+        times_ms=stopwatch.times_ms,
+    )
 
 
-def _change_nothing() -> None:
-    """What undoes nothing."""
+def _filtered(
+    cloud: PointCloud, result: CircleResult, *, dense: bool, buffer: MessageBuffer | None
+) -> bytes | memoryview:
+    """The filtered cloud, in the buffer where there is one."""
+    if buffer is None:
+        return cloud.without(result.outliers, dense=dense)
+    memory = buffer.view(len(cloud.message))
+    cloud.write_without(result.outliers, memory, dense=dense)
+    return memory
 
 
-class _Stages:
-    """Stopwatch over the stages of one cloud."""
+def _verdict(values: MeasurementValues, result: CircleResult, circle: CircleSettings) -> tuple[int, str]:
+    """Level and sentences of a measurement.
 
-    def __init__(self) -> None:
-        self.times: dict[str, float] = {}
-        self.restart()
-
-    def restart(self) -> None:
-        self._since = time.perf_counter()
-
-    def stage(self, name: str) -> None:
-        now = time.perf_counter()
-        self.times[name] = 1e3 * (now - self._since)
-        self._since = now
-
-
-def _status(
-    cloud: PointCloud,
-    measured: int,
-    outliers: int,
-    filled: int,
-    result: CircleResult,
-    circle: CircleSettings,
-    depth_of_field: float | None,
-) -> diagnostics.Status:
-    """The measurement in words and values.
-
-    Where most of the measured points fell, the seed's surface is likely not the part's: the method cannot
-    know, but it must not be silent.
+    Where most of the measured points are outliers, the seed is likely not on the part's surface. The method cannot
+    know that, so the measurement warns.
     """
-    share = outliers / measured
-    message = f'{outliers} of {measured} measured points are outliers ({100 * share:.2f} %).'
+    share = values.outliers / values.measured
+    message = f'{values.outliers} of {values.measured} measured points are outliers ({100 * share:.2f} %).'
     level = diagnostics.OK
     if share > 0.5:
         level = diagnostics.WARN
@@ -237,17 +227,4 @@ def _status(
     for warning in result.warnings:
         level = diagnostics.WARN
         message += f' {warning[0].upper()}{warning[1:]}'
-    values = {
-        'stamp': f'{cloud.header.seconds}.{cloud.header.nanoseconds:09d}',
-        'points': str(cloud.height * cloud.width),
-        'measured': str(measured),
-        'kept': str(measured - outliers),
-        'outliers': str(outliers),
-        'repaired': str(filled),
-        'seed_row': str(result.seed[0]),
-        'seed_column': str(result.seed[1]),
-        'radius': repr(result.radius),
-        **({} if depth_of_field is None else {'stack_depth_of_field': repr(depth_of_field)}),
-        **{name: str(value) for name, value in circle.to_ros().items()},
-    }
-    return diagnostics.Status(level, STATUS_NAME, message, cloud.header.frame_id, values)
+    return level, message

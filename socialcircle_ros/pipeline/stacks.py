@@ -1,16 +1,16 @@
-"""Frames and stage positions in, clouds out: the job that the node does live and `socialcircle filter` offline.
+"""Focus stacks: frames and stage positions → clouds. The node does this live, `socialcircle filter` offline.
 
-A stack is closed at its end, or broken off where what comes cannot belong to it; either way the next frame
-finds everything ready for the next stack.
+A stack is closed at its end, or given up where a frame cannot belong to it. In both cases the next frame begins
+the next stack.
 """
 
 import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from socialcircle_ros.errors import MessageError, SocialCircleError, StackError, printable
 from socialcircle_ros.focus import FocusStack
@@ -22,42 +22,47 @@ from socialcircle_ros.messages.joint_state import JointState
 from socialcircle_ros.messages.point_cloud import write_float_cloud
 from socialcircle_ros.settings import FocusSettings, StackSettings
 
-WAITING = 64
-"""So many frames may wait for a joint state; then the first ones are given up."""
+MOST_WAITING = 64
+"""Frames that may wait for a joint state; when more wait, the first one is refused."""
 
 FIELDS = ('x', 'y', 'z', 'intensity', 'quality')
-"""What a cloud that was a stack holds of each point."""
+"""Fields of the cloud of a stack."""
 
-GAP = 500_000_000
-"""Joint states further apart than this (ns) say nothing of what was between them."""
+GAP_NS = 500_000_000
+"""Joint states that are further apart than this are not interpolated."""
 
 
 @dataclass(frozen=True)
 class StackCloud:
-    """A stack that has become a cloud, both serialized, or what is to be seen of one that still runs."""
+    """The cloud of a stack, or of the part of a running stack that has come.
+
+    Attributes:
+        points: serialized PointCloud2 in m: x, y, z, intensity, quality.
+        image: serialized Image: every pixel from its sharpest frame.
+        frames: how many frames were measured.
+        preview: whether the stack is still running.
+        reasons: (H, W) uint8, the objections to each point: bits of `focus.Reason`.
+        depth_of_field: of the optics in m; None: no focus curve is reliable enough.
+        warning: why the cloud may be wrong; '': there is no sign of it.
+    """
 
     points: bytes
-    """PointCloud2 in metres: x, y, z, intensity, quality."""
     image: bytes
-    """Image: every pixel from its sharpest frame."""
     frames: int
     preview: bool
-    reasons: Any
-    """(H, W) uint8, what speaks against each point: bits of `Reason`."""
+    reasons: npt.NDArray[np.uint8]
     depth_of_field: float | None
-    """Of the optics, in metres; None where no focus curve is trusted."""
     warning: str = ''
-    """Why the cloud may not be what was meant; empty: nothing speaks against it."""
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Something that was not taken, and why."""
+    """Input that was refused, and why."""
 
     reason: str
 
     def __post_init__(self) -> None:
-        """Make the reason one that can be logged and published."""
+        """Make the reason printable, so that it can be logged and published."""
         object.__setattr__(self, 'reason', printable(self.reason))
 
 
@@ -66,7 +71,7 @@ StackEvent = StackCloud | Refusal
 
 @dataclass
 class _Stack:
-    """The stack that runs, under the settings with which it began."""
+    """The running stack, with the settings that were in force when it began."""
 
     focus: FocusStack
     settings: StackSettings
@@ -82,21 +87,23 @@ class _Stack:
 class StackAssembler:
     """Makes clouds from serialized frames and joint states, one stack after the other.
 
-    Each call gives the events that it led to, in their order. No clock is asked: who calls knows the time.
+    Each call yields the events that it causes, in order. The assembler reads no clock: the caller checks
+    `timeout`.
     """
 
     def __init__(self) -> None:
         self._focus, self._settings = FocusSettings(), StackSettings()
         self._stack: _Stack | None = None
-        # The memory of the last stack serves the next one of its kind: taking 50 MB anew costs frames.
+        # The memory of the last stack is reused for the next one of its kind: a new allocation of 50 MB costs
+        # frames.
         self._memory: tuple[tuple[FocusSettings, tuple[int, ...], str], FocusStack] | None = None
         self._waiting: deque[Image] = deque()
-        self._track: deque[tuple[int, float]] = deque()  # stamp, z of the stage; ascending stamps
-        self._track_is_new = False  # whether it began anew since the last frame
+        self._track: deque[tuple[int, float]] = deque()  # stamp in ns, z of the stage in m; ascending stamps
+        self._track_is_new = False  # whether it began again since the last frame
         self._last_stamp = -(2**63)
 
     def configure(self, focus: FocusSettings, settings: StackSettings) -> None:
-        """Set what the next stack is measured with; the one that runs keeps what it began with."""
+        """Set how the next stack is measured; the running one keeps its settings."""
         self._focus, self._settings = focus, settings
 
     @property
@@ -106,7 +113,7 @@ class StackAssembler:
 
     @property
     def cloud_size(self) -> int:
-        """Bytes of the points that the stack which runs will become; 0 where none runs."""
+        """Size in bytes of the cloud that the running stack becomes; 0: none runs."""
         return 4 * len(FIELDS) * math.prod(self._stack.shape) if self._stack is not None else 0
 
     def add_frame(self, message: bytes) -> Iterator[StackEvent]:
@@ -125,17 +132,17 @@ class StackAssembler:
         if self._settings_now.z_source == 'joint_states':
             self._waiting.append(frame)
             yield from self._place_waiting()
-            if len(self._waiting) > WAITING:
+            if len(self._waiting) > MOST_WAITING:
                 self._waiting.popleft()
                 yield Refusal(
-                    f'A frame was refused: after {WAITING} more frames still no joint state covers its stamp; see'
+                    f'A frame was refused: after {MOST_WAITING} more frames no joint state covers its stamp; check'
                     ' that stack/joint_states is published with the clock of the frames, or set stack.z_source.'
                 )
         else:
             yield from self._take(frame, None)
 
     def add_joint_state(self, message: bytes) -> Iterator[StackEvent]:
-        """Take in a serialized JointState; it says nothing where z is counted."""
+        """Take in a serialized JointState; it is ignored where z is counted."""
         if self._settings_now.z_source == 'step':
             return
         try:
@@ -146,17 +153,17 @@ class StackAssembler:
             return
         stamp = state.header.stamp
         if self._track and stamp < self._track[-1][0]:
-            self._track.clear()  # a replay that began again, or a stage that was switched on anew
+            self._track.clear()  # a replay that began again, or a stage that was switched on again
             self._track_is_new = True
         self._track.append((stamp, z))
-        # Behind the frames that wait only the nearest state is needed.
-        oldest = self._waiting[0].header.stamp if self._waiting else stamp - 10 * GAP
+        # Of the states before the first waiting frame, only the nearest is needed.
+        oldest = self._waiting[0].header.stamp if self._waiting else stamp - 10 * GAP_NS
         while len(self._track) > 2 and self._track[1][0] < oldest:
             self._track.popleft()
         yield from self._place_waiting()
 
     def finish(self) -> Iterator[StackEvent]:
-        """Close the stack that runs: by request, or after silence."""
+        """Close the running stack, on request or after the timeout."""
         if self._waiting:
             count = len(self._waiting)
             self._waiting.clear()
@@ -167,7 +174,7 @@ class StackAssembler:
         yield from self._close()
 
     def _close(self) -> Iterator[StackEvent]:
-        """Make a cloud of the stack that runs; frames that wait belong to the next one."""
+        """Make a cloud of the running stack; waiting frames belong to the next one."""
         stack, self._stack = self._stack, None
         if stack is None:
             return
@@ -178,7 +185,7 @@ class StackAssembler:
 
     @property
     def timeout(self) -> float:
-        """Seconds of silence after which the stack that runs is to be finished; 0: never."""
+        """Time in s without a frame after which the caller finishes the running stack; 0: never."""
         return self._settings_now.timeout
 
     @property
@@ -186,17 +193,17 @@ class StackAssembler:
         return self._stack.settings if self._stack is not None else self._settings
 
     def _go_back(self, stamp: int) -> Iterator[StackEvent]:
-        """Begin anew where time went backwards: a replay in a loop, or a clock that was set."""
+        """Give the running stack up where time went backwards: a replay in a loop, or a clock that was set."""
         if self.running:
-            back = (self._last_stamp - stamp) / 1e9
-            yield Refusal(f'Time went backwards by {back:.3f} s: the stack that ran was given up.')
+            back_s = (self._last_stamp - stamp) / 1e9
+            yield Refusal(f'Time went backwards by {back_s:.3f} s: the running stack was given up.')
         self._stack = None
         self._waiting.clear()
         if not self._track_is_new:
-            self._track.clear()  # it tells of the past
+            self._track.clear()  # its stamps are from before
 
     def _place_waiting(self) -> Iterator[StackEvent]:
-        """Take the frames whose stamps the joint states cover by now."""
+        """Take the frames whose stamps are covered by joint states."""
         while self._waiting and self._track and self._track[-1][0] >= self._waiting[0].header.stamp:
             frame = self._waiting.popleft()
             try:
@@ -207,11 +214,11 @@ class StackAssembler:
                 yield from self._take(frame, z)
 
     def _take(self, frame: Image, z: float | None) -> Iterator[StackEvent]:
-        """Add a frame to the stack that runs, or begin one; close it where it ends.
+        """Add a frame to the running stack, or begin one; close it where it ends.
 
         Args:
             frame: the frame.
-            z: where the stage was, m; None: counted.
+            z: position of the stage in m; None: counted from z_start by z_step.
         """
         try:
             pixels = frame.gray()
@@ -272,10 +279,10 @@ def _frames(count: int) -> str:
 
 
 def _position(state: JointState, joint: str) -> float:
-    """The position of the joint that moves the stage.
+    """The position of the joint that moves the stage, in m.
 
     Raises:
-        MessageError: it is not there, or not a finite number.
+        MessageError: the joint is missing, or its position is not finite.
     """
     names = list(state.names)
     if joint and joint not in names:
@@ -287,10 +294,10 @@ def _position(state: JointState, joint: str) -> float:
 
 
 def _interpolated(track: deque[tuple[int, float]], stamp: int) -> float:
-    """Z of the stage at a stamp that is not behind the track's end.
+    """Z of the stage in m at a stamp in ns that is not after the last joint state.
 
     Raises:
-        StackError: it is before the track, or falls in a gap.
+        StackError: the stamp is before the first joint state, or in a gap.
     """
     before = after = None
     for state in reversed(track):
@@ -303,15 +310,15 @@ def _interpolated(track: deque[tuple[int, float]], stamp: int) -> float:
         raise StackError('A frame was refused: its stamp is before the first joint state.')
     if after is None or before[0] == stamp:
         return before[1]
-    if after[0] - before[0] > GAP:
-        gap = (after[0] - before[0]) / 1e9
-        raise StackError(f'A frame was refused: the joint states round its stamp are {gap:.1f} s apart.')
+    if after[0] - before[0] > GAP_NS:
+        gap_s = (after[0] - before[0]) / 1e9
+        raise StackError(f'A frame was refused: the joint states around its stamp are {gap_s:.1f} s apart.')
     share = (stamp - before[0]) / (after[0] - before[0])
     return before[1] + share * (after[1] - before[1])
 
 
 def _turned(stack: _Stack, z: float) -> bool:
-    """Whether the stage comes back: by more than half a mean step, which jitter does not do."""
+    """Whether the stage turned: z moved back by more than half of the mean step, which jitter does not reach."""
     if not stack.settings.end_at_turn or stack.frames < 3 or stack.furthest_z == stack.first_z:
         return False
     step = (stack.furthest_z - stack.first_z) / (stack.frames - 1)
@@ -326,7 +333,7 @@ def _note_direction(stack: _Stack, z: float) -> None:
 
 
 def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
-    """The stack so far as messages.
+    """The cloud and the image of a stack so far.
 
     Raises:
         StackError: there are too few different z.
@@ -338,7 +345,7 @@ def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
     x = (np.arange(width) * pitch_x).astype(np.float32)
     y = (np.arange(height) * pitch_y).astype(np.float32)
 
-    def write(points: Any) -> bool:
+    def write(points: npt.NDArray[np.float32]) -> bool:
         def write_band(band: slice) -> bool:
             depth, image, quality = result.depth[band], result.image[band], result.quality[band]
             return _write_points(x, y[band], depth, image, quality, points[band])
@@ -367,8 +374,15 @@ def _cut_short(stack: _Stack) -> str:
 
 
 @kernel
-def _write_points(x: Any, y: Any, depth: Any, image: Any, quality: Any, points: Any) -> bool:
-    """Write x, y, z, intensity and quality of each point, (H, W, 5) float32; whether each z is a number."""
+def _write_points(
+    x: npt.NDArray[np.float32],
+    y: npt.NDArray[np.float32],
+    depth: npt.NDArray[np.float64],
+    image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16],
+    quality: npt.NDArray[np.float32],
+    points: npt.NDArray[np.float32],
+) -> bool:
+    """Write x, y, z, intensity and quality of each point, (H, W, 5); returns whether each z is a number."""
     dense = True
     for row in range(points.shape[0]):
         for column in range(points.shape[1]):

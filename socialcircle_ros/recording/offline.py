@@ -1,4 +1,4 @@
-"""A recording in, a recording out: the node's filter, cloud by cloud, always with the same result."""
+"""A recording in, a recording out: the node's filter, cloud by cloud, with the same result each time."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
@@ -6,7 +6,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
-from socialcircle_ros.messages import diagnostics, image, point_cloud
+from socialcircle_ros.interface import (
+    CLOUD_OUTPUTS,
+    FILTERED,
+    MEASUREMENT,
+    POINTS,
+    REPAIRED,
+    STACK_FRAMES,
+    STACK_IMAGE,
+    STACK_JOINT_STATES,
+    STACK_OUTPUTS,
+    STACK_POINTS,
+    NodeTopic,
+    outputs_of,
+)
+from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
@@ -16,53 +30,51 @@ from .reader import RecordingReader, open_recording
 from .topics import Message, ros_topic
 from .writer import Compression, RecordingWriter
 
-INPUT, FRAMES, JOINT_STATES = 'points', 'stack/image', 'stack/joint_states'
-FILTERED, MASK, SCORE, MEASUREMENT = (
-    'points_filtered',
-    'outlier_mask',
-    'outlier_score',
-    'social_circle/measurement',
-)
-REPAIRED = 'points_repaired'
-STACK_POINTS, STACK_IMAGE = 'stack/points', 'stack/image_in_focus'
-
 
 @dataclass
 class Summary:
-    """What became of a recording."""
+    """What was done with a recording.
+
+    Attributes:
+        clouds: clouds that were filtered, those of stacks included.
+        stacks: stacks that became clouds.
+        refused: number of refused clouds and frames by reason.
+        warnings: number of stacks by warning.
+        passed: messages of other topics, which were copied.
+        replaced: topics of an earlier run in the recording; the new messages replace theirs.
+        damage: where the recording breaks off; None: it is sound.
+    """
 
     clouds: int = 0
-    """Clouds that were filtered, of stacks too."""
     stacks: int = 0
-    """Stacks that became clouds."""
     refused: dict[str, int] = field(default_factory=dict)
-    """How many clouds or frames were refused, by reason."""
     warnings: dict[str, int] = field(default_factory=dict)
-    """Of how many stacks there is something to tell, by what."""
     passed: int = 0
-    """Messages of other topics, passed on as they were."""
     replaced: list[str] = field(default_factory=list)
-    """Topics of an earlier run in the recording, whose messages give way to the new ones."""
     damage: str | None = None
-    """Where the recording breaks off; None: it is sound."""
 
     def refuse(self, reason: str) -> None:
         """Count a refusal."""
         self.refused[reason] = self.refused.get(reason, 0) + 1
 
+    def warn(self, warning: str) -> None:
+        """Count a warning."""
+        self.warnings[warning] = self.warnings.get(warning, 0) + 1
+
 
 @dataclass(frozen=True)
 class SourceCloud:
-    """A cloud of a recording, as the filter meets it.
+    """A cloud of a recording before it is filtered.
 
     Attributes:
-        namespace: of its cell, such as `/cell1`; empty: none.
-        topic: `/cell1/points`; of a stack `/cell1/stack/points`.
+        namespace: of its cell, such as `/cell1`; '': the root.
+        topic: `/cell1/points`; for a stack `/cell1/stack/points`.
         points: the serialized PointCloud2.
-        message: with whose times its results are recorded: the cloud's own, or the one that ended the stack.
-        image: of a stack, the serialized image in focus; None for a cloud.
-        warning: why a stack's cloud may not be what was meant; empty: nothing speaks against it.
-        depth_of_field: of a stack, in metres, where its focus curves tell it.
+        message: the outputs are recorded with the times of this message: the cloud itself, or the frame that ended
+            the stack.
+        image: the serialized image in focus of a stack; None for a cloud.
+        warning: why a stack's cloud may be wrong; '': there is no sign of it.
+        depth_of_field: of a stack in m, where its focus curves show it.
     """
 
     namespace: str
@@ -77,36 +89,35 @@ class SourceCloud:
 def filter_recording(
     source: str | Path,
     target: str | Path,
-    job: PipelineSettings,
+    settings: PipelineSettings,
     *,
     topics: tuple[str, ...] = (),
     compression: Compression = 'none',
     overwrite: bool = False,
-    seen: Callable[[Message | None, list[CloudOutputs]], None] = lambda message, cleaned: None,
+    seen: Callable[[Message | None, list[CloudOutputs]], None] = lambda message, outputs: None,
 ) -> Summary:
-    """Filter each cloud of a recording, and write a recording with the results beside all that it had.
+    """Filter each cloud of a recording; write a recording with the outputs beside everything that it held.
 
-    Beside a topic `cell/points` come `cell/points_filtered`, `cell/outlier_mask` and
-    `cell/social_circle/measurement`, each with the times of its cloud; measurements hold no stage times, so
-    that the same recording and settings give the same bytes. Frames on `cell/stack/image` become clouds on
-    `cell/stack/points` first. A few clouds, or one stack, are in memory at a time: what comes next is read, and
-    what is done is written, while a cloud is filtered.
+    The outputs of `cell/points` are on the topics of the node in that namespace, such as `cell/points_filtered`,
+    each with the times of its cloud. Frames on `cell/stack/image` become clouds on `cell/stack/points` first.
+    Measurements hold no stage times, so the same recording and settings give the same bytes. Few clouds, or one
+    stack, are in memory at a time; the next messages are read and the last ones written while a cloud is filtered.
 
     Args:
         source: an MCAP file or a rosbag2 directory.
         target: where to write; a name that ends in .mcap, or a directory.
-        job: the settings.
-        topics: which topics of clouds to filter; none: `clouds_of`.
+        settings: how to filter, and which outputs are wanted.
+        topics: which topics of clouds to filter; none: those of `clouds_of`.
         compression: of the target's chunks.
-        overwrite: whether a recording that is there may be replaced.
-        seen: called after each message, None at the end, with the results that it led to.
+        overwrite: whether an existing recording may be replaced.
+        seen: called after each message, and with None at the end, with the outputs that came of it.
 
     Raises:
-        RecordingError: it cannot be read or written, or it has neither clouds nor frames of a stack.
+        RecordingError: it cannot be read or written, or it holds neither clouds nor frames of a stack.
     """
     summary = Summary()
     with open_recording(source) as reader:
-        cells = _cells(reader, topics, job)
+        cells = _cells(reader, topics, settings)
         produced = {name for cell in cells for name in cell.replaced}
         summary.replaced = sorted(produced & reader.topics.keys())
         with RecordingWriter(target, compression=compression, overwrite=overwrite, source=source) as writer:
@@ -114,60 +125,61 @@ def filter_recording(
                 if name not in produced:
                     writer.add_topic(topic)
             for cell in cells:
-                for name, kind in cell.results.items():
+                for name, kind in cell.outputs.items():
                     writer.add_topic(ros_topic(name, kind))
             with closing(read_ahead(reader.messages())) as messages, WriterBehind(writer) as behind:
                 for message, events in _walk(messages, cells):
                     if message is not None:
                         behind.write(*message)
                         summary.passed += all(message.topic not in cell.inputs for cell in cells)
-                    cleaned: list[CloudOutputs] = []
+                    outputs: list[CloudOutputs] = []
                     for event in events:
                         if isinstance(event, Refusal):
                             summary.refuse(event.reason)
                         else:
-                            cleaned += _filter(event, job, summary, behind)
-                    seen(message, cleaned)
+                            outputs += _filter(event, settings, summary, behind)
+                    seen(message, outputs)
         summary.damage = reader.damage
     return summary
 
 
 def source_clouds(
     reader: RecordingReader,
-    job: PipelineSettings,
+    settings: PipelineSettings,
     *,
     topics: tuple[str, ...] = (),
     seen: Callable[[Message | None], None] = lambda message: None,
 ) -> Iterator[SourceCloud | Refusal]:
-    """The clouds that `filter_recording` would filter, in their order; those of stacks are made first.
+    """The clouds that `filter_recording` would filter, in their order; stacks become clouds first.
 
     Args:
         reader: the recording.
-        job: how stacks become clouds.
-        topics: which topics of clouds; none: `clouds_of`, and every stack.
-        seen: called after each message, None at the end.
+        settings: how stacks become clouds.
+        topics: which topics of clouds; none: those of `clouds_of`, and every stack.
+        seen: called after each message, and with None at the end.
 
     Raises:
         RecordingError: as `filter_recording`.
     """
-    for message, events in _walk(reader.messages(), _cells(reader, topics, job)):
+    for message, events in _walk(reader.messages(), _cells(reader, topics, settings)):
         yield from events
         seen(message)
 
 
 def measurements_of(reader: RecordingReader) -> dict[tuple[str, str], diagnostics.Status]:
-    """What a node, or an earlier run, said of each cloud: by namespace and stamp, as the measurement has it."""
+    """The measurements that a node, or an earlier run, recorded: by namespace and stamp."""
+    names = [name for name in reader.topics if MEASUREMENT.namespace_of(name) is not None]
     found = {}
-    for message in reader.messages([name for name in reader.topics if _namespace(name, MEASUREMENT) is not None]):
+    for message in reader.messages(names):
         status = diagnostics.Status.decode(message.data)
-        found[_namespace(message.topic, MEASUREMENT) or '', status.values.get('stamp', '')] = status
+        found[MEASUREMENT.namespace_of(message.topic) or '', status.values.get('stamp', '')] = status
     return found
 
 
 def clouds_of(reader: RecordingReader) -> tuple[str, ...]:
-    """The topics of clouds to filter: those named `points`, in any namespace.
+    """The topics of clouds to filter: those named `points` in any namespace.
 
-    Where there is none, and no stack either, it is the only one with clouds.
+    A recording without such a topic and without stacks may hold one topic of clouds under any name.
 
     Raises:
         RecordingError: there are several, and none is named so.
@@ -175,9 +187,9 @@ def clouds_of(reader: RecordingReader) -> tuple[str, ...]:
     clouds = [
         name
         for name, topic in reader.topics.items()
-        if topic.type == point_cloud.TYPE and _namespace(name, STACK_POINTS) is None
+        if topic.type == POINTS.type and STACK_POINTS.namespace_of(name) is None
     ]
-    named = tuple(name for name in clouds if _namespace(name, INPUT) is not None)
+    named = tuple(name for name in clouds if POINTS.namespace_of(name) is not None)
     if named or stacks_of(reader):
         return named
     if len(clouds) < 2:
@@ -188,53 +200,47 @@ def clouds_of(reader: RecordingReader) -> tuple[str, ...]:
 
 
 def stacks_of(reader: RecordingReader) -> tuple[str, ...]:
-    """The namespaces in which there are frames of focus stacks."""
-    namespaces = [_namespace(name, FRAMES) for name, topic in reader.topics.items() if topic.type == image.TYPE]
+    """The namespaces that hold frames of focus stacks."""
+    namespaces = [
+        STACK_FRAMES.namespace_of(name) for name, topic in reader.topics.items() if topic.type == STACK_FRAMES.type
+    ]
     return tuple(namespace for namespace in namespaces if namespace is not None)
 
 
 class _Cell:
-    """One namespace of the recording: what comes in, and what goes out beside it."""
+    """One namespace of the recording: its inputs, and the outputs beside them."""
 
-    def __init__(self, namespace: str, clouds: Iterable[str], stack: bool, job: PipelineSettings) -> None:
+    def __init__(self, namespace: str, clouds: Iterable[str], stack: bool, settings: PipelineSettings) -> None:
         self._namespace = namespace
-        self._timeout = job.stack.timeout
+        self._timeout_s = settings.stack.timeout
         self._clouds = set(clouds)
-        self._frames, self._joints = f'{namespace}/{FRAMES}', f'{namespace}/{JOINT_STATES}'
+        self._joint_states = STACK_JOINT_STATES.within(namespace)
         self._assembler = StackAssembler()
-        self._assembler.configure(job.focus, job.stack)
+        self._assembler.configure(settings.focus, settings.stack)
         self._last_frame: Message | None = None
-        self.inputs = {*self._clouds, *((self._frames, self._joints) if stack else ())}
-        kinds = {FILTERED: point_cloud.TYPE, MEASUREMENT: diagnostics.TYPE}
-        if job.output.mask:
-            kinds[MASK] = image.TYPE
-        if job.output.score and job.circle.mode == 'adaptive':
-            kinds[SCORE] = image.TYPE
-        if job.output.repaired:
-            kinds[REPAIRED] = point_cloud.TYPE
-        replaced = {FILTERED, MASK, SCORE, MEASUREMENT, REPAIRED}
-        if stack:
-            kinds |= {STACK_POINTS: point_cloud.TYPE, STACK_IMAGE: image.TYPE}
-            replaced |= {STACK_POINTS, STACK_IMAGE}
-        self.results = {f'{namespace}/{name}': kind for name, kind in kinds.items()}
-        self.replaced = {f'{namespace}/{name}' for name in replaced}
+        stack_inputs = (STACK_FRAMES.within(namespace), self._joint_states)
+        self.inputs = {*self._clouds, *(stack_inputs if stack else ())}
+        of_stacks = STACK_OUTPUTS if stack else ()
+        wanted = (*of_stacks, *outputs_of(settings.circle.mode, settings.output))
+        self.outputs = {topic.within(namespace): topic.type for topic in wanted}
+        self.replaced = {topic.within(namespace) for topic in (*of_stacks, *CLOUD_OUTPUTS)}
 
     def take(self, message: Message) -> Iterator[SourceCloud | Refusal]:
-        """Take in a message of this cell; the clouds that came of it."""
+        """Take in a message of this cell; yields the clouds that come of it."""
         if message.topic in self._clouds:
             yield SourceCloud(self._namespace, message.topic, message.data, message)
             return
-        if message.topic == self._joints:
+        if message.topic == self._joint_states:
             yield from self._handle(self._assembler.add_joint_state(message.data), message)
             return
         before = self._last_frame
-        if before is not None and 0 < self._timeout < (message.log_time - before.log_time) / 1e9:
+        if before is not None and 0 < self._timeout_s < (message.log_time - before.log_time) / 1e9:
             yield from self._handle(self._assembler.finish(), before)
         self._last_frame = message
         yield from self._handle(self._assembler.add_frame(message.data), message)
 
     def finish(self, last: Message) -> Iterator[SourceCloud | Refusal]:
-        """Close the stack that runs at the end of the recording."""
+        """Close the running stack at the end of the recording."""
         if self._assembler.running:
             yield from self._handle(self._assembler.finish(), last)
 
@@ -245,7 +251,7 @@ class _Cell:
             elif not event.preview:
                 yield SourceCloud(
                     self._namespace,
-                    f'{self._namespace}/{STACK_POINTS}',
+                    STACK_POINTS.within(self._namespace),
                     event.points,
                     message,
                     event.image,
@@ -257,7 +263,7 @@ class _Cell:
 def _walk(
     messages: Iterable[Message], cells: Sequence[_Cell]
 ) -> Iterator[tuple[Message | None, Iterator[SourceCloud | Refusal]]]:
-    """Each message that is no result of an earlier run, with what comes of it; None at the end."""
+    """Each message that is no output of an earlier run, with what comes of it; None at the end."""
     produced = {name for cell in cells for name in cell.replaced}
     by_input = {name: cell for cell in cells for name in cell.inputs}
     last = None
@@ -272,51 +278,46 @@ def _walk(
 
 
 def _filter(
-    arrival: SourceCloud, job: PipelineSettings, summary: Summary, writer: WriterBehind
+    cloud: SourceCloud, settings: PipelineSettings, summary: Summary, writer: WriterBehind
 ) -> list[CloudOutputs]:
-    """Filter one cloud and write what it gives; a refusal is counted with its reason, and ends nothing."""
-    results: dict[str, bytes] = {}
-    if arrival.image is not None:
+    """Filter one cloud and write its outputs; a refusal is counted with its reason."""
+    messages: dict[NodeTopic, bytes] = {}
+    if cloud.image is not None:
         summary.stacks += 1
-        if arrival.warning:
-            summary.warnings[arrival.warning] = summary.warnings.get(arrival.warning, 0) + 1
-        results = {STACK_POINTS: arrival.points, STACK_IMAGE: arrival.image}
-    cleaned: list[CloudOutputs] = []
+        if cloud.warning:
+            summary.warn(cloud.warning)
+        messages = {STACK_POINTS: cloud.points, STACK_IMAGE: cloud.image}
+    outputs: list[CloudOutputs] = []
     try:
-        cleaned = [filter_cloud(arrival.points, job.circle, job.output, job.repair, arrival.depth_of_field)]
+        outputs = [filter_cloud(cloud.points, settings, cloud.depth_of_field)]
     except SocialCircleError as refusal:
         summary.refuse(str(refusal))
-    for result in cleaned:
+    for each in outputs:
         summary.clouds += 1
-        results |= {FILTERED: result.filtered, MEASUREMENT: result.status.encode()}
-        if result.mask is not None:
-            results[MASK] = result.mask
-        if result.score is not None:
-            results[SCORE] = result.score
-        if result.repaired is not None:
-            results[REPAIRED] = result.repaired
-    of = arrival.message
-    for name, data in results.items():
-        writer.write(f'{arrival.namespace}/{name}', data, of.log_time, of.publish_time, of.sequence)
-    return cleaned
+        messages |= each.messages
+    times = cloud.message
+    for topic, data in messages.items():
+        name = topic.within(cloud.namespace)
+        writer.write(name, data, times.log_time, times.publish_time, times.sequence)
+    return outputs
 
 
-def _cells(reader: RecordingReader, topics: tuple[str, ...], job: PipelineSettings) -> list[_Cell]:
-    """The namespaces that have clouds or stacks to filter.
+def _cells(reader: RecordingReader, topics: tuple[str, ...], settings: PipelineSettings) -> list[_Cell]:
+    """The namespaces that hold clouds or stacks to filter.
 
     Raises:
-        RecordingError: none has, or a topic that was asked for is not one of clouds.
+        RecordingError: there is none, or a topic that was asked for holds no clouds.
     """
     stacks = () if topics else stacks_of(reader)
     clouds = topics or clouds_of(reader)
     for name in clouds:
-        if name not in reader.topics or reader.topics[name].type != point_cloud.TYPE:
+        if name not in reader.topics or reader.topics[name].type != POINTS.type:
             raise RecordingError(f'{reader.path} has no topic {name} of clouds; it has: {_listed(reader)}.')
-        if name.rpartition('/')[2] in (FILTERED, REPAIRED):
-            raise RecordingError(f'{name} is a result of this filter; filter the clouds that it came from.')
+        if any(topic.namespace_of(name) is not None for topic in (FILTERED, REPAIRED)):
+            raise RecordingError(f'{name} is an output of this filter; filter the clouds that it came from.')
     if not clouds and not stacks:
         raise RecordingError(
-            f'{reader.path} has neither clouds ({point_cloud.TYPE}) nor frames (stack/image); it has:'
+            f'{reader.path} has neither clouds ({POINTS.type}) nor frames ({STACK_FRAMES.name}); it has:'
             f' {_listed(reader)}.'
         )
     by_namespace: dict[str, list[str]] = {namespace: [] for namespace in stacks}
@@ -325,15 +326,9 @@ def _cells(reader: RecordingReader, topics: tuple[str, ...], job: PipelineSettin
     for names in by_namespace.values():
         if len(names) > 1:
             raise RecordingError(
-                f'{" and ".join(names)} are in one namespace, so that their results would mix; filter one'
-                ' at a time.'
+                f'{" and ".join(names)} are in one namespace, so their outputs would mix; filter one at a time.'
             )
-    return [_Cell(namespace, names, namespace in stacks, job) for namespace, names in by_namespace.items()]
-
-
-def _namespace(topic: str, name: str) -> str | None:
-    """The namespace of a topic that is named `name` in it; None where it is not."""
-    return topic[: -len(name) - 1] if topic.endswith(f'/{name}') else None
+    return [_Cell(namespace, names, namespace in stacks, settings) for namespace, names in by_namespace.items()]
 
 
 def _listed(reader: RecordingReader) -> str:

@@ -1,6 +1,6 @@
-"""Reading ahead and writing behind on threads of their own, so that both cores work on a recording.
+"""Reading ahead and writing behind on threads of their own, so that two cores work on a recording.
 
-Checksums and files take as long as the filter. Small messages go from thread to thread in bundles.
+Checksums and file access take as long as the filter. Small messages pass between the threads in bundles.
 """
 
 from collections import deque
@@ -11,16 +11,16 @@ from .topics import Message
 from .writer import RecordingWriter
 
 _BUNDLE = 1 << 20
-"""Bytes of messages that are handed over at once, at least."""
+"""Least size of a bundle of messages, in bytes."""
 
 _WAITING = 2
-"""Bundles that may wait to be written, so that memory does not grow where the disk is slow."""
+"""Most bundles that wait to be written, so that memory does not grow where the disk is slow."""
 
 
 def read_ahead(messages: Iterator[Message]) -> Generator[Message]:
-    """The same messages, the next bundle of them read while the last is worked on.
+    """The same messages; the next bundle is read while the caller works on the last.
 
-    What reading raises comes where the messages before it have been given.
+    An error of reading is raised after the messages before it.
     """
     with ThreadPoolExecutor(1, 'read_ahead') as pool:
         coming = pool.submit(_bundle, messages)
@@ -36,13 +36,15 @@ def read_ahead(messages: Iterator[Message]) -> Generator[Message]:
 
 
 class WriterBehind:
-    """Writes to a recording in the order of the calls, later; a context manager that waits for the last.
+    """Writes to a recording on a thread, in the order of the calls; a context manager that waits for the end.
 
-    What writing raises comes from one of the next calls, or at the end of the `with` block.
+    An error of writing is raised by one of the next calls, or at the end of the `with` block.
+
+    Args:
+        writer: the recording; no other code writes to it meanwhile.
     """
 
     def __init__(self, writer: RecordingWriter) -> None:
-        """Write to `writer`, to which nobody else writes meanwhile."""
         self._writer = writer
         self._pool = ThreadPoolExecutor(1, 'write_behind')
         self._bundle: list[Message] = []
@@ -81,7 +83,7 @@ class WriterBehind:
 
 
 def _bundle(messages: Iterator[Message]) -> tuple[list[Message], BaseException | None]:
-    """Messages of together `_BUNDLE` bytes, or those up to the end or an error."""
+    """Messages of `_BUNDLE` bytes in sum, or those up to the end or an error."""
     bundle, size = [], 0
     try:
         for message in messages:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.header import stamp_of
@@ -71,7 +73,7 @@ def _compared_with_surface(cloud: PointCloud, surface: PointCloud, description: 
     if (cloud.height, cloud.width) != (surface.height, surface.width):
         return None
     good, bad = (float(description.values[f'{name}_bound_m']) * _UM_PER_METRE for name in ('good', 'bad'))
-    depth = surface.xyz()[..., 2]
+    depth = surface.xyz()[..., 2].astype(np.float64)
     cause = depth.astype('u1')  # classify() does not use it
     true_surface = TrueSurface(depth * _UM_PER_METRE, cause, good, bad)
     verdict = true_surface.classify(cloud.xyz()[..., 2] * _UM_PER_METRE)

@@ -8,14 +8,13 @@ import numpy as np
 
 from socialcircle_ros.cloud import Cloud, Mask, measured_points
 from socialcircle_ros.errors import MessageError
-from socialcircle_ros.interface import MeasurementValues
+from socialcircle_ros.interface import MASK, REPAIRED, MeasurementValues
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.areal import HeightMap, Texture, texture
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pipeline.clouds import CloudOutputs
-from socialcircle_ros.settings import CircleSettings
 
 from . import thumbnails
 from .content import Beside, Cell, Column, Panels, Section, Table
@@ -158,11 +157,11 @@ def make_entry(
     xyz = decoded.xyz()
     heights = np.where(measured_points(xyz), xyz[..., 2], np.nan)
     outliers = outliers_of(result)
-    measurement = MeasurementValues.from_text(result.status.values)
-    circle = {name: result.status.values[name] for name in CircleSettings().to_ros()}
+    measurement = result.measurement.values
+    circle = result.measurement.settings
     warnings = [warning] if warning else []
-    if result.status.level != diagnostics.OK:
-        warnings.append(result.status.message)
+    if result.measurement.level != diagnostics.OK:
+        warnings.append(result.measurement.message)
     if recorded is not None:
         warnings += _differences(recorded.values, measurement, circle)
     return ReportEntry(
@@ -170,14 +169,14 @@ def make_entry(
         stamp=decoded.header.stamp,
         measurement=measurement,
         circle=circle,
-        times_ms=result.times,
+        times_ms=result.measurement.times_ms,
         is_stack=is_stack,
-        is_repaired=result.repaired is not None,
+        is_repaired=REPAIRED in result.messages,
         before=texture(heights),
         after=texture(np.where(outliers, np.nan, heights)),
         scores=None if truth is None else score(outliers, *truth),
         warnings=warnings,
-        panels=_panels(xyz, heights, outliers, result.repaired, 'm' if is_stack else '', truth),
+        panels=_panels(xyz, heights, outliers, result.messages.get(REPAIRED), 'm' if is_stack else '', truth),
     )
 
 
@@ -187,9 +186,9 @@ def outliers_of(result: CloudOutputs) -> Mask:
     Raises:
         ValueError: the result was made without a mask.
     """
-    if result.mask is None:
+    if MASK not in result.messages:
         raise ValueError('The result has no mask; ask for it with OutputSettings(mask=True).')
-    outliers: Mask = decode_mono8(result.mask) == OUTLIER
+    outliers: Mask = decode_mono8(result.messages[MASK]) == OUTLIER
     return outliers
 
 

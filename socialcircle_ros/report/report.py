@@ -3,12 +3,11 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
-from socialcircle_ros.interface import MeasurementValues
 from socialcircle_ros.kernels.machine import hardware
 from socialcircle_ros.kernels.ordered import in_order
 from socialcircle_ros.pipeline.clouds import filter_cloud
@@ -127,7 +126,7 @@ def _entries(
 ) -> Iterator[ReportEntry | Refusal]:
     """Filter the clouds of a recording on all cores, and describe them in their order."""
     truths, recorded = truths_of(reader), measurements_of(reader)
-    output = OutputSettings(mask=True, repaired=settings.output.repaired)
+    wanted = replace(settings, output=OutputSettings(mask=True, repaired=settings.output.repaired))
     read = 0
 
     def count(message: object) -> None:
@@ -141,11 +140,10 @@ def _entries(
             return item
         cloud = item.cloud
         try:
-            result = filter_cloud(cloud.points, settings.circle, output, settings.repair, cloud.depth_of_field)
+            result = filter_cloud(cloud.points, wanted, cloud.depth_of_field)
         except SocialCircleError as error:
             return Refusal(str(error))
         truth = truths(cloud.namespace, cloud.points)
-        stamp = MeasurementValues.from_text(result.status.values).stamp
         return make_entry(
             item.name,
             cloud.points,
@@ -153,22 +151,22 @@ def _entries(
             is_stack=cloud.image is not None,
             warning=cloud.warning,
             truth=None if truth is None else (truth.outlier, truth.counted),
-            recorded=recorded.get((cloud.namespace, stamp)),
+            recorded=recorded.get((cloud.namespace, result.measurement.values.stamp)),
         )
 
     clouds = named_clouds(source_clouds(reader, settings, topics=topics, seen=count))
-    return in_order(entry_of, _compiled_beforehand(clouds, settings, output))
+    return in_order(entry_of, _compiled_beforehand(clouds, wanted))
 
 
 def _compiled_beforehand(
-    clouds: Iterator[NamedCloud | Refusal], settings: PipelineSettings, output: OutputSettings
+    clouds: Iterator[NamedCloud | Refusal], settings: PipelineSettings
 ) -> Iterator[NamedCloud | Refusal]:
     """Filter the first cloud once more, in advance, so that no time of the report contains a compilation."""
     compiled = False
     for item in clouds:
         if not compiled and isinstance(item, NamedCloud):
             with suppress(SocialCircleError):
-                filter_cloud(item.cloud.points, settings.circle, output, settings.repair)
+                filter_cloud(item.cloud.points, settings)
             compiled = True
         yield item
 

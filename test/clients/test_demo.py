@@ -13,6 +13,7 @@ from examples import cloud
 from socialcircle_ros.clients.cloud_client import Response
 from socialcircle_ros.clients.demo import Demo, DemoCloud, RefusedCloud, _as_recording, play_recording
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.interface import FILTERED, MASK
 from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
@@ -26,7 +27,8 @@ class StandIn:
 
     def clean(self, message):
         found = filter_cloud(message)
-        return Response(found.filtered, found.mask, found.measurement, 250.0, None, None)
+        status = found.measurement.status(timed=True)
+        return Response(found.messages[FILTERED], found.messages[MASK], status, 250.0, None, None)
 
 
 def played(recording, output):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 
 from socialcircle_ros.errors import MessageError
+from socialcircle_ros.kernels import bands
 from socialcircle_ros.messages.cdr import CdrWriter
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud, write_float_cloud
@@ -132,21 +133,53 @@ def test_the_input_is_never_altered(case):
 
 @settings(max_examples=300)
 @given(layouts(), st.booleans())
-def test_outliers_taken_out_in_place_leave_what_a_copy_without_them_is_and_come_back(case, dense):
+def test_writing_into_a_reused_buffer_gives_the_same_message(case, dense):
     parts, outliers = case
     message = parts.message()
-    memory = bytearray(message)
+    used = bytearray(b'\xa5' * len(message))
 
-    put_back = PointCloud.decode(memoryview(memory)).take_out(outliers, dense=dense)
+    PointCloud.decode(message).write_without(outliers, memoryview(used), dense=dense)
 
-    assert memory == PointCloud.decode(message).without(outliers, dense=dense)
-    put_back()
-    assert memory == message
+    assert used == PointCloud.decode(message).without(outliers, dense=dense)
+
+
+def test_the_message_is_the_same_for_any_number_of_threads(monkeypatch):
+    height, width = 90, 70
+    message = plain(
+        height=height, width=width, row_step=12 * width + 5, data=bytes(height * (12 * width + 5))
+    ).message()
+    outliers = np.random.default_rng(0).random((height, width)) < 0.3
+    monkeypatch.setattr(bands, '_LEAST', 100)
+    found = set()
+    for threads in (1, 2, 5):
+        monkeypatch.setattr(bands, 'limit', threads)
+        found.add(PointCloud.decode(message).without(outliers, dense=False))
+    assert len(found) == 1
 
 
 def test_coordinates_in_memory_that_may_be_written_to_are_read_only_all_the_same():
     memory = memoryview(bytearray(plain().message()))
     assert not PointCloud.decode(memory).xyz().flags.writeable
+
+
+def test_a_row_step_of_the_whole_cloud_is_read_as_rows_without_padding_and_kept_as_it_came():
+    """PointCloud2Modifier::resize(width, height) of Jazzy's sensor_msgs leaves width * height * point_step."""
+    packed, whole = plain().message(), plain(row_step=12 * 4 * 3).message()
+    cloud = PointCloud.decode(whole)
+    np.testing.assert_array_equal(cloud.xyz(), PointCloud.decode(packed).xyz())
+    outliers = np.zeros((3, 4), bool)
+    outliers[1, 2] = True
+    filtered = cloud.without(outliers, dense=False)
+    assert DECODE(filtered).row_step == 12 * 4 * 3
+    np.testing.assert_array_equal(
+        PointCloud.decode(filtered).xyz(),
+        PointCloud.decode(PointCloud.decode(packed).without(outliers, dense=False)).xyz(),
+    )
+
+
+def test_a_row_step_of_the_whole_cloud_is_refused_where_the_data_does_not_fit_it():
+    with pytest.raises(MessageError, match='cut short'):
+        PointCloud.decode(plain(row_step=12 * 4 * 3, data=bytes(12 * 4 * 3 + 1)).message()).xyz()
 
 
 def test_evenly_spaced_coordinates_are_not_copied():

@@ -5,10 +5,11 @@ import threading
 import time
 
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.interface import MASK
 from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.panel.link import Descriptor, LogEntry, ParameterKind, Presence, ShownCloud, Snapshot
 from socialcircle_ros.pipeline.clouds import filter_cloud
-from socialcircle_ros.settings import GROUPS, PARAMETERS, CircleSettings
+from socialcircle_ros.settings import GROUPS, PARAMETERS, CircleSettings, PipelineSettings
 
 KINDS = {
     bool: ParameterKind.BOOLEAN,
@@ -83,9 +84,10 @@ class FakeLink:
         return 'Saved to ~/.ros/socialcircle/cell1.social_circle.yaml.'
 
     def filter(self, cloud):
-        outputs = filter_cloud(cloud, CircleSettings.from_ros(self.snapshot.values))
+        outputs = filter_cloud(cloud, PipelineSettings(circle=CircleSettings.from_ros(self.snapshot.values)))
         number = self.snapshot.shown_cloud.number + 1 if self.snapshot.shown_cloud else 1
-        self.update(shown_cloud=ShownCloud(number, cloud, decode_mono8(outputs.mask), outputs.measurement))
+        mask, status = decode_mono8(outputs.messages[MASK]), outputs.measurement.status(timed=True)
+        self.update(shown_cloud=ShownCloud(number, cloud, mask, status))
 
     def wait_for(self, condition):
         """Wait until the current values meet a condition."""

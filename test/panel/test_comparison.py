@@ -14,8 +14,8 @@ DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
 
 def test_the_two_results_and_their_difference():
     found = compare(cloud(), ('strict', DEFAULTS), ('gentle', DEFAULTS | {'circle.radius_scale': 100.0}))
-    assert found.a.outputs.outliers == 26
-    assert found.b.outputs.outliers == 0
+    assert found.a.measurement.values.outliers == 26
+    assert found.b.measurement.values.outliers == 0
     assert found.counts == (0, 26, 0)
     assert found.differing == (('circle.radius_scale', 1.0, 100.0),)
     picture = found.picture()
@@ -26,8 +26,8 @@ def test_the_depth_of_field_of_a_stack_applies_to_both():
     known = {'circle.mode': 'adaptive'}
     given = known | {'circle.depth_of_field': 0.001}
     found = compare(cloud(), ('a', DEFAULTS | known), ('b', DEFAULTS | given), 1e9)
-    assert found.a.outputs.outliers == 0
-    assert found.b.outputs.outliers > 0
+    assert found.a.measurement.values.outliers == 0
+    assert found.b.measurement.values.outliers > 0
 
 
 def test_two_equal_settings_give_the_same_outliers():

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
+from socialcircle_ros.interface import FILTERED, MASK, MEASUREMENT, REPAIRED, SCORE, outputs_of
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
-from socialcircle_ros.pipeline.clouds import Filtering, filter_cloud
-from socialcircle_ros.settings import OutputSettings
+from socialcircle_ros.pipeline.clouds import MessageBuffer, filter_cloud, process_cloud
+from socialcircle_ros.settings import OutputSettings, PipelineSettings
 
 HEADER = Header(5, 6, 'microscope')
 
@@ -24,8 +25,12 @@ def surface(rows=70, columns=80, kind=np.float32):
     return np.dstack([x, y, z])
 
 
-def cleaned(xyz, circle=None, output=None):
-    return filter_cloud(encode_point_cloud(HEADER, xyz), circle or CircleSettings(), output or OutputSettings())
+def settings(circle=None, output=None):
+    return PipelineSettings(circle=circle or CircleSettings(), output=output or OutputSettings())
+
+
+def outputs(xyz, circle=None, output=None):
+    return filter_cloud(encode_point_cloud(HEADER, xyz), settings(circle, output))
 
 
 def test_the_published_cloud_is_the_input_with_nan_for_its_outliers():
@@ -33,34 +38,39 @@ def test_the_published_cloud_is_the_input_with_nan_for_its_outliers():
     result = remove_outliers(xyz)
     expected = xyz.copy()
     expected[result.outliers] = np.nan
-    published = PointCloud.decode(cleaned(xyz).filtered)
+    published = PointCloud.decode(outputs(xyz).messages[FILTERED])
     np.testing.assert_array_equal(published.xyz(), expected)
     assert published.header == HEADER
 
 
-@pytest.mark.parametrize('repaired', [False, True])
-def test_a_cloud_filtered_in_place_has_the_same_answers_and_can_be_put_back(repaired):
-    message = encode_point_cloud(HEADER, surface())
-    output = OutputSettings(repaired=repaired)
-    expected = filter_cloud(message, None, output)
-    memory = bytearray(message)
-    filtering = Filtering(memoryview(memory))
+@pytest.mark.parametrize('mode', ['paper', 'adaptive'])
+def test_outputs_are_emitted_in_their_order_and_the_same_as_those_that_are_kept(mode):
+    wanted = settings(CircleSettings(mode=mode), OutputSettings(score=True, repaired=True))
+    emitted, buffer = {}, MessageBuffer()
+    for xyz in (surface(90, 95), surface()):  # the second one fits into the memory of the first
+        message = encode_point_cloud(HEADER, xyz)
+        emitted.clear()
+        measurement = process_cloud(
+            message, lambda topic, output: emitted.update({topic: bytes(output)}), wanted, buffer=buffer
+        )
 
-    filtering.filter_in_place()
-    assert memory == expected.filtered
-    answers = filtering.answers(output)
-    filtering.put_back()
-    filtering.put_back()
+    kept = filter_cloud(message, wanted)
+    assert list(kept.messages) == [*emitted, MEASUREMENT] == list(outputs_of(mode, wanted.output))
+    assert {**emitted, MEASUREMENT: kept.messages[MEASUREMENT]} == kept.messages
+    assert measurement.values == kept.measurement.values
+    assert measurement.times_ms.keys() == kept.measurement.times_ms.keys()
 
-    assert memory == message
-    assert (answers.mask, answers.repaired) == (expected.mask, expected.repaired)
-    assert answers.status == expected.status
-    assert answers.times.keys() == expected.times.keys()
+
+def test_the_message_is_never_altered():
+    memory = bytearray(encode_point_cloud(HEADER, surface()))
+    before = bytes(memory)
+    process_cloud(memoryview(memory), lambda topic, output: None, settings(output=OutputSettings(repaired=True)))
+    assert memory == before
 
 
 def test_the_mask_says_kept_outlier_and_not_measured():
     xyz = surface()
-    mask = decode_mono8(cleaned(xyz).mask)
+    mask = decode_mono8(outputs(xyz).messages[MASK])
     assert mask[10, 12] == 255
     assert mask[20, 0] == 127
     assert mask[0, 0] == 0
@@ -68,25 +78,25 @@ def test_the_mask_says_kept_outlier_and_not_measured():
 
 def test_is_dense_is_computed_not_believed():
     flat = np.dstack([*np.mgrid[:70, :80].astype(np.float32)[::-1], np.zeros((70, 80), np.float32)])
-    assert PointCloud.decode(cleaned(flat).filtered).is_dense
+    assert PointCloud.decode(outputs(flat).messages[FILTERED]).is_dense
     flat[3, 3, 2] = 50
-    assert not PointCloud.decode(cleaned(flat).filtered).is_dense
+    assert not PointCloud.decode(outputs(flat).messages[FILTERED]).is_dense
 
 
 def test_counts_add_up():
-    result = cleaned(surface())
-    values = result.measurement.values
+    result = outputs(surface())
+    values = result.measurement.status(timed=True).values
     assert int(values['points']) == 70 * 80
     assert int(values['measured']) == 70 * 80 - 27
     assert int(values['kept']) + int(values['outliers']) == int(values['measured'])
-    assert int(values['outliers']) == 21 == result.outliers
+    assert int(values['outliers']) == 21 == result.measurement.values.outliers
 
 
 def test_the_measurement_tells_seed_radius_times_and_settings():
     xyz = surface()
-    settings = CircleSettings(radius=3, radius_scale=0.5, vote_region=(0, 0, 70, 70))
-    found = remove_outliers(xyz, settings)
-    values = cleaned(xyz, settings).measurement.values
+    circle = CircleSettings(radius=3, radius_scale=0.5, vote_region=(0, 0, 70, 70))
+    found = remove_outliers(xyz, circle)
+    values = outputs(xyz, circle).measurement.status(timed=True).values
     assert (int(values['seed_row']), int(values['seed_column'])) == found.seed
     assert float(values['radius']) == found.radius == 1.5
     assert values['circle.vote_region'] == '[0, 0, 70, 70]'
@@ -97,45 +107,43 @@ def test_the_measurement_tells_seed_radius_times_and_settings():
 
 
 def test_the_same_cloud_gives_the_same_bytes():
-    first, second = cleaned(surface()), cleaned(surface())
-    assert first.filtered == second.filtered
-    assert first.mask == second.mask
-    assert first.status.encode() == second.status.encode()
+    first, second = outputs(surface()), outputs(surface())
+    assert first.messages == second.messages
 
 
 def test_a_mask_that_is_not_wanted_is_not_made():
-    assert cleaned(surface(), output=OutputSettings(mask=False)).mask is None
+    assert outputs(surface(), output=OutputSettings(mask=False)).messages.keys() == {FILTERED, MEASUREMENT}
 
 
 def test_a_circle_that_stayed_on_a_minority_warns():
     xyz = surface()
     xyz[:, 30:, 2] += 500
-    result = cleaned(xyz, CircleSettings(vote_region=(0, 0, 70, 30)))
-    assert result.status.level == diagnostics.WARN
-    assert 'more than half' in result.status.message
+    result = outputs(xyz, CircleSettings(vote_region=(0, 0, 70, 30)))
+    assert result.measurement.level == diagnostics.WARN
+    assert 'more than half' in result.measurement.message
 
 
 def test_a_cloud_without_any_measured_point_is_refused():
     with pytest.raises(SocialCircleError, match='Nothing is measured in this cloud'):
-        cleaned(np.full((70, 80, 3), np.nan, np.float32))
+        outputs(np.full((70, 80, 3), np.nan, np.float32))
 
 
 def test_a_repaired_cloud_differs_from_the_input_only_where_outliers_were():
     xyz = surface()
-    result = cleaned(xyz, output=OutputSettings(repaired=True))
+    result = outputs(xyz, output=OutputSettings(repaired=True))
     outliers = remove_outliers(xyz).outliers
-    repaired = PointCloud.decode(result.repaired).xyz()
+    repaired = PointCloud.decode(result.messages[REPAIRED]).xyz()
     np.testing.assert_array_equal(repaired[~outliers], xyz[~outliers])
     filled = outliers & np.isfinite(repaired).all(axis=2)
-    assert np.count_nonzero(filled) == int(result.status.values['repaired']) == 21
+    assert np.count_nonzero(filled) == result.measurement.values.repaired == 21
     np.testing.assert_allclose(repaired[filled][:, 2], np.sin(xyz[filled][:, 0] / 9), atol=0.4)
-    assert 'repair' in result.times
+    assert 'repair' in result.measurement.times_ms
 
 
 def test_nothing_is_repaired_unless_it_is_wanted():
-    result = cleaned(surface())
-    assert result.repaired is None
-    assert result.status.values['repaired'] == '0'
+    result = outputs(surface())
+    assert REPAIRED not in result.messages
+    assert result.measurement.values.repaired == 0
 
 
 # The adaptive mode
@@ -154,7 +162,7 @@ def rough(rows=160, columns=200):
 def test_points_kept_by_the_adaptive_mode_are_byte_for_byte_the_input():
     xyz = rough()
     outliers = remove_outliers(xyz, ADAPTIVE).outliers
-    published = PointCloud.decode(cleaned(xyz, ADAPTIVE).filtered).xyz()
+    published = PointCloud.decode(outputs(xyz, ADAPTIVE).messages[FILTERED]).xyz()
     assert published[~outliers].tobytes() == xyz[~outliers].tobytes()
     assert np.isnan(published[outliers]).all()
     assert outliers[30, 40]
@@ -164,40 +172,40 @@ def test_a_stack_s_depth_of_field_decides_unless_the_settings_give_one():
     xyz = rough()
     xyz[60:68, 90:98, 2] += 20
     message = encode_point_cloud(HEADER, xyz)
-    alone, known = filter_cloud(message, ADAPTIVE), filter_cloud(message, ADAPTIVE, depth_of_field=100.0)
-    given = filter_cloud(message, replace(ADAPTIVE, depth_of_field=1.0), depth_of_field=100.0)
-    assert known.outliers == 0 < alone.outliers
-    assert given.outliers > 0
-    assert known.status.values['circle.depth_of_field'] == '100.0'
-    assert given.status.values['circle.depth_of_field'] == '1.0'
-    assert given.status.values['stack_depth_of_field'] == known.status.values['stack_depth_of_field'] == '100.0'
-    assert 'stack_depth_of_field' not in alone.status.values
+    alone, known = filter_cloud(message, settings(ADAPTIVE)), filter_cloud(message, settings(ADAPTIVE), 100.0)
+    given = filter_cloud(message, settings(replace(ADAPTIVE, depth_of_field=1.0)), 100.0)
+    assert known.measurement.values.outliers == 0 < alone.measurement.values.outliers
+    assert given.measurement.values.outliers > 0
+    assert known.measurement.settings['circle.depth_of_field'] == '100.0'
+    assert given.measurement.settings['circle.depth_of_field'] == '1.0'
+    assert given.measurement.values.stack_depth_of_field == known.measurement.values.stack_depth_of_field == 100.0
+    assert 'stack_depth_of_field' not in alone.measurement.status(timed=False).values
 
 
 def test_the_score_is_the_adaptive_mode_s_as_an_image_with_the_cloud_s_header():
     xyz = rough()
-    image = Image.decode(cleaned(xyz, ADAPTIVE, OutputSettings(score=True)).score)
+    image = Image.decode(outputs(xyz, ADAPTIVE, OutputSettings(score=True)).messages[SCORE])
     score = np.frombuffer(image.message, '<f4', image.height * image.width, image.data_start)
     np.testing.assert_array_equal(score.reshape(160, 200), remove_outliers(xyz, ADAPTIVE).score)
     assert (image.encoding, image.header) == ('32FC1', HEADER)
 
 
 def test_a_score_that_is_not_wanted_is_not_made_nor_one_in_the_paper_s_mode():
-    assert cleaned(rough(), ADAPTIVE).score is None
-    assert cleaned(surface(), output=OutputSettings(score=True)).score is None
+    assert SCORE not in outputs(rough(), ADAPTIVE).messages
+    assert SCORE not in outputs(surface(), output=OutputSettings(score=True)).messages
 
 
 def test_what_the_method_could_not_decide_is_a_warning_of_the_measurement():
     xyz = rough()
-    assert cleaned(xyz, ADAPTIVE).status.level == diagnostics.OK
+    assert outputs(xyz, ADAPTIVE).measurement.level == diagnostics.OK
     for top in range(10, 150, 20):
         for left in range(10, 190, 20):
             xyz[top : top + 6, left : left + 6, 2] += 20
-    status = cleaned(xyz, ADAPTIVE).status
-    assert status.level == diagnostics.WARN
-    assert 'islands of one height were kept as the texture of the surface' in status.message
+    measurement = outputs(xyz, ADAPTIVE).measurement
+    assert measurement.level == diagnostics.WARN
+    assert 'islands of one height were kept as the texture of the surface' in measurement.message
 
 
 def test_a_cloud_without_any_measured_point_is_refused_by_the_adaptive_mode():
     with pytest.raises(SocialCircleError, match='No point of the cloud is measured'):
-        cleaned(np.full((70, 80, 3), np.nan, np.float32), ADAPTIVE)
+        outputs(np.full((70, 80, 3), np.nan, np.float32), ADAPTIVE)

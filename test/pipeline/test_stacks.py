@@ -8,7 +8,7 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, encode_image
 from socialcircle_ros.messages.joint_state import JointState
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.pipeline.stacks import WAITING, Refusal, StackAssembler, StackCloud
+from socialcircle_ros.pipeline.stacks import MOST_WAITING, Refusal, StackAssembler, StackCloud
 from socialcircle_ros.settings import StackSettings
 
 PERIOD = 20_000_000  # ns between frames
@@ -131,10 +131,10 @@ def test_joint_states_too_far_apart_say_nothing_of_what_was_between():
 
 def test_without_joint_states_frames_are_given_up_and_told_why():
     made = assembler(z_source='joint_states')
-    events = feed(made, frames(WAITING + 2))
+    events = feed(made, frames(MOST_WAITING + 2))
     assert len(events) == 2
-    assert 'still no joint state covers its stamp' in reasons(events)[0]
-    assert reasons(made.finish()) == [f'{WAITING} frames were refused: no joint state covers their stamps.']
+    assert 'no joint state covers its stamp' in reasons(events)[0]
+    assert reasons(made.finish()) == [f'{MOST_WAITING} frames were refused: no joint state covers their stamps.']
     feed(made, frames(1))
     assert reasons(made.finish()) == ['1 frame was refused: no joint state covers its stamp.']
 
@@ -212,7 +212,7 @@ def test_time_that_goes_backwards_gives_the_stack_up_and_begins_the_next():
     made = assembler(frames=9)
     feed(made, frames(4), start=100)
     events = feed(made, frames())
-    assert reasons(events) == ['Time went backwards by 2.060 s: the stack that ran was given up.']
+    assert reasons(events) == ['Time went backwards by 2.060 s: the running stack was given up.']
     assert clouds(events)[0].frames == 9
 
 

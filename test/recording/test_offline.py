@@ -8,6 +8,7 @@ from examples import cloud
 
 from socialcircle_ros import CircleSettings
 from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.interface import MASK, SCORE
 from socialcircle_ros.messages import diagnostics, image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import decode_mono8
@@ -38,8 +39,8 @@ def night(path, clouds=3, topic='/cell/points'):
 
 
 def run(source, target, circle=None, output=None, **options):
-    job = PipelineSettings(circle=circle or CircleSettings(), output=output or OutputSettings())
-    return filter_recording(source, target, job, **options)
+    settings = PipelineSettings(circle=circle or CircleSettings(), output=output or OutputSettings())
+    return filter_recording(source, target, settings, **options)
 
 
 def contents(path):
@@ -59,8 +60,8 @@ def test_what_the_recording_had_is_kept_byte_for_byte_with_its_times(tmp_path):
 
 def test_results_are_the_pipeline_s_under_the_node_s_names_at_the_cloud_s_times(tmp_path):
     source, target = night(tmp_path / 'night.mcap'), tmp_path / 'cleaned.mcap'
-    settings = CircleSettings(radius_scale=1.5)
-    run(source, target, settings)
+    circle = CircleSettings(radius_scale=1.5)
+    run(source, target, circle)
     topics, messages = contents(target)
     names = {
         '/cell/points_filtered': point_cloud.TYPE,
@@ -70,22 +71,21 @@ def test_results_are_the_pipeline_s_under_the_node_s_names_at_the_cloud_s_times(
     assert {name: topics[name].type for name in names} == names
     by_topic = {name: [m for m in messages if m.topic == name] for name in topics}
     for number, message in enumerate(by_topic['/cell/points']):
-        expected = filter_cloud(message.data, settings, OutputSettings())
-        results = (expected.filtered, expected.mask, expected.status.encode())
-        for name, data in zip(names, results, strict=True):
-            assert by_topic[name][number][1:] == (data, *message[2:])
+        expected = filter_cloud(message.data, PipelineSettings(circle=circle)).messages
+        for topic, data in expected.items():
+            assert by_topic[topic.within('/cell')][number][1:] == (data, *message[2:])
 
 
 def test_the_adaptive_mode_s_score_is_recorded_where_it_is_wanted(tmp_path):
     source, target = night(tmp_path / 'night.mcap'), tmp_path / 'cleaned.mcap'
-    settings, output = CircleSettings(mode='adaptive'), OutputSettings(score=True)
-    run(source, target, settings, output)
+    settings = PipelineSettings(circle=CircleSettings(mode='adaptive'), output=OutputSettings(score=True))
+    filter_recording(source, target, settings)
     topics, messages = contents(target)
     assert topics['/cell/outlier_score'].type == image.TYPE
     clouds = [m for m in messages if m.topic == '/cell/points']
     scores = [m for m in messages if m.topic == '/cell/outlier_score']
     for before, score in zip(clouds, scores, strict=True):
-        assert score[1:] == (filter_cloud(before.data, settings, output).score, *before[2:])
+        assert score[1:] == (filter_cloud(before.data, settings).messages[SCORE], *before[2:])
 
 
 def test_there_is_no_score_of_the_paper_s_mode_and_an_earlier_one_gives_way(tmp_path):
@@ -187,8 +187,8 @@ def test_shipped_recordings_are_filtered_nearly_without_error(request):
             messages = list(reader.messages())
         truths = {message.log_time: message.data for message in messages if message.topic == '/truth/outlier_mask'}
         for message in (message for message in messages if message.topic == '/points'):
-            cleaned = filter_cloud(message.data, CircleSettings(), OutputSettings())
-            truth, mask = decode_mono8(truths[message.log_time]), decode_mono8(cleaned.mask)
+            outputs = filter_cloud(message.data).messages
+            truth, mask = decode_mono8(truths[message.log_time]), decode_mono8(outputs[MASK])
             certain = truth != image.NOT_MEASURED
             wrong = np.count_nonzero((truth != mask) & certain)
             assert wrong <= 0.001 * np.count_nonzero(certain), path.name
@@ -201,7 +201,7 @@ def test_shipped_recordings_are_filtered_nearly_without_error(request):
 
 def test_a_result_of_the_filter_is_not_filtered_again(tmp_path):
     run(night(tmp_path / 'night.mcap'), tmp_path / 'cleaned.mcap')
-    with pytest.raises(RecordingError, match='points_filtered is a result of this filter'):
+    with pytest.raises(RecordingError, match='points_filtered is an output of this filter'):
         run(tmp_path / 'cleaned.mcap', tmp_path / 'again.mcap', topics=('/cell/points_filtered',))
 
 

@@ -8,14 +8,15 @@ from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.report.entry import make_entry, outliers_of, stamp_text
-from socialcircle_ros.settings import CircleSettings, OutputSettings
+from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings
 
 pytest.importorskip('PIL')
 
 
 def entry(points=None, circle=None, output=None, **more):
     points = points or cloud()
-    return make_entry('/points 0', points, filter_cloud(points, circle, output), **more)
+    settings = PipelineSettings(circle=circle or CircleSettings(), output=output or OutputSettings())
+    return make_entry('/points 0', points, filter_cloud(points, settings), **more)
 
 
 def texts(found):
@@ -87,7 +88,7 @@ def test_differences_from_a_recorded_measurement_are_warnings(values, sentences)
 
 def test_a_result_without_a_mask_cannot_be_shown():
     with pytest.raises(ValueError, match=r'ask for it with OutputSettings\(mask=True\)'):
-        outliers_of(filter_cloud(cloud(), None, OutputSettings(mask=False)))
+        outliers_of(filter_cloud(cloud(), PipelineSettings(output=OutputSettings(mask=False))))
 
 
 def test_a_stamp_is_shown_as_a_date_if_it_counts_from_the_epoch():

@@ -1,0 +1,152 @@
+"""Clouds in the node: the newest one is filtered on a worker's thread, and its outputs are published.
+
+A cloud goes one way: it arrives or is made from a stack, waits, is filtered, and its outputs are published. Its
+message is never altered, so that it can be filtered again and published as it came.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from rclpy.lifecycle import LifecycleNode
+
+from socialcircle_ros.errors import SocialCircleError, printable
+from socialcircle_ros.interface import CLOUD_OUTPUTS, LAST_POINTS, MEASUREMENT, POINTS
+from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.pipeline.clouds import MessageBuffer, process_cloud
+
+from .health import Health
+from .parameters import Configuration
+from .rclpy_internals import MessageInput, listen
+from .topics import CLASSES, Publishers, qos_options
+from .worker import LatestWorker
+
+LOG_PERIOD_S = 5.0
+"""Time between two log lines of one kind."""
+
+_DRAINING_S = 5.0  # how long deactivation waits for the cloud at hand
+
+
+@dataclass(frozen=True)
+class QueuedCloud:
+    """A cloud that is to be filtered.
+
+    Attributes:
+        message: the serialized PointCloud2.
+        arrived_s: time of its arrival, of time.monotonic().
+        depth_of_field: in m, of a cloud that was a stack.
+        again: whether it was filtered before, and is filtered again because parameters changed.
+    """
+
+    message: bytes | memoryview
+    arrived_s: float
+    depth_of_field: float | None = None
+    again: bool = False
+
+
+class CloudFilter:
+    """What the node does with `points` and with the clouds of stacks.
+
+    Args:
+        node: the lifecycle node, unconfigured or inactive.
+        configuration: gives the settings in force.
+        health: counts arrivals, refusals and latencies.
+    """
+
+    def __init__(self, node: LifecycleNode, configuration: Callable[[], Configuration], health: Health) -> None:
+        self._node = node
+        self._configuration = configuration
+        self._health = health
+        self._input: MessageInput | None = None
+        self._last: QueuedCloud | None = None
+        self._buffer = MessageBuffer()
+        self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
+        self._worker = LatestWorker(self._process, self._replaced, self._process_again)
+
+    @property
+    def input(self) -> MessageInput | None:
+        """The subscription to `points`; None while the node is not active."""
+        return self._input
+
+    def listen(self) -> None:
+        """Subscribe to clouds."""
+        self._input = listen(
+            self._node, CLASSES[POINTS.type], POINTS.name, self._cloud_arrived, **qos_options(POINTS)
+        )
+
+    def ignore(self) -> None:
+        """End the subscription."""
+        if self._input is not None:
+            self._input.destroy()
+            self._input = None
+
+    def filter(self, message: bytes | memoryview, depth_of_field: float | None = None) -> None:
+        """Hand a cloud to the worker: one that arrived, or one that a stack became."""
+        self._worker.put(QueuedCloud(message, time.monotonic(), depth_of_field))
+
+    def filter_again(self) -> None:
+        """Filter the last cloud again, unless a newer one is filtered first."""
+        if self._last is not None:
+            self._worker.put_again()
+
+    def publish_last(self) -> bool:
+        """Publish the last cloud as it came, and filter it again; False: there is none."""
+        last = self._last
+        if last is None:
+            return False
+        self._publishers.publish(LAST_POINTS, last.message)
+        self._worker.put_again()
+        return True
+
+    def finish(self) -> None:
+        """Drop the cloud that waits, and let the one at hand be published."""
+        self._worker.forget()
+        self._worker.drain(_DRAINING_S)
+
+    def forget(self) -> None:
+        """Finish, and forget the last cloud."""
+        self.finish()
+        self._last = None
+
+    def close(self) -> None:
+        """Stop the worker and destroy the publishers."""
+        self.ignore()
+        self._worker.stop()
+        self._publishers.destroy()
+
+    def _cloud_arrived(self, message: memoryview) -> None:
+        self._health.received()
+        self.filter(message)
+
+    def _replaced(self, cloud: QueuedCloud) -> None:
+        if not cloud.again:
+            self._health.dropped()
+
+    def _process_again(self) -> None:
+        if self._last is not None:
+            self._process(self._last)
+
+    def _process(self, cloud: QueuedCloud) -> None:
+        """Filter one cloud and publish its outputs; on the worker's thread, so no exception may escape."""
+        # A refused cloud is kept too: the next change of parameters may be what it needs.
+        self._last = replace(cloud, again=True)
+        settings = self._configuration()
+        try:
+            measurement = process_cloud(
+                cloud.message, self._publishers.publish, settings, cloud.depth_of_field, self._buffer
+            )
+            self._publishers.publish(MEASUREMENT, measurement.status(timed=True).encode())
+        except SocialCircleError as refusal:
+            self._health.refused(str(refusal))
+            self._node.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=LOG_PERIOD_S)
+            return
+        except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
+            if self._node.context.ok():
+                reason = printable(f'A cloud could not be filtered: {type(error).__name__}: {error}')
+                self._health.failed(reason)
+                self._node.get_logger().error(reason, throttle_duration_sec=LOG_PERIOD_S)
+            return
+        if not cloud.again:
+            self._health.published(time.monotonic() - cloud.arrived_s)
+        if measurement.level != diagnostics.OK:
+            self._node.get_logger().warning(measurement.message, throttle_duration_sec=LOG_PERIOD_S)

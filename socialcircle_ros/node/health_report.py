@@ -1,0 +1,78 @@
+"""The node's health as a status: level, sentence and values for `/diagnostics`."""
+
+import time
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages.diagnostics import Status
+
+from .connections import SILENT, complaints, node_of
+from .health import Health
+from .transport import PROFILE
+
+
+@dataclass(frozen=True)
+class NodeState:
+    """What the report needs to know beside the counts.
+
+    Attributes:
+        name: full name of the node.
+        state: of the lifecycle.
+        failure: why the last transition failed; '': it did not.
+        subscriptions: with the types of their messages; that to `points` first; none while the node is not active.
+        active_since_s: time of the activation, of time.monotonic().
+        silence_s: time without a cloud after which diagnostics warn; 0: never.
+        differences: what the installed rclpy lacks.
+    """
+
+    name: str
+    state: str
+    failure: str
+    subscriptions: tuple[tuple[Subscription, str], ...]
+    active_since_s: float
+    silence_s: float
+    differences: str
+
+
+def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, str]:
+    """The status for `/diagnostics`, and the complaint about publishers that is to be logged ('': none)."""
+    listening = bool(now.subscriptions)
+    topic = now.subscriptions[0][0].topic_name if listening else ''
+    publishers = node.get_publishers_info_by_topic(topic) if listening else []
+    unheard = [
+        sentence
+        for heard, kind in now.subscriptions
+        for sentence in complaints(
+            heard.topic_name, kind, heard.qos_profile, node.get_publishers_info_by_topic(heard.topic_name)
+        )
+    ]
+    values = health.values(
+        state=now.state,
+        publishers=len(publishers) if listening else None,
+        connections=' '.join(unheard) if listening else None,
+        differences=now.differences or None,
+    )
+    silent_s = min(health.seconds_silent(), time.monotonic() - now.active_since_s)
+    if not listening and now.failure:
+        level, message = diagnostics.ERROR, now.failure
+    elif not listening:
+        level, message = diagnostics.OK, f'The node is {now.state}; it filters once it is active.'
+    elif unheard:
+        level, message = diagnostics.ERROR, unheard[0]
+    elif health.in_trouble():
+        level, message = diagnostics.ERROR, health.last_reason
+    elif publishers and now.silence_s and silent_s > now.silence_s:
+        names = ', '.join(node_of(publisher) for publisher in publishers)
+        level = diagnostics.WARN
+        message = SILENT.format(names=names, topic=topic, seconds=silent_s, profile=PROFILE)
+    elif health.had_trouble():
+        level, message = diagnostics.WARN, health.last_reason
+    elif not publishers:
+        level, message = diagnostics.OK, f'Waiting: no node publishes on {topic} yet.'
+    else:
+        level, message = diagnostics.OK, 'Clouds are filtered as they come.'
+    status = Status(level, f'{now.name.strip("/")}: filter', message, now.name, values)
+    return status, unheard[0] if unheard else ''

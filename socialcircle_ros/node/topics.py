@@ -1,0 +1,70 @@
+"""The node's topics in rclpy: classes of their messages, QoS, and the publishers of several topics together."""
+
+from collections.abc import Iterable
+from typing import TypedDict
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
+from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import Image, JointState, PointCloud2
+
+from socialcircle_ros.interface import NodeTopic
+from socialcircle_ros.messages import diagnostics, image, joint_state, point_cloud
+
+from .rclpy_internals import publish
+
+CLASSES: dict[str, type] = {
+    point_cloud.TYPE: PointCloud2,
+    image.TYPE: Image,
+    joint_state.TYPE: JointState,
+    diagnostics.TYPE: DiagnosticStatus,
+}
+"""Class of a message by the name of its type."""
+
+_OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
+
+
+class QoSOptions(TypedDict):
+    """Arguments of rclpy's functions that subscribe or make a publisher."""
+
+    qos_profile: QoSProfile
+    qos_overriding_options: QoSOverridingOptions
+
+
+def qos_options(topic: NodeTopic) -> QoSOptions:
+    """The QoS of a topic, which `qos_overrides` parameters change."""
+    return {
+        'qos_profile': QoSProfile(depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE),
+        'qos_overriding_options': QoSOverridingOptions(_OVERRIDABLE),
+    }
+
+
+class Publishers:
+    """Lifecycle publishers of several topics, made and destroyed together.
+
+    Args:
+        node: the lifecycle node.
+        topics: one publisher each.
+    """
+
+    def __init__(self, node: LifecycleNode, topics: Iterable[NodeTopic]) -> None:
+        self._node = node
+        self._publishers: dict[NodeTopic, LifecyclePublisher] = {}
+        try:
+            for topic in topics:
+                kind = CLASSES[topic.type]
+                options = qos_options(topic)
+                self._publishers[topic] = node.create_lifecycle_publisher(kind, topic.name, **options)
+        except Exception:
+            self.destroy()
+            raise
+
+    def publish(self, topic: NodeTopic, message: bytes | memoryview) -> None:
+        """Publish a serialized message; it is read during the call only."""
+        publish(self._publishers[topic], message)
+
+    def destroy(self) -> None:
+        """Destroy all of them."""
+        for topic in list(self._publishers):
+            self._node.destroy_lifecycle_publisher(self._publishers.pop(topic))
