@@ -1,7 +1,7 @@
 """The adaptive mode point by point: the reference for `socialcircle_ros.circle.adaptive`.
 
-Plain loops after the docstrings, nothing shared with the compiled code but its constants. Heights and jumps are
-float32 as there, so that answers are the same bit for bit.
+Plain loops after the docstrings, nothing shared with the compiled code but its constants. Heights and differences
+are float32 as there, so that answers are the same bit for bit.
 """
 
 import itertools
@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from socialcircle_ros.circle.adaptive.differences import NONE, UNIT
 from socialcircle_ros.circle.adaptive.islands import LARGEST, WEAKER
-from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT
-from socialcircle_ros.circle.adaptive.loners import TOUCH
-from socialcircle_ros.circle.adaptive.relief import SURPRISE
+from socialcircle_ros.circle.adaptive.isolated import TOUCH
+from socialcircle_ros.circle.adaptive.relief import SIGNIFICANT
 from socialcircle_ros.circle.adaptive.texture import LEAST_COVER
 
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
@@ -20,11 +20,11 @@ DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 AROUND = [(down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down, right) != (0, 0)]
 
 
-class Scale(NamedTuple):
+class Spread(NamedTuple):
     slopes: np.ndarray
     spreads: np.ndarray
     tiles: np.ndarray
-    foretold: bool
+    predicted: bool
 
 
 def places(shape):
@@ -39,7 +39,7 @@ def neighbours(row, column, shape):
     return [(row + i, column + j) for i, j in AROUND if inside(row + i, column + j, shape)]
 
 
-# Jumps
+# Differences
 
 
 def median(values):
@@ -99,13 +99,13 @@ def slopes_of(heights):
     return np.stack([median_of_blocks(slopes[0], 0.0), median_of_blocks(slopes[1], 0.0)])
 
 
-def raw_jump(heights, slopes, row, column, direction, foretold):
-    """Jump to a neighbour in the cloud's unit; NaN where there is none."""
+def raw_difference(heights, slopes, row, column, direction, predicted):
+    """Difference to a neighbour in the cloud's unit; NaN where there is none."""
     down, right = DIRECTIONS[direction]
     if not inside(row + down, column + right, heights.shape):
         return np.float32(np.nan)
     line = [(row + step * down, column + step * right) for step in range(-2, 4)]
-    if foretold and all(inside(*place, heights.shape) for place in line):
+    if predicted and all(inside(*place, heights.shape) for place in line):
         values = [heights[place] for place in line]
         if not np.isnan(values).any():
             differences = [after - before for before, after in itertools.pairwise(values)]
@@ -116,10 +116,10 @@ def raw_jump(heights, slopes, row, column, direction, foretold):
     return heights[row + down, column + right] - heights[row, column] - slope
 
 
-def raw_jumps(heights, slopes, direction, foretold):
-    """The jumps that there are."""
-    found = [raw_jump(heights, slopes, *place, direction, foretold) for place in places(heights.shape)]
-    return [jump for jump in found if not np.isnan(jump)]
+def raw_differences(heights, slopes, direction, predicted):
+    """The differences that there are."""
+    found = [raw_difference(heights, slopes, *place, direction, predicted) for place in places(heights.shape)]
+    return [difference for difference in found if not np.isnan(difference)]
 
 
 def least_spread(heights):
@@ -132,75 +132,80 @@ def least_spread(heights):
     return max(float(quantum), float(np.spacing(np.float32(middle))), UNIT / float(np.finfo(np.float32).max))
 
 
-def scale_of(heights, tile, may_foretell):
-    """What the jumps of a cloud of less than 120 000 points are measured in."""
+def estimate_spread(heights, tile, may_predict):
+    """What the differences of a cloud of less than 120 000 points are measured in."""
     slopes = slopes_of(heights)
-    samples = [raw_jumps(heights, slopes, direction, False) for direction in range(4)]
-    foretold = False
-    if may_foretell:
-        beside = [raw_jumps(heights, slopes, direction, True) for direction in range(4)]
-        foretold = typical(beside) < 0.5 * typical(samples)
-        if foretold:
-            samples = [[jump for jump in jumps if jump != 0] for jumps in beside]
+    samples = [raw_differences(heights, slopes, direction, False) for direction in range(4)]
+    predicted = False
+    if may_predict:
+        beside = [raw_differences(heights, slopes, direction, True) for direction in range(4)]
+        predicted = typical(beside) < 0.5 * typical(samples)
+        if predicted:
+            samples = [[difference for difference in differences if difference != 0] for differences in beside]
     least = least_spread(heights)
-    spreads = np.array([max(core_spread(np.abs(jumps)), least) for jumps in samples])
+    spreads = np.array([max(core_spread(np.abs(differences)), least) for differences in samples])
     tiles = np.full((-(-heights.shape[0] // tile), -(-heights.shape[1] // tile)), np.nan, np.float32)
     for row, column in places(tiles.shape):
         sizes = [
-            abs(float(raw_jump(heights, slopes, y, x, direction, foretold))) / spreads[direction]
+            abs(float(raw_difference(heights, slopes, y, x, direction, predicted))) / spreads[direction]
             for y in range(row * tile, min((row + 1) * tile, heights.shape[0]), 3)
             for x in range(column * tile, min((column + 1) * tile, heights.shape[1]))
             for direction in range(2)
         ]
-        sizes = [np.float32(size) for size in sizes if not np.isnan(size) and not (foretold and size == 0)]
+        sizes = [np.float32(size) for size in sizes if not np.isnan(size) and not (predicted and size == 0)]
         if len(sizes) >= 2 * tile * ((tile + 2) // 3) // 4:
             tiles[row, column] = core_spread(sizes)
     tiles = np.maximum(tiles, np.float32(max(0.5, least / spreads.min())))
-    return Scale(slopes, spreads, np.fmax(median_of_blocks(tiles, 1.0), tiles), foretold)
+    return Spread(slopes, spreads, np.fmax(median_of_blocks(tiles, 1.0), tiles), predicted)
 
 
 def typical(samples):
-    return np.mean([float(np.median(np.abs(np.array(jumps)))) if jumps else 0.0 for jumps in samples])
+    return np.mean(
+        [float(np.median(np.abs(np.array(differences)))) if differences else 0.0 for differences in samples]
+    )
 
 
-def jumps_of(heights, scale, tile):
-    jumps = np.empty((4, *heights.shape), np.int8)
+def normalised_differences(heights, scale, tile):
+    differences = np.empty((4, *heights.shape), np.int8)
     for direction, (row, column) in itertools.product(range(4), places(heights.shape)):
-        raw = raw_jump(heights, scale.slopes, row, column, direction, scale.foretold)
+        raw = raw_difference(heights, scale.slopes, row, column, direction, scale.predicted)
         sixteenths = (
             raw * np.float32(UNIT / scale.spreads[direction]) / interpolated(scale.tiles, tile, row, column)
         )
-        jumps[direction, row, column] = NONE if np.isnan(raw) else np.rint(np.clip(sixteenths, -127, 127))
-    return jumps
+        differences[direction, row, column] = NONE if np.isnan(raw) else np.rint(np.clip(sixteenths, -127, 127))
+    return differences
 
 
-def jump_between(jumps, here, there):
-    """Sixteenths from a point up to its neighbour; None where there is no jump."""
+def difference_between(differences, here, there):
+    """Sixteenths from a point up to its neighbour; None where there is no difference."""
     step = there[0] - here[0], there[1] - here[1]
     if step in DIRECTIONS:
-        jump = int(jumps[DIRECTIONS.index(step)][here])
+        difference = int(differences[DIRECTIONS.index(step)][here])
     else:
-        jump = -int(jumps[DIRECTIONS.index((-step[0], -step[1]))][there])
-    return None if abs(jump) == -NONE else jump
+        difference = -int(differences[DIRECTIONS.index((-step[0], -step[1]))][there])
+    return None if abs(difference) == -NONE else difference
 
 
 # Loners
 
 
-def loners(jumps):
-    shape, touch = jumps.shape[1:], TOUCH * UNIT
+def isolated_points(differences):
+    shape, touch = differences.shape[1:], TOUCH * UNIT
     lone = np.zeros(shape, bool)
     for place in places(shape):
-        around = [jump_between(jumps, place, other) for other in neighbours(*place, shape)]
-        around = [jump for jump in around if jump is not None]
-        above, below = sum(jump >= touch for jump in around), sum(jump <= -touch for jump in around)
+        around = [difference_between(differences, place, other) for other in neighbours(*place, shape)]
+        around = [difference for difference in around if difference is not None]
+        above, below = (
+            sum(difference >= touch for difference in around),
+            sum(difference <= -touch for difference in around),
+        )
         touching = len(around) - above - below
         friends = 1 if len(around) >= 6 else 0
         lone[place] = len(around) >= 3 and touching <= friends and abs(above - below) >= len(around) / 2
     return lone
 
 
-def patched(heights, holes):
+def with_holes_filled(heights, holes):
     filled = np.where(holes, np.float32(np.nan), heights)
     for _ in range(6):
         before = filled.copy()
@@ -215,9 +220,9 @@ def patched(heights, holes):
 # Optics
 
 
-def broken_promises(heights, found, limit):
+def beyond_tolerance(heights, found, limit):
     """Points within two of an outlier whose surroundings, every fourth point up to eight off, are elsewhere."""
-    surface, broken = patched(heights, found), np.zeros(found.shape, bool)
+    surface, broken = with_holes_filled(heights, found), np.zeros(found.shape, bool)
     height, width = found.shape
     for row, column in places(found.shape):
         if (
@@ -235,7 +240,7 @@ def broken_promises(heights, found, limit):
 
 def beside_walls(heights, found, limit):
     """Points whose row or column has a step next to them that the differences beside it do not share."""
-    surface = patched(heights, found | np.isnan(heights))
+    surface = with_holes_filled(heights, found | np.isnan(heights))
     beside = np.zeros(found.shape, bool)
     for turned, marked in ((surface, beside), (surface.T, beside.T)):
         for row, line in enumerate(turned):
@@ -251,22 +256,22 @@ def beside_walls(heights, found, limit):
 # Relief
 
 
-def wanted_differences(jumps):
-    """Sum of the differences to the four neighbours that a surface of the surprising jumps alone has."""
-    shape = jumps.shape[1:]
+def wanted_differences(differences):
+    """Sum of the differences to the four neighbours that a surface of the surprising differences alone has."""
+    shape = differences.shape[1:]
     wanted = np.zeros(shape)
     for place in places(shape):
         for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
             other = place[0] + down, place[1] + right
-            jump = jump_between(jumps, place, other) if inside(*other, shape) else None
-            if jump is not None and abs(jump) > SURPRISE * UNIT:
-                wanted[place] += jump / UNIT
+            difference = difference_between(differences, place, other) if inside(*other, shape) else None
+            if difference is not None and abs(difference) > SIGNIFICANT * UNIT:
+                wanted[place] += difference / UNIT
     return wanted
 
 
-def relief(jumps):
+def relief(differences):
     """The least-squares surface of mean 0, by a dense solve."""
-    shape = jumps.shape[1:]
+    shape = differences.shape[1:]
     number = {place: index for index, place in enumerate(places(shape))}
     equations = np.zeros((len(number), len(number)))
     for (row, column), index in number.items():
@@ -274,7 +279,7 @@ def relief(jumps):
             if other in number:
                 equations[index, number[other]] += 1
                 equations[index, index] -= 1
-    solution = np.linalg.lstsq(equations, wanted_differences(jumps).ravel(), rcond=None)[0]
+    solution = np.linalg.lstsq(equations, wanted_differences(differences).ravel(), rcond=None)[0]
     return solution.reshape(shape)
 
 
@@ -284,16 +289,16 @@ def relief(jumps):
 class Community:
     """A connected part of {relief ≥ level}."""
 
-    def __init__(self, points, jumps, sign, clip, scale):
+    def __init__(self, points, differences, sign, clip, scale):
         self.points = points
-        shape = jumps.shape[1:]
+        shape = differences.shape[1:]
         border = [
-            jump_between(jumps, point, other)
+            difference_between(differences, point, other)
             for point in points
             for other in neighbours(*point, shape)
             if other not in points
         ]
-        ends = [max(-clip, min(clip, -sign * jump)) for jump in border if jump is not None]
+        ends = [max(-clip, min(clip, -sign * difference)) for difference in border if difference is not None]
         self.steepness = float(np.float32(sum(ends) / (max(len(ends), 1) * clip)))  # kept in float32
         rows, columns = zip(*points, strict=True)
         extent = max(max(rows) - min(rows), max(columns) - min(columns)) + 1
@@ -331,7 +336,7 @@ def surroundings(relief):
     )
 
 
-def one_sided_islands(relief, around, jumps, measured, sign, clip, strong, scale):
+def one_sided_islands(relief, around, differences, measured, sign, clip, strong, scale):
     shape, largest = relief.shape, max(LARGEST // scale**2, 4)
     level = {
         place: int(np.clip(np.rint(sign * UNIT * relief[place]), -32767, 32767))
@@ -344,7 +349,7 @@ def one_sided_islands(relief, around, jumps, measured, sign, clip, strong, scale
         for place in points:
             found = component(place, points)
             if found not in communities:
-                communities[found] = Community(found, jumps, sign, clip, scale)
+                communities[found] = Community(found, differences, sign, clip, scale)
     ascending = sorted(communities.values(), key=lambda community: len(community.points))
     larger = {one: next((o for o in ascending if one.points < o.points), None) for one in ascending}
     for one in ascending:
@@ -370,10 +375,10 @@ def one_sided_islands(relief, around, jumps, measured, sign, clip, strong, scale
     return found, best
 
 
-def islands(relief, jumps, measured, clip, strong, scale):
+def islands(relief, differences, measured, clip, strong, scale):
     around = surroundings(relief)
     up, down = (
-        one_sided_islands(relief, around, jumps, measured, sign, round(clip * UNIT), strong, scale)
+        one_sided_islands(relief, around, differences, measured, sign, round(clip * UNIT), strong, scale)
         for sign in (1, -1)
     )
     return up[0] | down[0], np.maximum(up[1], down[1])
@@ -382,7 +387,7 @@ def islands(relief, jumps, measured, clip, strong, scale):
 # Texture
 
 
-def of_one_height(heights, islands):
+def islands_of_one_height(heights, islands):
     points = {tuple(map(int, place)) for place in np.argwhere(islands)}
     parts = {component(place, points) for place in points}
     sized = []

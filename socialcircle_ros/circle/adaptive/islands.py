@@ -1,9 +1,10 @@
 """Communities that rise from (or sink into) their surroundings on all sides.
 
 The communities are those of every height at once: the connected parts of {relief ≥ level}, nested in a max-tree
-(Salembier et al. 1998; built by union-find as in Berger et al. 2007), and of {relief ≤ level} in a min-tree. How
-steeply a community ends is the mean of the jumps across its border, each clipped, so that no single jump decides:
-as jumps within it cancel, sum and border are sums over its points, and cost one pass for all communities.
+(Salembier et al. 1998; built by union-find as in Berger et al. 2007), and of {relief ≤ level} in a min-tree.
+How steeply a community ends is the mean of the differences across its border, each clipped, so that no single
+one decides: as differences within it cancel, sum and border are sums over its points, and cost one pass for all
+communities.
 """
 
 import itertools
@@ -17,7 +18,7 @@ from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.union_find import root_of
 
-from .jumps import NONE, UNIT, Jumps, interpolated, widened
+from .differences import NONE, UNIT, Differences, interpolated, widened
 from .relief import Relief
 
 LARGEST = 320
@@ -34,16 +35,16 @@ Score = npt.NDArray[np.float32]
 
 
 def islands(
-    relief: Relief, jumps: Jumps, measured: Mask, clip: float, strong: float, scale: int
+    relief: Relief, differences: Differences, measured: Mask, clip: float, strong: float, scale: int
 ) -> tuple[Mask, Score]:
     """Communities that are islands.
 
     Args:
         relief: (H, W) float32, as `relief_of` gives it.
-        jumps: (4, H, W) int8, as `jumps_of` gives them.
+        differences: (4, H, W) int8, as `normalised_differences` gives them.
         measured: (H, W) bool, the points that there are.
-        clip: spreads beyond which a jump counts no more.
-        strong: an island's border is steeper than this in the mean, where 1 is every jump clipped.
+        clip: spreads beyond which a difference counts no more.
+        strong: an island's border is steeper than this in the mean, where 1 is every difference clipped.
         scale: points of the cloud along a side of a point here.
 
     Returns:
@@ -59,7 +60,17 @@ def islands(
         points, level = _risen(relief, around, measured, sign)
         order = np.argsort(-level, kind='stable')
         return _islands_above(
-            points, level, order, jumps, -sign, round(clip * UNIT), largest, fill, alone, strong, strong - WEAKER
+            points,
+            level,
+            order,
+            differences,
+            -sign,
+            round(clip * UNIT),
+            largest,
+            fill,
+            alone,
+            strong,
+            strong - WEAKER,
         )
 
     both = in_bands(lambda places: [one_side((1, -1)[place]) for place in range(2)[places]], 2, relief.size)
@@ -122,12 +133,12 @@ def _risen(relief: Any, around: Any, measured: Any, sign: int) -> Any:
 
 
 @kernel
-def _neighbours(points: Any, rank: Any, jumps: Any, outward: int, clip: int) -> Any:
+def _neighbours(points: Any, rank: Any, differences: Any, outward: int, clip: int) -> Any:
     """By rank: the higher neighbours among the points, and what a point adds to the steepness and to the border.
 
-    The higher neighbours are ended by -1. Jumps are looked up row by row, where they lie close together.
+    The higher neighbours are ended by -1. Differences are looked up row by row, where they lie close together.
     """
-    _, height, width = jumps.shape
+    _, height, width = differences.shape
     count = points.size
     place = np.full((height, width), count, np.int32)  # the rank of a point, `count` of all others
     for index in range(count):
@@ -143,11 +154,11 @@ def _neighbours(points: Any, rank: Any, jumps: Any, outward: int, clip: int) -> 
                 y, x = row + way * down, column + way * right
                 if y < 0 or x < 0 or y >= height or x >= width:
                     continue
-                jump = int(jumps[direction, row, column] if way > 0 else jumps[direction, y, x])
+                difference = int(differences[direction, row, column] if way > 0 else differences[direction, y, x])
                 there = place[y, x]
-                if jump != NONE:
-                    # Of two points of one community the jump there and the jump back cancel.
-                    total += min(clip, max(-clip, outward * way * jump))
+                if difference != NONE:
+                    # Of two points of one community the difference there and the difference back cancel.
+                    total += min(clip, max(-clip, outward * way * difference))
                     ends += -1 if there < here else 1
                 if there < here:
                     higher[here, found] = there
@@ -162,7 +173,7 @@ def _islands_above(
     points: Any,
     level: Any,
     order: Any,
-    jumps: Any,
+    differences: Any,
     outward: int,
     clip: int,
     largest: int,
@@ -172,12 +183,12 @@ def _islands_above(
     weak: float,
 ) -> Any:
     """The islands among the communities of the points, highest first: a max-tree and what follows from it."""
-    _, height, width = jumps.shape
+    _, height, width = differences.shape
     count = points.size
     rank = np.empty(count, np.int32)
     for here in range(count):
         rank[order[here]] = here
-    higher, steep, border = _neighbours(points, rank, jumps, outward, clip)
+    higher, steep, border = _neighbours(points, rank, differences, outward, clip)
     points, level = points[order], level[order]
     parent, joined, area = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.int32)
     top, bottom = np.empty(count, np.int32), np.empty(count, np.int32)

@@ -13,10 +13,10 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .jumps import Heights
-from .loners import patched
+from .differences import Heights
+from .isolated import with_holes_filled
 
-PROMISED = 0.37
+TOLERANCE = 0.37
 """Share of the depth of field that a height may be off: good points are within 0.25 of it, outliers beyond 0.5."""
 WALL = 1.5
 """Share of the depth of field that neighbours differ by where the surface between them was not seen."""
@@ -30,7 +30,7 @@ _BESIDE = 1
 """Points beyond the two ends of a step that see both its surfaces."""
 
 
-def broken_promises(heights: Heights, found: Mask, depth_of_field: float) -> Mask:
+def beyond_tolerance(heights: Heights, found: Mask, depth_of_field: float) -> Mask:
     """Outliers, and points next to them, that are further off their surroundings than the optics promise.
 
     Args:
@@ -41,12 +41,12 @@ def broken_promises(heights: Heights, found: Mask, depth_of_field: float) -> Mas
     Returns:
         (H, W) bool.
     """
-    surface = patched(heights, found)
+    surface = with_holes_filled(heights, found)
     doubtful: Mask = np.zeros(found.shape, np.bool_)
     _mark_near(np.flatnonzero(found), np.isfinite(heights), doubtful)
     broken: Mask = np.zeros(found.shape, np.bool_)
 
-    limit = np.float32(min(PROMISED * depth_of_field, _MOST))
+    limit = np.float32(min(TOLERANCE * depth_of_field, _MOST))
 
     def compare(rows: slice) -> None:
         _compare(heights, doubtful, surface, limit, rows.start, rows.stop, broken)
@@ -67,7 +67,7 @@ def beside_walls(heights: Heights, found: Mask, depth_of_field: float) -> Mask:
         (H, W) bool, of measured points.
     """
     measured: Mask = np.isfinite(heights)
-    surface = patched(heights, found | ~measured)
+    surface = with_holes_filled(heights, found | ~measured)
     beside: Mask = np.zeros(found.shape, np.bool_)
     # Each band marks points of its neighbours as well: one thread.
     for down in (0, 1):

@@ -1,6 +1,6 @@
-"""A surface of the surprising jumps alone: flat where the cloud is as smooth as ever, with a step where it is not.
+"""A surface of the significant differences alone: flat where the cloud is smooth, with a step where it is not.
 
-It is the least-squares surface whose differences are the jumps beyond a threshold, and 0 elsewhere: a Poisson
+It is the least-squares surface whose differences are those beyond a threshold, and 0 elsewhere: a Poisson
 equation with free borders (as in gradient-domain image editing, Fattal et al. 2002), solved by multigrid from the
 coarsest grid down. Communities are looked for in it, as slopes and form are gone.
 """
@@ -13,10 +13,10 @@ import numpy.typing as npt
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .jumps import NONE, UNIT, Jumps
+from .differences import NONE, UNIT, Differences
 
-SURPRISE = 2.5
-"""Jumps beyond so many spreads are surprising."""
+SIGNIFICANT = 2.5
+"""Differences beyond so many spreads are surprising."""
 
 _SWEEPS = 4
 _DAMPING = np.float32(0.8 / 4)
@@ -25,20 +25,20 @@ _COARSEST = 4
 Relief = npt.NDArray[np.float32]
 
 
-def relief_of(jumps: Jumps) -> Relief:
-    """The surface of the surprising jumps, in spreads.
+def relief_of(differences: Differences) -> Relief:
+    """The surface of the surprising differences, in spreads.
 
     Args:
-        jumps: (4, H, W) int8, as `jumps_of` gives them.
+        differences: (4, H, W) int8, as `normalised_differences` gives them.
 
     Returns:
         (H, W) float32; its level is arbitrary, and 0 at best by chance.
     """
-    _, height, width = jumps.shape
+    _, height, width = differences.shape
     wanted = np.empty((height, width), np.float32)
 
     def fill(rows: slice) -> None:
-        _divergence(jumps, round(SURPRISE * UNIT), rows.start, rows.stop, wanted)
+        _divergence(differences, round(SIGNIFICANT * UNIT), rows.start, rows.stop, wanted)
 
     in_bands(fill, height, width)
     surface = _solved(wanted)
@@ -77,21 +77,23 @@ def _sweep(surface: Relief, wanted: Relief, result: Relief) -> None:
 
 
 @kernel
-def _divergence(jumps: Any, threshold: int, first: int, end: int, wanted: Any) -> None:
-    width = jumps.shape[2]
+def _divergence(differences: Any, threshold: int, first: int, end: int, wanted: Any) -> None:
+    width = differences.shape[2]
     for row in range(first, end):
         for column in range(width):
-            total = _surprise(jumps[0, row, column], threshold) + _surprise(jumps[1, row, column], threshold)
+            total = _significant(differences[0, row, column], threshold) + _significant(
+                differences[1, row, column], threshold
+            )
             if column > 0:
-                total -= _surprise(jumps[0, row, column - 1], threshold)
+                total -= _significant(differences[0, row, column - 1], threshold)
             if row > 0:
-                total -= _surprise(jumps[1, row - 1, column], threshold)
+                total -= _significant(differences[1, row - 1, column], threshold)
             wanted[row, column] = np.float32(total) / np.float32(UNIT)
 
 
 @kernel
-def _surprise(jump: Any, threshold: int) -> Any:
-    wide = np.int32(jump)
+def _significant(difference: Any, threshold: int) -> Any:
+    wide = np.int32(difference)
     return wide if abs(wide) > threshold and wide != NONE else np.int32(0)
 
 

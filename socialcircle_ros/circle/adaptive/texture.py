@@ -10,7 +10,7 @@ import numpy as np
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 
-from .jumps import Heights
+from .differences import Heights
 
 LEAST_COVER = 0.015
 """Islands of one height that cover less of the measured points are outliers nonetheless."""
@@ -21,12 +21,12 @@ _MANY = 8
 _MOST = 0.5
 
 
-def of_one_height(heights: Heights, islands: Mask) -> tuple[Mask, int]:
+def islands_of_one_height(heights: Heights, islands: Mask) -> tuple[Mask, int]:
     """The islands that share a height over or under what surrounds them.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
-        islands: (H, W) bool, points of islands and loners.
+        islands: (H, W) bool, points of islands and isolated points.
 
     Returns:
         (H, W) bool, the points to keep after all, and the number of their islands.

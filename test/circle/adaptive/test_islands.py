@@ -6,21 +6,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import adaptive as naive
 
+from socialcircle_ros.circle.adaptive.differences import NONE, UNIT
 from socialcircle_ros.circle.adaptive.islands import LARGEST, islands
-from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT
 from socialcircle_ros.kernels import bands
 
 
-def jumps_between(heights, spread=1.0):
+def differences_between(heights, spread=1.0):
     """Plain differences in sixteenths of the spread."""
-    jumps = np.full((4, *heights.shape), NONE, np.int8)
+    differences = np.full((4, *heights.shape), NONE, np.int8)
     for direction, (down, right) in enumerate(naive.DIRECTIONS):
         for row, column in np.ndindex(heights.shape):
             other = row + down, column + right
             if naive.inside(*other, heights.shape) and not np.isnan(heights[other] - heights[row, column]):
                 difference = UNIT / spread * (heights[other] - heights[row, column])
-                jumps[direction, row, column] = np.rint(np.clip(difference, -127, 127))
-    return jumps
+                differences[direction, row, column] = np.rint(np.clip(difference, -127, 127))
+    return differences
 
 
 def hilly(rows, columns, random, blocks, flanks, missing):
@@ -59,22 +59,22 @@ HILLS = st.builds(
 )
 def test_islands_and_scores_are_those_of_every_community_looked_at_bit_for_bit(hills, scale, steep, noise, known):
     measured = ~np.isnan(hills)
-    jumps = jumps_between(hills)
+    differences = differences_between(hills)
     relief = np.where(measured, hills, 0)
-    # The relief never fits the jumps exactly, nor need it.
+    # The relief never fits the differences exactly, nor need it.
     relief += np.random.default_rng(4).normal(0, noise, hills.shape).astype(np.float32)
     measured |= known
 
-    found, score = islands(relief, jumps, measured, *steep, scale)
+    found, score = islands(relief, differences, measured, *steep, scale)
 
-    expected, expected_score = naive.islands(relief, jumps, measured, *steep, scale)
+    expected, expected_score = naive.islands(relief, differences, measured, *steep, scale)
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(score, expected_score)
 
 
 def island_points(heights, scale=1, **options):
     heights = np.asarray(heights, np.float32)
-    return islands(heights, jumps_between(heights, **options), np.isfinite(heights), 4.0, 0.93, scale)[0]
+    return islands(heights, differences_between(heights, **options), np.isfinite(heights), 4.0, 0.93, scale)[0]
 
 
 def block(height, width, rise=9.0):
@@ -136,9 +136,9 @@ def test_seen_from_further_off_the_largest_island_has_as_many_points_of_the_clou
 @given(HILLS)
 def test_what_rises_and_what_sinks_are_judged_alike(hills):
     relief = np.where(np.isnan(hills), 0, hills)
-    up = islands(relief, jumps_between(hills), ~np.isnan(hills), 4.0, 0.93, 1)
+    up = islands(relief, differences_between(hills), ~np.isnan(hills), 4.0, 0.93, 1)
 
-    down = islands(-relief, jumps_between(-hills), ~np.isnan(hills), 4.0, 0.93, 1)
+    down = islands(-relief, differences_between(-hills), ~np.isnan(hills), 4.0, 0.93, 1)
 
     np.testing.assert_array_equal(up[0], down[0])
     np.testing.assert_array_equal(up[1], down[1])
@@ -151,7 +151,9 @@ def test_an_island_is_one_in_the_mirror_too(random, transposed):
     hills = hilly(32, 32, random, 6, 0.5, 0.0)
     mirrored = np.ascontiguousarray(hills.T if transposed else hills[:, ::-1])
 
-    found, mirror_image = (islands(h, jumps_between(h), np.isfinite(h), 4.0, 0.93, 1) for h in (hills, mirrored))
+    found, mirror_image = (
+        islands(h, differences_between(h), np.isfinite(h), 4.0, 0.93, 1) for h in (hills, mirrored)
+    )
 
     for one, other in zip(found, mirror_image, strict=True):
         np.testing.assert_array_equal(one, other.T if transposed else other[:, ::-1])
@@ -159,12 +161,12 @@ def test_an_island_is_one_in_the_mirror_too(random, transposed):
 
 def test_both_sides_at_once_give_what_one_after_the_other_gives(monkeypatch):
     heights = np.tile(hilly(64, 70, 3, 20, 0.5, 0.05), (7, 7))
-    jumps = np.tile(jumps_between(heights[:64, :70]), (1, 7, 7))
+    differences = np.tile(differences_between(heights[:64, :70]), (1, 7, 7))
     assert heights.size > 200_000
     results = []
     for limit in (1, 2):
         monkeypatch.setattr(bands, 'limit', limit)
-        results.append(islands(np.nan_to_num(heights), jumps, np.isfinite(heights), 4.0, 0.93, 1))
+        results.append(islands(np.nan_to_num(heights), differences, np.isfinite(heights), 4.0, 0.93, 1))
 
     np.testing.assert_array_equal(results[0][0], results[1][0])
     np.testing.assert_array_equal(results[0][1], results[1][1])

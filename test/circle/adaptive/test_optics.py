@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from naive import adaptive as naive
 
 from socialcircle_ros.circle.adaptive import find_outliers
-from socialcircle_ros.circle.adaptive.optics import PROMISED, WALL, beside_walls, broken_promises
+from socialcircle_ros.circle.adaptive.optics import TOLERANCE, WALL, beside_walls, beyond_tolerance
 
 SHAPES = st.tuples(st.integers(1, 24), st.integers(1, 20))
 DEPTH_OF_FIELD = 6.0
@@ -32,8 +32,8 @@ def surface(rows=60, columns=80):
 def test_both_are_those_of_the_reference(shape, random, gone, removed):
     heights, found = scenes(shape, random, gone, removed)
 
-    broken = broken_promises(heights, found, DEPTH_OF_FIELD)
-    np.testing.assert_array_equal(broken, naive.broken_promises(heights, found, PROMISED * DEPTH_OF_FIELD))
+    broken = beyond_tolerance(heights, found, DEPTH_OF_FIELD)
+    np.testing.assert_array_equal(broken, naive.beyond_tolerance(heights, found, TOLERANCE * DEPTH_OF_FIELD))
     beside = beside_walls(heights, found, DEPTH_OF_FIELD)
     np.testing.assert_array_equal(beside, naive.beside_walls(heights, found, WALL * DEPTH_OF_FIELD))
 

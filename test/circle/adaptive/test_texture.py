@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import adaptive as naive
 
-from socialcircle_ros.circle.adaptive.texture import of_one_height
+from socialcircle_ros.circle.adaptive.texture import islands_of_one_height
 
 
 def dotted(rows, columns, random, heights_of_dots, share):
@@ -37,9 +37,9 @@ DOTS = st.builds(
 @settings(max_examples=200)
 @given(DOTS)
 def test_texture_is_that_of_the_reference(dots):
-    texture, number = of_one_height(*dots)
+    texture, number = islands_of_one_height(*dots)
 
-    expected, expected_number = naive.of_one_height(*dots)
+    expected, expected_number = naive.islands_of_one_height(*dots)
     np.testing.assert_array_equal(texture, expected)
     assert number == expected_number
 
@@ -47,7 +47,7 @@ def test_texture_is_that_of_the_reference(dots):
 @settings(max_examples=100)
 @given(DOTS)
 def test_only_islands_are_texture(dots):
-    texture, _ = of_one_height(*dots)
+    texture, _ = islands_of_one_height(*dots)
 
     assert not texture[~dots[1]].any()
 
@@ -64,7 +64,7 @@ def lattice(count, rises):
 def test_many_islands_of_one_height_are_kept_and_counted(rise):
     heights = lattice(12, [rise])
 
-    texture, number = of_one_height(heights, heights != 0)
+    texture, number = islands_of_one_height(heights, heights != 0)
 
     np.testing.assert_array_equal(texture, heights != 0)
     assert number == 12
@@ -72,11 +72,11 @@ def test_many_islands_of_one_height_are_kept_and_counted(rise):
 
 def test_few_are_not_nor_are_those_of_many_heights():
     for heights in (lattice(7, [5.0]), lattice(12, [1.0, 2.0, 4.0, 8.0, 16.0])):
-        assert not of_one_height(heights, heights != 0)[0].any()
+        assert not islands_of_one_height(heights, heights != 0)[0].any()
 
 
 def test_those_that_cover_next_to_nothing_of_the_cloud_are_not():
     heights = np.zeros((200, 200), np.float32)
     heights[:40, :60] = lattice(12, [5.0])
 
-    assert not of_one_height(heights, heights != 0)[0].any()
+    assert not islands_of_one_height(heights, heights != 0)[0].any()

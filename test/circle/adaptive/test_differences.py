@@ -1,4 +1,4 @@
-"""Jumps: differences of neighbours in the surface's own spread."""
+"""Differences: differences of neighbours in the surface's own spread."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import adaptive as naive
 
-from socialcircle_ros.circle.adaptive.jumps import NONE, UNIT, jumps_of, scale_of
+from socialcircle_ros.circle.adaptive.differences import NONE, UNIT, estimate_spread, normalised_differences
 
 
 def heights_of(recipe):
@@ -18,17 +18,19 @@ def heights_of(recipe):
 
 @settings(max_examples=150)
 @given(recipes(36, 40), st.sampled_from([10, 16]), st.booleans())
-def test_scale_and_jumps_are_those_of_the_reference_bit_for_bit(recipe, tile, may_foretell):
+def test_scale_and_jumps_are_those_of_the_reference_bit_for_bit(recipe, tile, may_predict):
     with np.errstate(all='ignore'):
         heights = heights_of(recipe)
-        expected = naive.scale_of(heights, tile, may_foretell)
-        scale = scale_of(heights, tile, may_foretell=may_foretell)
+        expected = naive.estimate_spread(heights, tile, may_predict)
+        scale = estimate_spread(heights, tile, may_predict=may_predict)
 
-        assert scale.foretold == expected.foretold
+        assert scale.predicted == expected.predicted
         np.testing.assert_array_equal(scale.slopes, expected.slopes)
         np.testing.assert_array_equal(scale.spreads, expected.spreads)
         np.testing.assert_array_equal(scale.tiles, expected.tiles)
-        np.testing.assert_array_equal(jumps_of(heights, scale), naive.jumps_of(heights, expected, tile))
+        np.testing.assert_array_equal(
+            normalised_differences(heights, scale), naive.normalised_differences(heights, expected, tile)
+        )
 
 
 @pytest.mark.parametrize('level', [0.0, 3.0, -1e-30])
@@ -36,11 +38,11 @@ def test_neighbours_on_a_plane_are_0_apart_and_what_is_off_it_is_far(level):
     heights = np.full((20, 24), level, np.float32)
     heights[9, 11] += 5
 
-    jumps = jumps_of(heights, scale_of(heights, 16, may_foretell=True))
+    differences = normalised_differences(heights, estimate_spread(heights, 16, may_predict=True))
 
-    assert (jumps[:, 9, 11] == -127).all()
-    assert (jumps[0, :9, :-1] == 0).all()
-    assert (jumps[0, :, -1] == NONE).all()
+    assert (differences[:, 9, 11] == -127).all()
+    assert (differences[0, :9, :-1] == 0).all()
+    assert (differences[0, :, -1] == NONE).all()
 
 
 def test_the_spread_of_white_noise_is_that_of_its_differences_whatever_the_outliers():
@@ -48,7 +50,7 @@ def test_the_spread_of_white_noise_is_that_of_its_differences_whatever_the_outli
     heights = generator.normal(0, 1, (200, 210)).astype(np.float32)
     heights[generator.random(heights.shape) < 0.1] += 30
 
-    spreads = scale_of(heights, 16, may_foretell=False).spreads
+    spreads = estimate_spread(heights, 16, may_predict=False).spreads
 
     np.testing.assert_allclose(spreads, np.sqrt(2), rtol=0.1)
 
@@ -59,7 +61,7 @@ def test_a_slope_is_no_jump():
     sloped = (noise + 20 * column - 9 * row).astype(np.float32)
 
     level, slope = (
-        jumps_of(heights, scale_of(heights, 16, may_foretell=False))
+        normalised_differences(heights, estimate_spread(heights, 16, may_predict=False))
         for heights in (noise.astype(np.float32), sloped)
     )
 
@@ -70,5 +72,5 @@ def test_a_smooth_surface_s_differences_foretell_each_other_and_noise_does_not()
     row, column = np.mgrid[:60, :70].astype(np.float32)
     noise = np.random.default_rng(3).normal(0, 1, (60, 70)).astype(np.float32)
 
-    assert scale_of(np.sin(row / 5) * np.cos(column / 6), 16, may_foretell=True).foretold
-    assert not scale_of(noise, 16, may_foretell=True).foretold
+    assert estimate_spread(np.sin(row / 5) * np.cos(column / 6), 16, may_predict=True).predicted
+    assert not estimate_spread(noise, 16, may_predict=True).predicted

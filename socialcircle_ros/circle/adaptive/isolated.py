@@ -8,7 +8,7 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .jumps import NONE, UNIT, Heights, Jumps
+from .differences import NONE, UNIT, Differences, Heights
 
 TOUCH = 3.5
 """Neighbours within so many spreads are in touch."""
@@ -16,28 +16,28 @@ TOUCH = 3.5
 _RINGS = 6
 
 
-def loners(jumps: Jumps) -> Mask:
+def isolated_points(differences: Differences) -> Mask:
     """Points that hardly any neighbour is in touch with, and that nearly all of them lie on one side of.
 
     The second condition keeps the points of a steep wall, whose neighbours are above and below; the first lets two
     neighbouring outliers by chance be at one height.
 
     Args:
-        jumps: (4, H, W) int8, as `jumps_of` gives them.
+        differences: (4, H, W) int8, as `normalised_differences` gives them.
 
     Returns:
         (H, W) bool.
     """
-    lone: Mask = np.empty(jumps.shape[1:], np.bool_)
+    lone: Mask = np.empty(differences.shape[1:], np.bool_)
 
     def find(rows: slice) -> None:
-        _find(jumps, round(TOUCH * UNIT), rows.start, rows.stop, lone)
+        _find(differences, round(TOUCH * UNIT), rows.start, rows.stop, lone)
 
     in_bands(find, *lone.shape)
     return lone
 
 
-def patched(heights: Heights, holes: Mask) -> Heights:
+def with_holes_filled(heights: Heights, holes: Mask) -> Heights:
     """The heights with `holes` filled by the mean of what surrounds them, ring by ring; NaN where too deep.
 
     For looking at what is left, never for publishing.
@@ -57,20 +57,20 @@ def patched(heights: Heights, holes: Mask) -> Heights:
 
 
 @kernel
-def _find(jumps: Any, touch: int, first: int, end: int, lone: Any) -> None:
-    width = jumps.shape[2]
+def _find(differences: Any, touch: int, first: int, end: int, lone: Any) -> None:
+    width = differences.shape[2]
     there, touching, side = np.empty(width, np.int8), np.empty(width, np.int8), np.empty(width, np.int8)
     for row in range(first, end):
         there[:], touching[:], side[:] = 0, 0, 0
         for direction in range(4):
             down, right = (0 if direction == 0 else 1), (1, 0, 1, -1)[direction]
-            _count(jumps[direction, row], touch, np.int8(1), there, touching, side)
+            _count(differences[direction, row], touch, np.int8(1), there, touching, side)
             if row - down >= 0:
                 reached, left = (
                     slice(max(0, right), width + min(0, right)),
                     slice(max(0, -right), width - max(0, right)),
                 )
-                back = jumps[direction, row - down, left]
+                back = differences[direction, row - down, left]
                 _count(back, touch, np.int8(-1), there[reached], touching[reached], side[reached])
         for column in range(width):
             lone[row, column] = (
@@ -81,15 +81,19 @@ def _find(jumps: Any, touch: int, first: int, end: int, lone: Any) -> None:
 
 
 @kernel
-def _count(jumps: Any, touch: int, sign: Any, there: Any, touching: Any, side: Any) -> None:
+def _count(differences: Any, touch: int, sign: Any, there: Any, touching: Any, side: Any) -> None:
     """Add a row of neighbours to the numbers that there are, that are in touch, and (less those below) above.
 
     All in 8 bits, of which the processor does many at a time.
     """
     upper, lower = np.int8(touch), np.int8(-touch)
-    for column in range(jumps.size):
-        jump = jumps[column]
-        known, above, below = np.int8(jump != NONE), np.int8(jump >= upper), np.int8(jump <= lower)
+    for column in range(differences.size):
+        difference = differences[column]
+        known, above, below = (
+            np.int8(difference != NONE),
+            np.int8(difference >= upper),
+            np.int8(difference <= lower),
+        )
         below &= known
         there[column] += known
         touching[column] += known - above - below

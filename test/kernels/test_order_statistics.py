@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from socialcircle_ros.kernels.ordering import median_of_sorted, sort_columns, sorted_values
+from socialcircle_ros.kernels.order_statistics import median_of_sorted, sort_columns, sorted_values
 
 VALUES = st.one_of(
     st.floats(allow_nan=False, width=32),

@@ -71,7 +71,7 @@ def test_another_unit_changes_next_to_nothing(factor):
 
     one, other = find_outliers(heights), find_outliers(heights * factor)
 
-    # A jump that is rounded the other way may tip a point that was on the brink.
+    # A difference that is rounded the other way may tip a point that was on the brink.
     assert np.count_nonzero(one.outliers != other.outliers) < 1e-3 * heights.size
     assert one.outliers.sum() > 800
 

@@ -1,4 +1,4 @@
-"""The adaptive mode, composed: loners, then islands, then islands seen from further off."""
+"""The adaptive mode, composed: isolated points, then islands, then islands seen from further off."""
 
 import math
 import time
@@ -11,19 +11,19 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 
+from .differences import Heights, estimate_spread, normalised_differences
 from .islands import islands
-from .jumps import Heights, jumps_of, scale_of
-from .loners import loners, patched
-from .optics import beside_walls, broken_promises
+from .isolated import isolated_points, with_holes_filled
+from .optics import beside_walls, beyond_tolerance
 from .relief import relief_of
-from .texture import of_one_height
+from .texture import islands_of_one_height
 
 MORE = {1: 0.0, 2: 0.01, 4: 0.03}
 """By how far off the cloud is seen, so much steeper a border must be: chance does more to one of few points."""
 EASIER, EASIEST = 0.05, 0.80
-"""With each doubling of the loners beyond `Rules.few` so much less steepness is asked for, down to the last: the
-more outliers are about, the likelier is an island to be one."""
-CLIP_FORETOLD, EASIER_FORETOLD = 3.0, 0.02
+"""With each doubling of the isolated points beyond `Rules.few` so much less steepness is asked for, down to the
+last: the more outliers are about, the likelier is an island to be one."""
+CLIP_PREDICTED, EASIER_PREDICTED = 3.0, 0.02
 """Where differences foretell each other: such surfaces have hardly an island of their own."""
 STRONG_BY_OPTICS = 0.85
 """The steepness where the depth of field has the last word."""
@@ -41,9 +41,9 @@ class Rules:
     """What is asked of a community before it counts as an island; chosen with each measured surface left out once.
 
     Attributes:
-        steep: the border of an island is steeper than this, where 1 is every jump clipped.
-        clip: spreads beyond which a jump says no more of a border.
-        few: share of the points that may be loners before less is asked.
+        steep: the border of an island is steeper than this, where 1 is every difference clipped.
+        clip: spreads beyond which a difference says no more of a border.
+        few: share of the points that may be isolated points before less is asked.
     """
 
     steep: float = 0.955
@@ -86,7 +86,7 @@ def find_outliers(
     rules = rules or Rules()
     clock = _Clock()
     # The depth of field settles what is too low to be an outlier: no measure has to be as fine as can be.
-    may_foretell = depth_of_field is None
+    may_predict = depth_of_field is None
     work = _relative(heights)
     measured: Mask = np.isfinite(work)
     found: Mask = np.zeros(work.shape, np.bool_)
@@ -95,56 +95,58 @@ def find_outliers(
 
     spread = 0.0
     for _ in range(_ROUNDS):
-        scale = scale_of(work, _TILE, may_foretell=False)
+        scale = estimate_spread(work, _TILE, may_predict=False)
         spread = float(scale.spreads.mean())
-        lone = loners(jumps_of(work, scale))
+        lone = isolated_points(normalised_differences(work, scale))
         found |= lone
-        work = patched(work, lone)
+        work = with_holes_filled(work, lone)
     strong = _asked_for(float(found.sum() / measured.sum()), depth_of_field, rules)
-    clock.step('loners')
+    clock.step('isolated')
 
-    scale = scale_of(work, _TILE, may_foretell=may_foretell)
-    jumps = jumps_of(work, scale)
-    if scale.foretold:
-        # The finer measure finds loners that the slope hid.
-        lone = loners(jumps)
+    scale = estimate_spread(work, _TILE, may_predict=may_predict)
+    differences = normalised_differences(work, scale)
+    if scale.predicted:
+        # The finer measure finds isolated points that the slope hid.
+        lone = isolated_points(differences)
         found |= lone
-        work = patched(work, lone)
-        scale = scale_of(work, _TILE, may_foretell=may_foretell)
-        jumps = jumps_of(work, scale)
+        work = with_holes_filled(work, lone)
+        scale = estimate_spread(work, _TILE, may_predict=may_predict)
+        differences = normalised_differences(work, scale)
     score[found] = 1.0
-    steep = (CLIP_FORETOLD, strong[1] - EASIER_FORETOLD) if scale.foretold else (rules.clip, strong[1])
-    spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(work), *steep, 1)
+    steep = (CLIP_PREDICTED, strong[1] - EASIER_PREDICTED) if scale.predicted else (rules.clip, strong[1])
+    spot, steepness = islands(relief_of(differences), differences, np.isfinite(work), *steep, 1)
     np.maximum(score, steepness, out=score)
     found |= spot
-    work = patched(work, spot)
+    work = with_holes_filled(work, spot)
     clock.step('islands')
 
     own = _relative(heights)
     found &= measured
-    texture, kept = of_one_height(own, found)
+    texture, kept = islands_of_one_height(own, found)
     clock.step('texture')
 
     # Flanks that are blurred are steps when seen from further off. A surface whose differences foretell each other
     # has been smoothed: there its own hills would be steps as well, and where it is islands, what is between them.
-    if not scale.foretold and not kept:
+    if not scale.predicted and not kept:
         far = work
         for times in _SCALES:
             far = _halved(far)
             if min(far.shape) < _FEWEST:
                 break
-            jumps = jumps_of(far, scale_of(far, _TILE_FAR, may_foretell=False))
-            spot, steepness = islands(relief_of(jumps), jumps, np.isfinite(far), rules.clip, strong[times], times)
+            differences = normalised_differences(far, estimate_spread(far, _TILE_FAR, may_predict=False))
+            spot, steepness = islands(
+                relief_of(differences), differences, np.isfinite(far), rules.clip, strong[times], times
+            )
             _spread_out(spot, times, found)
             _raise_score(steepness, times, score)
-            far = patched(far, spot)
+            far = with_holes_filled(far, spot)
         found &= measured
-        clock.step('far')
-        texture, kept = of_one_height(own, found)
+        clock.step('reduced')
+        texture, kept = islands_of_one_height(own, found)
         clock.step('texture')
     found &= ~texture
     if depth_of_field is not None:
-        found = broken_promises(own, found, depth_of_field)
+        found = beyond_tolerance(own, found, depth_of_field)
         found |= beside_walls(own, found, depth_of_field)
         clock.step('optics')
     _settle(score, found, measured)
@@ -153,7 +155,7 @@ def find_outliers(
 
 
 def _asked_for(lone: float, depth_of_field: float | None, rules: Rules) -> dict[int, float]:
-    """Steepness of an island's border, by how far off the cloud is seen; `lone` is the share of the loners."""
+    """Steepness that an island needs, by how far off the cloud is seen; `lone`: the share of isolated points."""
     if depth_of_field is not None:
         return dict.fromkeys(MORE, STRONG_BY_OPTICS)
     steep = rules.steep - EASIER * math.log2(max(lone / rules.few, 1.0))

@@ -1,8 +1,9 @@
 """How far neighbours differ, in the surface's own spread: the distance in which the adaptive mode measures touch.
 
-A jump is the difference of two neighbours' heights less what the surface does there anyway: its local slope, or,
-where that foretells the difference much better, the differences next to it on the same line. Each direction has a
-spread, each tile a factor to it; both are of the core of the jumps, so that neither outliers nor edges widen them.
+A normalised difference is the difference of two neighbours' heights less the predicted difference: the local
+slope, or, where that predicts much better, the median of the differences next to it on the same line. Each
+direction has a spread, each tile a factor to it; both are of the core of the differences, so that neither
+outliers nor edges widen them.
 """
 
 import itertools
@@ -14,17 +15,17 @@ import numpy.typing as npt
 
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
-from socialcircle_ros.kernels.ordering import median_of_sorted, sort_columns, sorted_values
+from socialcircle_ros.kernels.order_statistics import median_of_sorted, sort_columns, sorted_values
 
 Heights = npt.NDArray[np.float32]
-Jumps = npt.NDArray[np.int8]
+Differences = npt.NDArray[np.int8]
 Wide = npt.NDArray[np.float64]
 """A grid of blocks, each of its rows out to points."""
 
 UNIT = 16
-"""Jumps are kept in sixteenths of the spread, in 8 bits: nothing asks how far beyond ±7.9 they go."""
+"""Differences are kept in sixteenths of the spread, in 8 bits: nothing asks how far beyond ±7.9 they go."""
 NONE = -128
-"""Where there is no jump: a point of the two is not measured, or is outside."""
+"""Where there is no difference: a point of the two is not measured, or is outside."""
 
 _BLOCK = 8
 """Side of the blocks whose median difference is the local slope, in points."""
@@ -34,44 +35,44 @@ _CORE = 0.6647
 """Median of the absolute values of a normal distribution of spread 1, truncated at `_TRUNCATION`."""
 _LOW = 0.2533
 """Quantile .2 of the absolute values of a normal distribution of spread 1."""
-_FORETOLD = 0.5
+_PREDICTED = 0.5
 """Neighbouring differences foretell a difference where the median error is below this share of the plain one."""
 _CALMEST = 0.5
 """A tile's spread is at least this share of the cloud's: calm is not suspicious."""
 _ONE_LEVEL = 0.98
 """A cloud of which more lies at one height is that plane, and what is off it is off it by no step."""
 _SAMPLES = 60_000
-"""Jumps that a direction's spread is taken from."""
+"""Differences that a direction's spread is taken from."""
 _SMALLEST = UNIT / float(np.finfo(np.float32).max)
-"""Jumps in a smaller spread would be infinite in float32, and those of 0 none at all."""
+"""Differences in a smaller spread would be infinite in float32, and those of 0 none at all."""
 
 
 @dataclass(frozen=True)
-class Scale:
-    """What jumps of a cloud are measured in.
+class Spread:
+    """What differences of a cloud are measured in.
 
     Attributes:
         slopes: (2, h, w) float32, differences from point to point along x and along y, per block.
-        spreads: (4,) float64, of the jumps to the right, down, down right and down left, in the cloud's unit.
+        spreads: (4,) float64, of the differences to the right, down, down right and down left.
         tiles: (h, w) float32, factor to the spread in each tile.
         tile: side of a tile, in points.
-        foretold: whether jumps are taken against the differences beside them, not against the slope.
+        predicted: whether differences are taken against the differences beside them, not against the slope.
     """
 
     slopes: npt.NDArray[np.float32]
     spreads: npt.NDArray[np.float64]
     tiles: npt.NDArray[np.float32]
     tile: int
-    foretold: bool
+    predicted: bool
 
 
-def scale_of(heights: Heights, tile: int, *, may_foretell: bool) -> Scale:
+def estimate_spread(heights: Heights, tile: int, *, may_predict: bool) -> Spread:
     """The surface's own spread.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
         tile: side of the tiles, in points.
-        may_foretell: whether jumps may be taken against the differences beside them.
+        may_predict: whether differences may be taken against the differences beside them.
     """
     height, width = heights.shape
     blocks = in_bands(
@@ -81,21 +82,21 @@ def scale_of(heights: Heights, tile: int, *, may_foretell: bool) -> Scale:
     slopes = np.stack([_median_of_blocks(along_x, 0.0), _median_of_blocks(along_y, 0.0)])
     wide = widened(slopes[0], _BLOCK, width), widened(slopes[1], _BLOCK, width)
     stride = max(1, height * width // _SAMPLES)
-    sizes, foretold = _sampled(heights, *wide, stride, foretold=False), False
-    if may_foretell:
-        beside = _sampled(heights, *wide, stride, foretold=True)
-        foretold = _middle(beside) < _FORETOLD * _middle(sizes)
-        if foretold:
+    sizes, predicted = _sampled(heights, *wide, stride, predicted=False), False
+    if may_predict:
+        beside = _sampled(heights, *wide, stride, predicted=True)
+        predicted = _middle(beside) < _PREDICTED * _middle(sizes)
+        if predicted:
             # A difference that is the median of those beside it foretells itself: that says nothing of the spread.
-            sizes = [jumps[np.searchsorted(jumps, 0, 'right') :] for jumps in beside]
+            sizes = [differences[np.searchsorted(differences, 0, 'right') :] for differences in beside]
     sample = heights.ravel()[::stride]
     sample = sample[np.isfinite(sample)]
     least = max(_quantum(sample), _rounding(sample), _SMALLEST)
-    # Of no jumps there is no spread, and it is the least.
-    spreads = np.array([max(_core(jumps) if jumps.size else 0.0, least) for jumps in sizes])
+    # Of no differences there is no spread, and it is the least.
+    spreads = np.array([max(_core(differences) if differences.size else 0.0, least) for differences in sizes])
     tiles = np.concatenate(
         in_bands(
-            lambda rows: _tile_spreads(heights, *wide, spreads, tile, foretold, rows.start, rows.stop),
+            lambda rows: _tile_spreads(heights, *wide, spreads, tile, predicted, rows.start, rows.stop),
             -(-height // tile),
             width * tile,
         )
@@ -103,11 +104,11 @@ def scale_of(heights: Heights, tile: int, *, may_foretell: bool) -> Scale:
     tiles = np.maximum(tiles, np.float32(max(_CALMEST, least / spreads.min())))
     # A small rough area is not to be smoothed away: there its own spread counts.
     tiles = np.fmax(_median_of_blocks(tiles, 1.0), tiles)
-    return Scale(slopes, spreads, tiles, tile, foretold)
+    return Spread(slopes, spreads, tiles, tile, predicted)
 
 
-def jumps_of(heights: Heights, scale: Scale) -> Jumps:
-    """Jumps from each point to the right, down, down right and down left.
+def normalised_differences(heights: Heights, scale: Spread) -> Differences:
+    """Differences from each point to the right, down, down right and down left.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
@@ -116,26 +117,28 @@ def jumps_of(heights: Heights, scale: Scale) -> Jumps:
     Returns:
         (4, H, W) int8 in sixteenths of the spread, `NONE` where there is no neighbour.
     """
-    jumps: Jumps = np.empty((4, *heights.shape), np.int8)
+    differences: Differences = np.empty((4, *heights.shape), np.int8)
     width = heights.shape[1]
     wide = widened(scale.slopes[0], _BLOCK, width), widened(scale.slopes[1], _BLOCK, width)
     tiles = widened(scale.tiles, scale.tile, width)
 
     def fill(rows: slice) -> None:
-        _fill_jumps(heights, *wide, scale.spreads, tiles, scale.tile, scale.foretold, rows.start, rows.stop, jumps)
+        _fill_differences(
+            heights, *wide, scale.spreads, tiles, scale.tile, scale.predicted, rows.start, rows.stop, differences
+        )
 
     in_bands(fill, *heights.shape)
-    return jumps
+    return differences
 
 
 def _sampled(
-    heights: Heights, slopes_x: Wide, slopes_y: Wide, stride: int, *, foretold: bool
+    heights: Heights, slopes_x: Wide, slopes_y: Wide, stride: int, *, predicted: bool
 ) -> list[npt.NDArray[np.float32]]:
-    """Sorted absolute jumps in each direction on every `stride`-th row, those that there are."""
+    """Sorted absolute differences in each direction on every `stride`-th row, those that there are."""
 
     def sizes(directions: slice) -> list[npt.NDArray[np.float32]]:
         return [
-            sorted_values(np.abs(_row_jumps(heights, slopes_x, slopes_y, direction, stride, foretold)))
+            sorted_values(np.abs(_row_differences(heights, slopes_x, slopes_y, direction, stride, predicted)))
             for direction in range(4)[directions]
         ]
 
@@ -146,7 +149,12 @@ def _middle(samples: list[npt.NDArray[np.float32]]) -> float:
     """Mean of the medians of sorted values; of none it is 0."""
     return float(
         np.mean(
-            [jumps[(jumps.size - 1) // 2 : jumps.size // 2 + 1].mean() if jumps.size else 0.0 for jumps in samples]
+            [
+                differences[(differences.size - 1) // 2 : differences.size // 2 + 1].mean()
+                if differences.size
+                else 0.0
+                for differences in samples
+            ]
         )
     )
 
@@ -286,14 +294,14 @@ def _middle_of_five(a: Any, b: Any, c: Any, d: Any, e: Any) -> Any:
 
 
 @kernel
-def _raw_jumps(
-    heights: Any, slope_x: Any, slope_y: Any, direction: int, row: int, foretold: bool, jumps: Any
+def _raw_differences(
+    heights: Any, slope_x: Any, slope_y: Any, direction: int, row: int, predicted: bool, differences: Any
 ) -> None:
-    """Jumps of one row of points in one direction, in the cloud's unit; NaN where there is none."""
+    """Differences of one row of points in one direction, in the cloud's unit; NaN where there is none."""
     height, width = heights.shape
     down = 0 if direction == 0 else 1
     right = (1, 0, 1, -1)[direction]
-    jumps[:] = np.nan
+    differences[:] = np.nan
     if row + down >= height:
         return
     first, end = max(0, -right), width - max(0, right)
@@ -301,11 +309,11 @@ def _raw_jumps(
         return
     along_x, along_y = np.float32(right), np.float32(down)
     here, there = heights[row, first:end], heights[row + down, first + right : end + right]
-    beside_x, beside_y, found = slope_x[first:end], slope_y[first:end], jumps[first:end]
+    beside_x, beside_y, found = slope_x[first:end], slope_y[first:end], differences[first:end]
     for place in range(found.size):
         slope = along_x * beside_x[place] + along_y * beside_y[place]
         found[place] = there[place] - here[place] - slope
-    if not foretold or row - 2 * down < 0 or row + 3 * down >= height:
+    if not predicted or row - 2 * down < 0 or row + 3 * down >= height:
         return
     first, end = (2 if right > 0 else 3) * abs(right), width - (3 if right > 0 else 2) * abs(right)
     if first >= end:
@@ -315,45 +323,55 @@ def _raw_jumps(
     here, there = heights[row, first:end], heights[row + down, first + right : end + right]
     after = heights[row + 2 * down, first + 2 * right : end + 2 * right]
     furthest = heights[row + 3 * down, first + 3 * right : end + 3 * right]
-    found = jumps[first:end]
+    found = differences[first:end]
     for place in range(found.size):
         a, b, c = second[place], before[place], here[place]
         d, e, f = there[place], after[place], furthest[place]
-        jump = (d - c) - _middle_of_five(b - a, c - b, d - c, e - d, f - e)
+        difference = (d - c) - _middle_of_five(b - a, c - b, d - c, e - d, f - e)
         # Where one of the six is not measured, the slope has to do.
-        found[place] = found[place] if np.isnan((a + b + c) + (d + e + f)) else jump
+        found[place] = found[place] if np.isnan((a + b + c) + (d + e + f)) else difference
 
 
 @kernel
-def _row_jumps(heights: Any, slopes_x: Any, slopes_y: Any, direction: int, stride: int, foretold: bool) -> Any:
-    """Jumps in one direction on every `stride`-th row, those that there are."""
+def _row_differences(
+    heights: Any, slopes_x: Any, slopes_y: Any, direction: int, stride: int, predicted: bool
+) -> Any:
+    """Differences in one direction on every `stride`-th row, those that there are."""
     height, width = heights.shape
-    slope_x, slope_y, jumps = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+    slope_x, slope_y, differences = (
+        np.empty(width, np.float32),
+        np.empty(width, np.float32),
+        np.empty(width, np.float32),
+    )
     found = np.empty(((height + stride - 1) // stride) * width, np.float32)
     count = 0
     for row in range(0, height, stride):
         interpolated(slopes_x, _BLOCK, row, slope_x)
         interpolated(slopes_y, _BLOCK, row, slope_y)
-        _raw_jumps(heights, slope_x, slope_y, direction, row, foretold, jumps)
+        _raw_differences(heights, slope_x, slope_y, direction, row, predicted, differences)
         for column in range(width):
-            if not np.isnan(jumps[column]):
-                found[count] = jumps[column]
+            if not np.isnan(differences[column]):
+                found[count] = differences[column]
                 count += 1
     return found[:count]
 
 
 @kernel
 def _tile_spreads(
-    heights: Any, slopes_x: Any, slopes_y: Any, spreads: Any, tile: int, foretold: bool, first: int, end: int
+    heights: Any, slopes_x: Any, slopes_y: Any, spreads: Any, tile: int, predicted: bool, first: int, end: int
 ) -> Any:
-    """(tiles down, tiles across): spread of the jumps along x and y in each tile, against the cloud's, or NaN.
+    """(tiles down, tiles across): spread of the differences in each tile, relative to the cloud's, or NaN.
 
     Every third row of a tile is enough.
     """
     height, width = heights.shape
     columns = (width + tile - 1) // tile
     factors = np.full((end - first, columns), np.nan, np.float32)
-    slope_x, slope_y, jumps = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+    slope_x, slope_y, differences = (
+        np.empty(width, np.float32),
+        np.empty(width, np.float32),
+        np.empty(width, np.float32),
+    )
     room = 2 * tile * ((tile + 2) // 3)
     found, counts = np.empty((room, columns), np.float32), np.empty(columns, np.int64)
     for band in range(first, end):
@@ -363,14 +381,14 @@ def _tile_spreads(
             interpolated(slopes_x, _BLOCK, row, slope_x)
             interpolated(slopes_y, _BLOCK, row, slope_y)
             for direction in range(2):
-                _raw_jumps(heights, slope_x, slope_y, direction, row, foretold, jumps)
+                _raw_differences(heights, slope_x, slope_y, direction, row, predicted, differences)
                 spread = spreads[direction]
                 for column in range(width):
-                    jumps[column] = np.divide(abs(jumps[column]), spread)
+                    differences[column] = np.divide(abs(differences[column]), spread)
                 for place in range(columns):
                     for column in range(place * tile, min((place + 1) * tile, width)):
-                        size = jumps[column]
-                        if not np.isnan(size) and not (foretold and size == 0):
+                        size = differences[column]
+                        if not np.isnan(size) and not (predicted and size == 0):
                             found[line + column - place * tile, place] = size
                             counts[place] += 1
                 line += tile
@@ -382,19 +400,19 @@ def _tile_spreads(
 
 
 @kernel
-def _fill_jumps(
+def _fill_differences(
     heights: Any,
     slopes_x: Any,
     slopes_y: Any,
     spreads: Any,
     tiles: Any,
     tile: int,
-    foretold: bool,
+    predicted: bool,
     first: int,
     end: int,
-    jumps: Any,
+    differences: Any,
 ) -> None:
-    """Jumps of a band of rows, in sixteenths of the spread."""
+    """Differences of a band of rows, in sixteenths of the spread."""
     width = heights.shape[1]
     slope_x, slope_y = np.empty(width, np.float32), np.empty(width, np.float32)
     factor, raw = np.empty(width, np.float32), np.empty(width, np.float32)
@@ -403,15 +421,15 @@ def _fill_jumps(
         interpolated(slopes_y, _BLOCK, row, slope_y)
         interpolated(tiles, tile, row, factor)
         for direction in range(4):
-            _raw_jumps(heights, slope_x, slope_y, direction, row, foretold, raw)
-            _quantize(raw, np.float32(UNIT / spreads[direction]), factor, jumps[direction, row])
+            _raw_differences(heights, slope_x, slope_y, direction, row, predicted, raw)
+            _quantize(raw, np.float32(UNIT / spreads[direction]), factor, differences[direction, row])
 
 
 @kernel
-def _quantize(raw: Any, unit: Any, factor: Any, jumps: Any) -> None:
-    """One row of jumps in 8 bits."""
+def _quantize(raw: Any, unit: Any, factor: Any, differences: Any) -> None:
+    """One row of differences in 8 bits."""
     for column in range(raw.size):
         # Nothing is divided by 0; but a plain `/` would make sure of that, and not be compiled to vectors.
-        jump = np.divide(raw[column] * unit, factor[column])
-        rounded = np.rint(min(max(jump, np.float32(-127)), np.float32(127)))
-        jumps[column] = np.int8(np.float32(NONE) if np.isnan(jump) else rounded)
+        difference = np.divide(raw[column] * unit, factor[column])
+        rounded = np.rint(min(max(difference, np.float32(-127)), np.float32(127)))
+        differences[column] = np.int8(np.float32(NONE) if np.isnan(difference) else rounded)
