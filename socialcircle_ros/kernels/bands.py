@@ -1,4 +1,4 @@
-"""How a kernel's work is shared among the cores: bands of rows, whose borders change no result."""
+"""Bands of rows: a kernel's work is shared among the cores, and where the bands meet changes no result."""
 
 import contextlib
 import ctypes
@@ -15,24 +15,25 @@ from .machine import usable_cores
 Result = TypeVar('Result')
 
 limit: int | None = None
-"""At most so many threads; None: as many as there are cores that this process may use."""
+"""Greatest number of threads; None: the number of cores that this process may use."""
 
 _LEAST = 100_000  # pixels or points of a band
 
 
 def in_bands(work: Callable[[slice], Result], height: int, width: int, least: int | None = None) -> list[Result]:
-    """Have kernels work on bands of rows side by side, on every core.
+    """Run kernels on bands of rows in parallel, on all cores.
 
-    The kernels release the interpreter's lock. What a row becomes must not depend on its band.
+    The kernels release the GIL. The result of a row must not depend on its band.
 
     Args:
-        work: called once for each band, with its rows; does not call this function itself.
-        height: how many rows there are.
-        width: what a row holds, such as pixels.
-        least: a band that holds less is not worth a thread, which costs some 50 µs; None: for pixels or points.
+        work: called once for each band with the slice of its rows; it must not call `in_bands` itself.
+        height: number of rows.
+        width: items of a row, such as pixels.
+        least: items that make a band worth a thread, which costs about 50 µs; None: the number for pixels or
+            points.
 
     Returns:
-        What `work` gave for each band, from the first row to the last.
+        The results of `work`, from the first band to the last.
     """
     worth = height * width // (_LEAST if least is None else least)
     bands = max(1, min(usable_cores() if limit is None else limit, worth, height))
@@ -42,16 +43,17 @@ def in_bands(work: Callable[[slice], Result], height: int, width: int, least: in
 
 
 class _Helpers:
-    """Threads that wait for the next cloud: starting them anew would cost as much as a small one's filter.
+    """Threads that wait for work: starting them for each cloud would cost as much as filtering a small one.
 
-    They are kept off the core of who calls them. Linux often wakes a thread on the core of its waker, who goes on
-    to work there, so that it waits until that work is done: after a rest of 10 ms or more nothing was gained
-    by a second core (3.6 ms for two times 1.7 ms of work, 2.0 with this). While several call, as the filter and
-    a stack's fit may, one's core is another's elsewhere, and the helpers go where they like.
+    The helpers do not run on the core of the calling thread. Linux often wakes a thread on the core of the
+    thread that wakes it, which goes on to work there, so that the helper waits for that work to end. After a
+    pause of 10 ms or more a second core then gained nothing: two times 1.7 ms of work took 3.6 ms, and take 2.0
+    ms with this placement. While several threads call, such as the filter and the fit of a stack, the helpers
+    may run on any core, because each caller's core is free for the helpers of the others.
     """
 
     def __init__(self) -> None:
-        self._core_at_hand = ctypes.CDLL(None).sched_getcpu
+        self._current_core = ctypes.CDLL(None).sched_getcpu
         self._threads: list[int] = []
         self._placed: tuple[set[int], int] = (set(), 0)
         self._callers = 0
@@ -61,28 +63,28 @@ class _Helpers:
         )
 
     def share(self, work: Callable[[slice], Result], bands: list[slice]) -> list[Result]:
-        """Work on the first band, while the helpers work on the others."""
+        """Work on the first band in the calling thread, and on the others in the helpers."""
         with self._changing:
             self._callers += 1
             self._place()
         try:
             others = [(band, self._pool.submit(work, band)) for band in bands[1:]]
-            # What nobody has begun by then, because the other cores are taken, is done here.
+            # Bands that no helper has started by then run in the calling thread.
             return [work(bands[0]), *(work(band) if job.cancel() else job.result() for band, job in others)]
         finally:
             with self._changing:
                 self._callers -= 1
 
     def _place(self) -> None:
-        """Say on which cores the helpers may run."""
+        """Set the cores on which the helpers may run."""
         allowed = os.sched_getaffinity(0)
-        places = allowed - {self._core_at_hand()} if self._callers == 1 else allowed
+        cores = allowed - {self._current_core()} if self._callers == 1 else allowed
         threads = tuple(self._threads)
-        if places and self._placed != (places, len(threads)):
-            self._placed = places, len(threads)
+        if cores and self._placed != (cores, len(threads)):
+            self._placed = cores, len(threads)
             for thread in threads:
-                with contextlib.suppress(OSError):  # where it may not be said, speed is all that is lost
-                    os.sched_setaffinity(thread, places)
+                with contextlib.suppress(OSError):  # where it is not permitted, only speed is lost
+                    os.sched_setaffinity(thread, cores)
 
 
 @cache
@@ -90,4 +92,4 @@ def _helpers() -> _Helpers:
     return _Helpers()
 
 
-os.register_at_fork(after_in_child=_helpers.cache_clear)  # a child has the pool, but not its threads
+os.register_at_fork(after_in_child=_helpers.cache_clear)  # a child process has the pool, but not its threads

@@ -1,19 +1,19 @@
-"""How kernels are compiled: one decorator, so that caching and its fall-back are decided in one place."""
+"""How kernels are compiled: one decorator decides about caching and its fall-back."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 import numba
 
-Function = TypeVar('Function', bound=Callable[..., Any])
+Function = TypeVar('Function', bound=Callable[..., object])
 
 
 def kernel(function: Function) -> Function:
-    """Compile `function` on its first call for each type, keep the machine code on disk, release the GIL.
+    """Compile `function` on its first call with each type, cache the machine code on disk, and release the GIL.
 
-    Nothing is compiled with fastmath: it assumes that there is no NaN, and "not measured" is a NaN here.
-    On an install without any writable cache folder (numba raises RuntimeError there, numba #4908) the
-    code is compiled anew in each process: slower to start, otherwise the same.
+    No kernel uses fastmath, because that assumes that there is no NaN, and a point that is not measured is NaN
+    here. Where no cache folder is writable, numba raises a RuntimeError (numba #4908). Kernels are then compiled
+    in each process, which only makes its start slower.
     """
     try:
         compiled: object = numba.njit(cache=True, nogil=True)(function)

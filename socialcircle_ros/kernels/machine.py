@@ -1,4 +1,4 @@
-"""The machine: how many cores this process may use, and the line that names the hardware beside measured times."""
+"""The machine: the cores that this process may use, and a line that describes the hardware."""
 
 import contextlib
 import math
@@ -12,10 +12,10 @@ _CGROUP = Path('/sys/fs/cgroup')
 
 
 def usable_cores(cgroup: Path = _CGROUP) -> int:
-    """How many cores this process may use: its affinity, and the share of time that its control group grants.
+    """Count the cores that this process may use: its affinity, limited by the quota of its control group.
 
     Args:
-        cgroup: where the control group's files are (version 2: `cpu.max`; version 1: `cpu/cpu.cfs_quota_us`).
+        cgroup: folder of the control group's files (version 2: `cpu.max`; version 1: `cpu/cpu.cfs_quota_us`).
 
     Returns:
         At least 1. A quota of 1.5 cores counts as 2: the second core is used for half of the time.
@@ -26,7 +26,7 @@ def usable_cores(cgroup: Path = _CGROUP) -> int:
 
 
 def _quota(cgroup: Path) -> float | None:
-    """Cores that the control group grants; None where it sets no limit."""
+    """Cores that the control group allows; None where it sets no limit."""
     with contextlib.suppress(OSError, ValueError):
         quota, period = (cgroup / 'cpu.max').read_text(encoding='ascii').split()
         return None if quota == 'max' else int(quota) / int(period)
@@ -38,7 +38,7 @@ def _quota(cgroup: Path) -> float | None:
 
 
 def hardware() -> str:
-    """Processor, cores, and versions of Python and NumPy, in one line."""
+    """Describe processor, cores, and versions of Python and NumPy in one line, to print beside measured times."""
     model = platform.processor() or platform.machine()
     with contextlib.suppress(OSError, StopIteration):
         lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()

@@ -1,4 +1,4 @@
-"""How the process keeps memory for large clouds, instead of giving each block back to the system."""
+"""Memory for large clouds: the process keeps it instead of returning each block to the system."""
 
 import ctypes
 import sys
@@ -10,10 +10,10 @@ _PIECE = 1 << 20
 
 
 def keep_freed_memory() -> None:
-    """Have glibc reuse large blocks instead of mapping new pages for each cloud.
+    """Make glibc reuse large blocks instead of mapping new pages for each cloud.
 
-    In one arena for all threads: those of its own that glibc gives to each thread hold 64 MB at most and are
-    given back when they are empty, whatever the thresholds, and what one thread has freed serves no other.
+    All threads share one arena. By default glibc gives each thread an arena of at most 64 MB, returns it to the
+    system when it is empty, whatever the thresholds are, and lets no other thread use what it has freed.
     """
     if sys.platform != 'linux':
         return
@@ -25,9 +25,12 @@ def keep_freed_memory() -> None:
 
 
 def reserve_memory(size: int) -> None:
-    """Have the system give memory of so many bytes now, which it does page by page where it is first written.
+    """Make the system provide memory now, which it otherwise does page by page on the first write.
 
-    It is freed at once, and kept for whoever needs it next, see `keep_freed_memory`.
+    The memory is freed at once, and the process keeps it for later use: see `keep_freed_memory`.
+
+    Args:
+        size: bytes.
     """
     pieces = [b'\1' * _PIECE for _ in range(-(-size // _PIECE))]
     del pieces

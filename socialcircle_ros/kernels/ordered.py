@@ -1,4 +1,4 @@
-"""Work on all cores; what is compiled and what numpy does release the GIL, so that threads are enough."""
+"""Work on many items on all cores, in threads: kernels and most of NumPy release the GIL."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -12,7 +12,10 @@ Result = TypeVar('Result')
 
 
 def in_order(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-    """The results of `function` in the order of the items, of which few are in memory at a time."""
+    """Call `function` for each item on all cores, and yield the results in the order of the items.
+
+    Only a few items are in memory at a time: the next one is taken when the oldest result has been yielded.
+    """
     cores = usable_cores()
     with ThreadPoolExecutor(cores) as pool:
         running: deque[Future[Result]] = deque()

@@ -1,17 +1,18 @@
-"""Disjoint sets of numbers, each the child of another in its set or its root."""
+"""Disjoint sets of integers, each set a tree of parents (union-find)."""
 
-from typing import Any
+import numpy as np
+import numpy.typing as npt
 
 from .compiled import kernel
 
 
 @kernel
-def root_of(parent: Any, item: Any) -> Any:
-    """The root of the set that an item belongs to; the way there is halved for the next who goes it.
+def root_of(parent: npt.NDArray[np.int32], item: int) -> int:
+    """Find the root of the set that an item belongs to, and halve the path to it (path halving).
 
     Args:
-        parent: (N,) of whole numbers, changed: the parent of each item, a root its own.
-        item: of which set.
+        parent: (N,) int32, the parent of each item; a root is its own parent. The paths in it are shortened.
+        item: an item of the set.
     """
     while parent[item] != item:
         parent[item] = parent[parent[item]]

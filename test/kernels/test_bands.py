@@ -12,7 +12,7 @@ from socialcircle_ros.kernels.machine import usable_cores
 
 
 @given(height=st.integers(0, 50), limit=st.integers(1, 5))
-def test_bands_cover_every_row_once_and_answer_in_order(height, limit):
+def test_bands_cover_every_row_once_and_in_order(height, limit):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bands, 'limit', limit)
         parts = bands.in_bands(lambda band: list(range(height))[band], height, 10, 10)
@@ -21,21 +21,21 @@ def test_bands_cover_every_row_once_and_answer_in_order(height, limit):
     assert len(parts) == max(1, min(limit, height))
 
 
-def test_a_band_holds_at_least_what_is_worth_a_thread(monkeypatch):
+def test_a_band_holds_at_least_the_least_items(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 8)
 
     assert bands.in_bands(lambda band: band.stop - band.start, 59, 3, 60) == [29, 30]
 
 
-def test_bands_are_worked_on_side_by_side(monkeypatch):
+def test_bands_run_in_parallel(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
     both = threading.Barrier(2, timeout=20)
 
-    # Would break, if one waited for the other.
+    # The barrier would break if one band waited for the other.
     assert sorted(bands.in_bands(lambda _: both.wait(), 2, 1, 1)) == [0, 1]
 
 
-def test_who_helps_is_kept_off_the_core_of_who_asks(monkeypatch):
+def test_helpers_do_not_run_on_the_core_of_the_caller(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
     both = threading.Barrier(2, timeout=20)
 
@@ -51,7 +51,7 @@ def test_who_helps_is_kept_off_the_core_of_who_asks(monkeypatch):
     assert others <= mine
 
 
-def test_who_helps_may_run_anywhere_while_another_asks_as_well(monkeypatch):
+def test_helpers_may_run_on_any_core_while_several_threads_call(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
     inside, done = threading.Event(), threading.Event()
 
@@ -77,7 +77,7 @@ def test_who_helps_may_run_anywhere_while_another_asks_as_well(monkeypatch):
         another.join()
 
 
-def test_bands_that_nobody_else_begins_are_done_by_who_asks(monkeypatch):
+def test_bands_that_no_helper_has_started_run_in_the_calling_thread(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
     done = threading.Event()
     for _ in range(usable_cores()):
@@ -88,7 +88,7 @@ def test_bands_that_nobody_else_begins_are_done_by_who_asks(monkeypatch):
         done.set()
 
 
-def test_what_fails_in_a_band_is_told(monkeypatch):
+def test_an_error_in_a_band_is_raised(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
 
     def work(band):
@@ -99,7 +99,7 @@ def test_what_fails_in_a_band_is_told(monkeypatch):
         bands.in_bands(work, 10, 1, 1)
 
 
-def test_a_forked_process_has_threads_of_its_own(monkeypatch):
+def test_a_forked_process_has_its_own_threads(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
     bands.in_bands(lambda _: None, 2, 1, 1)
 

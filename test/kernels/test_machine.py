@@ -1,4 +1,4 @@
-"""How many cores the process may use."""
+"""The cores that the process may use."""
 
 import os
 

@@ -8,7 +8,7 @@ from socialcircle_ros.kernels.union_find import root_of
 
 
 @given(st.integers(1, 40).flatmap(lambda n: st.tuples(*(st.integers(0, place) for place in range(n)))))
-def test_the_root_is_the_end_of_the_way_up_and_stays_it(parents):
+def test_the_root_is_the_end_of_the_path_and_path_halving_does_not_change_it(parents):
     def climbed(item):
         while parents[item] != item:
             item = parents[item]
