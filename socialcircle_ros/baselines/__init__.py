@@ -1,8 +1,8 @@
-"""The filters that the paper compares with (section 4.1), on organized clouds and as fast as ours.
+"""The filters that the paper compares with (section 4.1), on organized clouds; the social circle is in `circle`.
 
-The radius and the statistical filter look for neighbours in a window of the grid instead of a k-d tree, as
-the paper re-implements them; the residual to a median window is the baseline that the paper does not have.
-`peers` runs PCL's and Open3D's own filters on the same points. The social circle itself lives in `circle`.
+The radius and the statistical filter search for neighbours in a window of the grid instead of a k-d tree, as the
+paper implements them. The residual to a median window is an additional baseline. `peers` runs the filters of PCL
+and Open3D on the same points.
 """
 
 from .median import median_filter, window_median

@@ -1,14 +1,14 @@
-"""The residual to a median window: a point that stands far above or below its surroundings is an outlier."""
+"""The residual to a median window: a point far above or below its surroundings is an outlier."""
 
 from functools import lru_cache
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, organized
 from socialcircle_ros.kernels.compiled import kernel
-from socialcircle_ros.kernels.sorting_networks import Comparators, exchange, merge_network, sort_network
+from socialcircle_ros.kernels.sorting_networks import Comparators, merge_network, run_network, sort_network
 
 from .result import FilterResult, Score, judge
 from .settings import MedianSettings
@@ -16,11 +16,31 @@ from .window import STRIP
 
 _SIGMA = 1.4826  # standard deviations per median absolute deviation, for a normal distribution
 
-_Plan = tuple[Comparators, npt.NDArray[np.int64], npt.NDArray[np.int64], int, int]
+_Line = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 
-def median_filter(xyz: Any, settings: MedianSettings | None = None) -> FilterResult:
-    """Remove the points whose height is further than a threshold from the median of their window.
+class _Plan(NamedTuple):
+    """How the columns of a window are sorted and merged in a buffer whose first rows are those of the window.
+
+    Attributes:
+        comparators: of all steps, one after the other.
+        steps: (S, 8): first row of list A in the buffer, its length, first row of list B, its length (0: list A is
+            sorted), columns that B lies to the right of A, first row of the result, first comparator, end of the
+            comparators.
+        orders: (S, keep): row of the work area that holds each value of the result.
+        buffer_rows: rows of the buffer.
+        work_rows: rows of the work area.
+    """
+
+    comparators: Comparators
+    steps: npt.NDArray[np.int64]
+    orders: npt.NDArray[np.int64]
+    buffer_rows: int
+    work_rows: int
+
+
+def median_filter(xyz: npt.ArrayLike, settings: MedianSettings | None = None) -> FilterResult:
+    """Remove the points whose height differs from the median of their window by more than a threshold.
 
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
@@ -44,11 +64,11 @@ def median_filter(xyz: Any, settings: MedianSettings | None = None) -> FilterRes
     return judge(score, threshold)
 
 
-def window_median(xyz: Any, window: int) -> Score:
-    """The median height of the measured points in the window round each measured point, exactly.
+def window_median(xyz: npt.ArrayLike, window: int) -> Score:
+    """Compute the exact median height of the measured points in the window around each measured point.
 
-    Of the n heights in ascending order it is the one at index ⌊n/2⌋, a measured height also where n is even.
-    The window is cut at the border of the cloud.
+    The median of n heights in ascending order is the height at index ⌊n/2⌋, also where n is even. The window is
+    cut at the border of the cloud.
 
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
@@ -61,38 +81,32 @@ def window_median(xyz: Any, window: int) -> Score:
         CloudError: not an organized cloud.
     """
     cloud = organized(xyz)
-    median = np.empty(cloud.shape[:2], cloud.dtype)
-    _window_median(cloud, window, *_plan(window), median)
+    median: Score = np.empty(cloud.shape[:2], cloud.dtype)
+    _window_median(cloud, window, _plan(window), median)
     return median
 
 
 @lru_cache(maxsize=16)
 def _plan(window: int) -> _Plan:
-    """How the sorted columns of a window are merged: sorted lists of 1, 2, 4, ... columns, then their sum.
+    """Plan how the sorted columns of a window are merged: sorted lists of 1, 2, 4, ... columns, then their sum.
 
     Windows of neighbouring points share columns. A sorted list of 2k columns is the merge of two lists of k
-    columns, k columns apart; with 11 = 8 + 2 + 1 a point costs one column to sort and five merges. Only the
-    lower half of the last list can be a median, and only the networks' comparators for that half remain.
-
-    Returns:
-        Comparators of all steps. Then the steps (S, 8): first row of list A in the buffer, its length, first
-        row of list B, its length, columns that B lies to the right, first row of the merged list, and the
-        range of comparators. Then the row of the work area of each item of the merged lists (S, keep), and
-        the sizes of the buffer and of the work area.
+    columns, k columns apart. With 11 = 8 + 2 + 1, a point costs one column to sort and five merges. Only the
+    lower half of the last list can contain a median, and the networks keep only the comparators for that half.
     """
     keep = window * window // 2 + 1
     networks: list[Comparators] = []
     steps: list[tuple[int, ...]] = []
-    orders = []
+    orders: list[list[int]] = []
     lists: dict[int, tuple[int, int]] = {}  # columns in a list: its first row in the buffer, its length
-    used = 0
+    used = window  # the rows of the window lie at the top of the buffer
 
     def add(columns: int, first: tuple[int, int], second: tuple[int, int], shift: int) -> None:
         nonlocal used
-        if second[1] == 0:
-            comparators, order = sort_network(range(first[1]), keep)
+        if second[1]:
+            comparators, order = merge_network(first[1], second[1], keep)
         else:
-            comparators, order = merge_network(range(first[1]), range(first[1], first[1] + second[1]), keep)
+            comparators, order = sort_network(first[1], keep), list(range(min(first[1], keep)))
         start = sum(len(network) for network in networks)
         steps.append((*first, *second, shift, used, start, start + len(comparators)))
         networks.append(comparators)
@@ -100,7 +114,6 @@ def _plan(window: int) -> _Plan:
         lists[columns] = used, len(order)
         used += len(order)
 
-    used = window  # the rows of the window themselves lie at the top of the buffer
     add(1, (0, window), (0, 0), 0)
     columns = 1
     while 2 * columns <= window:
@@ -115,29 +128,27 @@ def _plan(window: int) -> _Plan:
     table = np.zeros((len(steps), keep), np.int64)
     for row, order in zip(table, orders, strict=True):
         row[: len(order)] = order
-    return np.concatenate(networks), np.array(steps, np.int64), table, used, max(s[1] + s[3] for s in steps)
+    return _Plan(
+        comparators=np.concatenate(networks),
+        steps=np.array(steps, np.int64),
+        orders=table,
+        buffer_rows=used,
+        work_rows=max(step[1] + step[3] for step in steps),
+    )
 
 
 @kernel
-def _window_median(
-    xyz: Cloud,
-    window: int,
-    comparators: Comparators,
-    steps: npt.NDArray[np.int64],
-    orders: npt.NDArray[np.int64],
-    buffer_rows: int,
-    work_rows: int,
-    median: Score,
-) -> None:
-    """`window_median` with the plan of `_plan`, strip by strip and row by row."""
+def _window_median(xyz: Cloud, window: int, plan: _Plan, median: Score) -> None:
+    """Fill `median`, strip by strip and row by row."""
     height, width = xyz.shape[:2]
     reach = window // 2
     padded = STRIP + 2 * reach
     # The first rows are the rows of the window, in a ring: row r of the cloud lies in row r % window.
-    buffer = np.empty((buffer_rows, padded), xyz.dtype)
-    work = np.empty((work_rows, padded), xyz.dtype)
+    buffer = np.empty((plan.buffer_rows, padded), xyz.dtype)
+    work = np.empty((plan.work_rows, padded), xyz.dtype)
     measured = np.empty(padded, np.int32)
     infinite = xyz.dtype.type(np.inf)
+    steps, orders = plan.steps, plan.orders
     result = steps[-1, 5]
     for left in range(0, width, STRIP):
         count = min(STRIP, width - left)
@@ -152,7 +163,7 @@ def _window_median(
                     _copy(buffer[first + item], work[item], used)
                 for item in range(second_length):
                     _copy(buffer[second + item, shift:], work[first_length + item], used)
-                exchange(comparators[start:stop], work, used)
+                run_network(plan.comparators[start:stop], work, used)
                 for item in range(min(first_length + second_length, orders.shape[1])):
                     _copy(work[orders[step, item]], buffer[target + item], used)
             measured[:] = 0
@@ -174,15 +185,15 @@ def _window_median(
 
 
 @kernel
-def _copy(source: npt.NDArray[Any], target: npt.NDArray[Any], count: int) -> None:
-    """Copy the first `count` items; a slice assignment would first ask whether the two overlap."""
+def _copy(source: _Line, target: _Line, count: int) -> None:
+    """Copy the first `count` items; a slice assignment would first test whether the two overlap."""
     for column in range(count):
         target[column] = source[column]
 
 
 @kernel
-def _load_heights(xyz: Cloud, row: int, left: int, heights: npt.NDArray[Any]) -> None:
-    """Copy the heights from column `left` on; +Inf where not measured or outside the cloud."""
+def _load_heights(xyz: Cloud, row: int, left: int, heights: _Line) -> None:
+    """Copy the heights from column `left` on; +Inf where not measured or outside of the cloud."""
     height, width = xyz.shape[:2]
     first = max(-left, 0)
     last = max(min(width - left, heights.shape[0]), 0)

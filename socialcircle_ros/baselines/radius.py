@@ -1,8 +1,7 @@
 """The radius filter: a point with few neighbours within a radius is an outlier."""
 
-from typing import Any
-
 import numpy as np
+import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, organized
 from socialcircle_ros.errors import CloudError
@@ -15,12 +14,12 @@ from .window import STRIP, load_row
 _PITCHES = 2.5  # 20 of the 24 neighbours in a 5×5 window of a flat grid lie within √5 pitches
 
 
-def radius_filter(xyz: Any, settings: RadiusSettings | None = None) -> FilterResult:
+def radius_filter(xyz: npt.ArrayLike, settings: RadiusSettings | None = None) -> FilterResult:
     """Remove the points with fewer than `min_neighbours` measured points of their window within `radius`.
 
-    PCL's RadiusOutlierRemoval with a window instead of the k-d tree: a neighbour at exactly the radius
-    counts, the point itself does not. Distances are squared, `(dx*dx + dy*dy) + dz*dz`, in the cloud's own
-    data type.
+    This is PCL's RadiusOutlierRemoval with a window instead of the k-d tree. A neighbour at exactly the radius
+    counts; the point itself does not. Distances are squared, `(dx*dx + dy*dy) + dz*dz`, in the cloud's own data
+    type.
 
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
@@ -30,41 +29,46 @@ def radius_filter(xyz: Any, settings: RadiusSettings | None = None) -> FilterRes
         Masks, and as the score the number of places in the window that hold no neighbour.
 
     Raises:
-        CloudError: not an organized cloud, or the radius is to be found and no two points lie side by side.
+        CloudError: not an organized cloud, or no radius is given and the cloud has no two measured points side by
+            side to estimate it from.
     """
     settings = settings or RadiusSettings()
     cloud = organized(xyz)
     radius = cloud.dtype.type(radius_of(cloud, settings))
     with np.errstate(over='ignore'):
         limit = radius * radius
-    score = np.empty(cloud.shape[:2], cloud.dtype)
+    score: Score = np.empty(cloud.shape[:2], cloud.dtype)
     _count_missing(cloud, settings.window // 2, limit, score)
     return judge(score, float(settings.window**2 - 1 - settings.min_neighbours))
 
 
 def radius_of(xyz: Cloud, settings: RadiusSettings) -> float:
-    """The radius in force: given by the user, or found from the pitch; raises CloudError where that fails."""
+    """The radius in use: that of the settings, or 2.5 times the pitch.
+
+    Raises:
+        CloudError: the settings give no radius, and the pitch cannot be estimated.
+    """
     return _PITCHES * _pitch(xyz) if settings.radius is None else settings.radius
 
 
 def _pitch(xyz: Cloud) -> float:
-    """Median distance in x and y of points side by side, from some hundred rows and columns of the cloud."""
-    every_row, every_column = xyz.shape[0] // 64 + 1, xyz.shape[1] // 64 + 1
+    """Median distance in x and y of points side by side, from about a hundred rows and columns of the cloud."""
+    row_stride, column_stride = xyz.shape[0] // 64 + 1, xyz.shape[1] // 64 + 1
     with np.errstate(invalid='ignore', over='ignore'):
-        along = np.diff(xyz[::every_row, :, :2].astype(np.float64), axis=1)
-        down = np.diff(xyz[:, ::every_column, :2].astype(np.float64), axis=0)
+        along = np.diff(xyz[::row_stride, :, :2].astype(np.float64), axis=1)
+        down = np.diff(xyz[:, ::column_stride, :2].astype(np.float64), axis=0)
     steps = np.concatenate([np.hypot(s[..., 0], s[..., 1]).ravel() for s in (along, down)])
     steps = steps[np.isfinite(steps)]
     pitch = float(np.median(steps)) if len(steps) else 0.0
     if pitch == 0.0:
         raise CloudError(
-            'The pitch of the cloud cannot be told: no two measured points lie side by side; set radius.'
+            'The pitch of the cloud cannot be estimated: no two measured points lie side by side; set radius.'
         )
     return pitch
 
 
 @kernel
-def _count_missing(xyz: Cloud, reach: int, limit: Any, score: Score) -> None:
+def _count_missing(xyz: Cloud, reach: int, limit: np.float32 | np.float64, score: Score) -> None:
     """Fill `score`: window places without a point within √limit; NaN where not measured."""
     height, width = xyz.shape[:2]
     window = 2 * reach + 1
@@ -81,7 +85,7 @@ def _count_missing(xyz: Cloud, reach: int, limit: Any, score: Score) -> None:
             x, y, z = here[0], here[1], here[2]
             missing = score[row, left : left + count]
             for column in range(count):
-                # The point itself is a place of the window, and no neighbour of itself.
+                # The point itself is a place of the window, but not a neighbour of itself.
                 missing[column] = x[column] * 0 + (window * window - 1)
             for near_row in range(row - reach, row + reach + 1):
                 for shift in range(window):

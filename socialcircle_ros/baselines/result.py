@@ -1,4 +1,4 @@
-"""What every baseline answers, and the one way in which a score becomes a mask."""
+"""The result of every baseline, and how a score becomes masks."""
 
 from dataclasses import dataclass
 
@@ -13,14 +13,14 @@ Score = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FilterResult:
-    """The answer of a filter; a point that is not measured is False in both masks.
+    """The result of a filter; a point that is not measured is False in both masks.
 
     Attributes:
         inliers: (H, W) bool.
         outliers: (H, W) bool.
         score: (H, W) in the cloud's data type, higher for a worse point, NaN where not measured; a point is
-            an outlier where its score is above the threshold. None where the filter gives none.
-        threshold: the limit on the score that was in force, None without a score.
+            an outlier where its score is above the threshold. None where the filter has no score.
+        threshold: the limit on the score that was in use, None without a score.
     """
 
     inliers: Mask

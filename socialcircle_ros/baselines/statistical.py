@@ -1,28 +1,26 @@
-"""The statistical filter: a point whose neighbours are far away, for this cloud, is an outlier."""
+"""The statistical filter: a point is an outlier if its neighbours are unusually far away for this cloud."""
 
 import math
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, organized
 from socialcircle_ros.kernels.compiled import kernel
-from socialcircle_ros.kernels.sorting_networks import Comparators, exchange, sort_network
+from socialcircle_ros.kernels.sorting_networks import Comparators, run_network, sort_network
 
 from .result import FilterResult, Score, judge
 from .settings import StatisticalSettings
 from .window import STRIP, load_row
 
 
-def statistical_filter(xyz: Any, settings: StatisticalSettings | None = None) -> FilterResult:
+def statistical_filter(xyz: npt.ArrayLike, settings: StatisticalSettings | None = None) -> FilterResult:
     """Remove the points whose mean distance to their nearest neighbours is unusually large.
 
-    PCL's StatisticalOutlierRemoval with a window instead of the k-d tree. The mean distance is over the
-    `neighbours` nearest measured points of the window, or over all where there are fewer; without any it is
-    Inf. An outlier is above mean + std_factor · s of all finite mean distances d, with PCL's
-    s² = (Σ d² - (Σ d)² / n) / (n - 1). Distances are in the cloud's data type, their sums in float64.
+    This is PCL's StatisticalOutlierRemoval with a window instead of the k-d tree. The mean distance is over the
+    `neighbours` nearest measured points of the window, or over all where there are fewer; without any it is Inf.
+    An outlier is above mean + std_factor · s of all finite mean distances d, with PCL's s² = (Σ d² - (Σ d)² / n)
+    / (n - 1). Distances are in the cloud's data type, their sums in float64.
 
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
@@ -36,23 +34,17 @@ def statistical_filter(xyz: Any, settings: StatisticalSettings | None = None) ->
     """
     settings = settings or StatisticalSettings()
     cloud = organized(xyz)
-    comparators, order = _nearest(settings.window**2 - 1, settings.neighbours)
-    score = np.empty(cloud.shape[:2], cloud.dtype)
-    _mean_distance(cloud, settings.window // 2, comparators, order, score)
+    nearest = sort_network(settings.window**2 - 1, settings.neighbours)
+    score: Score = np.empty(cloud.shape[:2], cloud.dtype)
+    _mean_distance(cloud, settings.window // 2, nearest, settings.neighbours, score)
     return judge(score, _threshold(score, settings.std_factor))
-
-
-@lru_cache(maxsize=64)
-def _nearest(places: int, neighbours: int) -> tuple[Comparators, npt.NDArray[np.int64]]:
-    comparators, order = sort_network(range(places), neighbours)
-    return comparators, np.array(order, np.int64)
 
 
 def _threshold(score: Score, std_factor: float) -> float:
     count, total, squares = _moments(score)
     if count == 0:
         return math.inf
-    # A single value has no deviation; rounding may take the difference of two sums just below 0.
+    # A single value has no deviation; rounding may make the difference of the two sums slightly negative.
     variance = max(squares - total * total / count, 0.0) / max(count - 1, 1)
     return float(total / count + std_factor * math.sqrt(variance))
 
@@ -72,10 +64,8 @@ def _moments(score: Score) -> tuple[int, float, float]:
 
 
 @kernel
-def _mean_distance(
-    xyz: Cloud, reach: int, comparators: Comparators, order: npt.NDArray[np.int64], score: Score
-) -> None:
-    """Fill `score`: mean distance to the len(order) nearest; Inf without any, NaN where not measured."""
+def _mean_distance(xyz: Cloud, reach: int, nearest: Comparators, neighbours: int, score: Score) -> None:
+    """Fill `score`: mean distance to the nearest `neighbours`; Inf without any, NaN where not measured."""
     height, width = xyz.shape[:2]
     window = 2 * reach + 1
     # The rows of the window, in a ring: row r of the cloud lies in slot r % window.
@@ -109,11 +99,11 @@ def _mean_distance(
                         )
                         distance = (dx * dx + dy * dy) + dz * dz
                         squared[column] = min(infinite, distance)  # Inf for a NaN
-            exchange(comparators, near_squared, count)
+            run_network(nearest, near_squared, count)
             total[:] = 0.0
             found[:] = 0.0
-            for rank in range(order.shape[0]):
-                squared = near_squared[order[rank]]
+            for rank in range(neighbours):
+                squared = near_squared[rank]
                 for column in range(count):
                     exists = squared[column] < infinite
                     total[column] += np.float64(np.sqrt(squared[column])) if exists else 0.0

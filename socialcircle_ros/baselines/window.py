@@ -1,4 +1,4 @@
-"""The points round each point, read once: rows of a strip of the cloud as separate x, y and z."""
+"""Windows around points: the rows of a strip of the cloud, read once into separate x, y and z."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,14 +7,14 @@ from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.kernels.compiled import kernel
 
 STRIP = 256
-"""Columns that are worked on at a time: small enough for the buffers of one strip to stay in the cache."""
+"""Columns of a strip: few enough for the buffers of one strip to stay in the cache."""
 
 
 @kernel
 def load_row(xyz: Cloud, row: int, left: int, rows: npt.NDArray[np.float32] | npt.NDArray[np.float64]) -> None:
     """Copy columns `left`, `left` + 1, ... of one row of the cloud into `rows` (3, n): x, y, z.
 
-    x is NaN where a point is not measured or lies outside the cloud, so that every distance to it is NaN.
+    x is NaN where a point is not measured or lies outside of the cloud, so that every distance to it is NaN.
     """
     height, width = xyz.shape[:2]
     first = max(-left, 0)

@@ -1,15 +1,16 @@
-"""Sorting networks: exact order statistics of many windows at once.
+"""Sorting networks: exact order statistics of many columns at once.
 
-A network is a fixed list of comparators. Each is applied to two whole rows of a buffer whose columns are
-independent windows, so that the compiler turns it into a vector minimum and a vector maximum without a
-branch. Nothing may be NaN; what is not measured is written as +Inf and sorts to the end.
+A network is a fixed list of comparators. Each comparator is applied to two whole rows of a buffer whose columns
+are independent, so that the compiler turns it into a vector minimum and a vector maximum without a branch. The
+buffer must hold no NaN: write +Inf for what is not measured, which sorts to the end. Of two zeros with different
+signs either may be returned.
 
-Networks are Batcher's odd-even merge sort (Knuth, The Art of Computer Programming 3, 5.2.2 and 5.3.4, for
-lists of any two lengths), less every comparator that no wanted output depends on.
+The networks are Batcher's odd-even merge sort (D. E. Knuth, The Art of Computer Programming, volume 3, sections
+5.2.2 and 5.3.4, for two lists of any lengths) without the comparators that no wanted output depends on.
 """
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -24,29 +25,43 @@ BOTH, ONLY_MINIMUM, ONLY_MAXIMUM = 0, 1, 2
 _Pairs = list[tuple[int, int]]
 
 
-def sort_network(rows: Sequence[int], keep: int) -> tuple[Comparators, list[int]]:
-    """A network that sorts `rows`.
+@lru_cache(maxsize=64)
+def sort_network(count: int, keep: int) -> Comparators:
+    """Build the network that sorts columns.
 
     Args:
-        rows: rows of the buffer, in any order.
-        keep: how many of the smallest values are wanted.
+        count: rows of a column, from the first row of the buffer on.
+        keep: number of smallest values that are wanted.
+
+    Returns:
+        The comparators. They leave the `keep` smallest values in the first `keep` rows, in ascending order; the
+        other rows are undefined. The array is shared between callers: do not change it.
+    """
+    pairs: _Pairs = []
+    order = _sort(list(range(count)), pairs)
+    # A sort accepts any input order: number the rows by the rank that they end with.
+    rank = {row: place for place, row in enumerate(order)}
+    return _prune([(rank[low], rank[high]) for low, high in pairs], range(keep))
+
+
+def merge_network(first: int, second: int, keep: int) -> tuple[Comparators, list[int]]:
+    """Build the network that merges two lists of rows that are in ascending order.
+
+    Args:
+        first: length of the first list, which starts at row 0.
+        second: length of the second list, which follows the first.
+        keep: number of smallest values that are wanted.
 
     Returns:
         The comparators, and the rows that hold the smallest, second smallest, ... `keep`-th value.
     """
     pairs: _Pairs = []
-    order = _sort(list(rows), pairs)[:keep]
-    return _prune(pairs, order), order
-
-
-def merge_network(first: Sequence[int], second: Sequence[int], keep: int) -> tuple[Comparators, list[int]]:
-    """A network that merges two ascending lists of rows; otherwise as `sort_network`."""
-    pairs: _Pairs = []
-    order = _merge(list(first), list(second), pairs)[:keep]
+    order = _merge(list(range(first)), list(range(first, first + second)), pairs)[:keep]
     return _prune(pairs, order), order
 
 
 def _sort(rows: list[int], pairs: _Pairs) -> list[int]:
+    """Append the comparators that sort some rows; return the rows in their sorted order."""
     if len(rows) < 2:
         return rows
     half = len(rows) // 2
@@ -62,7 +77,7 @@ def _merge(first: list[int], second: list[int], pairs: _Pairs) -> list[int]:
         return first + second
     odd = _merge(first[::2], second[::2], pairs)
     even = _merge(first[1::2], second[1::2], pairs)
-    # `odd` has 0, 1 or 2 more than `even`; its first is the smallest of all, then they interleave in pairs.
+    # `odd` has 0, 1 or 2 rows more than `even`. Its first row is the smallest; then they interleave in pairs.
     merged = odd[:1]
     for low, high in zip(even, odd[1:], strict=False):
         pairs.append((low, high))
@@ -83,12 +98,14 @@ def _prune(pairs: _Pairs, wanted: Iterable[int]) -> Comparators:
 
 
 @kernel
-def exchange(comparators: Comparators, buffer: npt.NDArray[Any], width: int) -> None:
-    """Run a network in place on the first `width` columns of `buffer` (rows, columns)."""
+def run_network(
+    comparators: Comparators, buffer: npt.NDArray[np.float32] | npt.NDArray[np.float64], width: int
+) -> None:
+    """Run a network in place on the first `width` columns of `buffer`, (rows, columns)."""
     for step in range(comparators.shape[0]):
         low, high = buffer[comparators[step, 0]], buffer[comparators[step, 1]]
         kind = comparators[step, 2]
-        # The kinds stand outside the loops: inside, the compiler would not vectorise them.
+        # The kind is tested outside of the loops: a test inside would prevent their vectorisation.
         if kind == BOTH:
             for column in range(width):
                 first, second = low[column], high[column]

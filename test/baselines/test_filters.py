@@ -1,4 +1,4 @@
-"""Each baseline against its slow reference, and what all of them promise."""
+"""Each baseline against its slow reference, and what holds for all of them."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_window_median_takes_every_window(window):
 
 @pytest.mark.parametrize('dtype', [np.float32, np.float64])
 def test_strips_join_without_a_seam(dtype):
-    # Wider than two strips, so that windows reach from one into the next.
+    # Wider than two strips, so that windows reach from one strip into the next.
     xyz, _ = rough(9, 530, dtype)
     np.testing.assert_array_equal(window_median(xyz, 11), naive.window_median(xyz, 11))
     np.testing.assert_array_equal(statistical_filter(xyz).score, naive.mean_distances(xyz, 5, 20))
@@ -115,7 +115,7 @@ def test_nothing_measured_gives_empty_masks(remove):
     assert not result.outliers.any()
 
 
-def test_a_lonely_point_is_an_outlier():
+def test_a_point_without_neighbours_is_an_outlier():
     xyz, _ = rough(30, 40)
     xyz[5:14, 5:14] = np.nan
     xyz[9, 9] = 9, 9, 0

@@ -1,4 +1,4 @@
-"""PCL and Open3D beside ours: where a window holds the sphere, all give the same mask."""
+"""PCL and Open3D: the masks are the same where the window contains all neighbours."""
 
 import numpy as np
 import pytest
@@ -26,9 +26,9 @@ STATISTICAL = [
 
 
 @pytest.mark.parametrize('peer', RADIUS)
-def test_radius_filter_is_theirs_where_the_window_holds_the_sphere(peer):
+def test_radius_filters_agree_where_the_window_contains_the_sphere(peer):
     xyz, _ = rough(60, 70)
-    # 2.1 pitches reach no point outside of a 5×5 window.
+    # A radius of 2.1 pitches reaches no point outside of a 5×5 window.
     settings = RadiusSettings(radius=2.1, min_neighbours=9)
     theirs, ours = peer(xyz, settings), radius_filter(xyz, settings)
     np.testing.assert_array_equal(theirs.outliers, ours.outliers)
@@ -38,13 +38,13 @@ def test_radius_filter_is_theirs_where_the_window_holds_the_sphere(peer):
 
 
 @pytest.mark.parametrize('peer', STATISTICAL)
-def test_statistical_filter_is_theirs_where_the_window_holds_the_nearest(peer):
+def test_statistical_filters_agree_where_the_window_contains_the_nearest(peer):
     random = np.random.default_rng(4)
     rows, columns = np.mgrid[:60, :70]
     xyz = np.dstack([columns, rows, random.normal(0, 0.02, (60, 70))]).astype(np.float32)
     settings = StatisticalSettings(neighbours=3, std_factor=1.5)
     theirs, ours = peer(xyz, settings), statistical_filter(xyz, settings)
-    # They sum in another order, so that a point at the threshold may fall on its other side.
+    # They sum in another order, so that a point at the threshold may lie on its other side.
     away = abs(ours.score - ours.threshold) > 1e-6
     np.testing.assert_array_equal(theirs.outliers[away], ours.outliers[away])
 

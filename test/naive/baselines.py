@@ -1,4 +1,4 @@
-"""The baselines again, point by point and slowly, so that they can be read beside their definitions."""
+"""The baselines point by point: the slow reference, easy to compare with their definitions."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def neighbours(xyz, row, column, window):
-    """The measured points of the window round a point, itself not among them."""
+    """The measured points of the window around a point, without the point itself."""
     reach = window // 2
     return [
         xyz[r, c]
