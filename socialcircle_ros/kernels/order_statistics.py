@@ -1,67 +1,50 @@
-"""Exact order statistics of many values: sorting that the processor's vectors do several at a time."""
-
-from typing import Any
+"""Exact order statistics without a sorting network: medians of sorted and of five values, and a radix sort."""
 
 import numpy as np
+import numpy.typing as npt
 
 from .compiled import kernel
 
-_DIGIT = 11
+_DIGIT = 11  # bits
 _DIGITS = 2**_DIGIT
 
 
 @kernel
-def _exchange(low: Any, high: Any) -> None:
-    """Of each pair the lesser to the first row: a function of its own, as only so it is compiled to vectors."""
-    for column in range(low.size):
-        one, other = low[column], high[column]
-        ordered = one < other
-        low[column] = one if ordered else other
-        high[column] = other if ordered else one
+def median_of_sorted(values: npt.NDArray[np.float32], count: int, column: int) -> np.float64:
+    """Median of the first `count` values of a sorted column; `count` is at least 1.
 
-
-@kernel
-def sort_columns(values: Any) -> None:
-    """Sort each column of (rows, columns) float32 in place, all of them side by side.
-
-    The comparisons are the same whatever the values (Batcher's merge exchange; Knuth, The Art of Computer
-    Programming, volume 3, algorithm 5.2.2M), so that each is done for a whole row at once. There must be no NaN.
+    Args:
+        values: (rows, columns) float32, each column in ascending order from row 0 on.
+        count: number of values to take.
+        column: the column to take them from.
     """
-    count = len(values)
-    largest = 1
-    while 2 * largest < count:
-        largest *= 2
-    step = largest
-    while step > 0:
-        reach, part, distance = largest, 0, step
-        while True:
-            for row in range(count - distance):
-                if row & step == part:
-                    _exchange(values[row], values[row + distance])
-            if reach == step:
-                break
-            distance = reach - step
-            reach //= 2
-            part = step
-        step //= 2
-
-
-@kernel
-def median_of_sorted(values: Any, count: int, column: int) -> Any:
-    """Median of the first `count` values of a sorted column; there is one at least."""
     middle = count // 2
     if count % 2:
         return np.float64(values[middle, column])
-    return (values[middle - 1, column] + values[middle, column]) / 2
+    return np.float64((values[middle - 1, column] + values[middle, column]) / 2)
 
 
 @kernel
-def sorted_values(values: Any) -> Any:
-    """(n,) float32, sorted: a radix sort of their bits. There must be no NaN."""
+def median_of_five(a: np.float32, b: np.float32, c: np.float32, d: np.float32, e: np.float32) -> np.float32:
+    """Median of five values, without a branch; none may be NaN."""
+    low, high = max(min(a, b), min(c, d)), min(max(a, b), max(c, d))
+    return max(min(low, high), min(max(low, high), e))
+
+
+@kernel
+def sorted_values(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Sort values by a radix sort of their bits.
+
+    Args:
+        values: (n,) float32 without NaN, contiguous; not changed.
+
+    Returns:
+        (n,) float32 in ascending order.
+    """
     sign = np.uint32(1 << 31)
     bits, other = values.view(np.uint32).copy(), np.empty(values.size, np.uint32)
     for place in range(bits.size):
-        # Bits of positive numbers are ordered as these are, those of negative ones the other way round.
+        # The bits of positive numbers ascend as the numbers do, those of negative numbers descend.
         bits[place] ^= ~np.uint32(0) if bits[place] & sign else sign
     for shift in range(0, 32, _DIGIT):
         starts = np.zeros(_DIGITS + 1, np.int64)

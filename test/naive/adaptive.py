@@ -1,7 +1,7 @@
 """The adaptive mode point by point: the reference for `socialcircle_ros.circle.adaptive`.
 
-Plain loops after the docstrings, nothing shared with the compiled code but its constants. Heights and differences
-are float32 as there, so that answers are the same bit for bit.
+Plain loops that follow the docstrings, and share nothing with the compiled code but its constants. Heights and
+differences are float32 as there, so that results are the same bit for bit.
 """
 
 import itertools
@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from socialcircle_ros.circle.adaptive.differences import NONE, UNIT
-from socialcircle_ros.circle.adaptive.islands import LARGEST, WEAKER
+from socialcircle_ros.circle.adaptive.differences import MISSING, STEPS_PER_SPREAD
+from socialcircle_ros.circle.adaptive.islands import FLANK, LARGEST
 from socialcircle_ros.circle.adaptive.isolated import TOUCH
 from socialcircle_ros.circle.adaptive.relief import SIGNIFICANT
 from socialcircle_ros.circle.adaptive.texture import LEAST_COVER
@@ -22,8 +22,8 @@ AROUND = [(down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down,
 
 class Spread(NamedTuple):
     slopes: np.ndarray
-    spreads: np.ndarray
-    tiles: np.ndarray
+    by_direction: np.ndarray
+    by_tile: np.ndarray
     predicted: bool
 
 
@@ -47,7 +47,7 @@ def median(values):
 
 
 def core_spread(sizes):
-    """Spread of a normal distribution, of the core of absolute values."""
+    """Standard deviation of a normal distribution, from the core of its absolute values."""
     sizes = sorted(map(float, sizes))
     if not sizes:
         return 0.0
@@ -70,7 +70,7 @@ def median_of_blocks(blocks, otherwise):
 
 
 def interpolated(blocks, side, row, column):
-    """Bilinear between the centres of blocks, level beyond the outermost."""
+    """Bilinear between the centres of blocks, constant beyond the outermost."""
     rows, columns = blocks.shape
     down = min(max((row + 0.5) / side - 0.5, 0.0), rows - 1.0)
     right = min(max((column + 0.5) / side - 0.5, 0.0), columns - 1.0)
@@ -82,7 +82,7 @@ def interpolated(blocks, side, row, column):
     return np.float32(upper * (1 - down) + lower * down)
 
 
-def slopes_of(heights):
+def block_slopes(heights):
     height, width = heights.shape
     slopes = np.full((2, -(-height // 8), -(-width // 8)), np.nan, np.float32)
     for axis, (down, right) in enumerate([(0, 1), (1, 0)]):
@@ -117,24 +117,26 @@ def raw_difference(heights, slopes, row, column, direction, predicted):
 
 
 def raw_differences(heights, slopes, direction, predicted):
-    """The differences that there are."""
+    """The differences that exist."""
     found = [raw_difference(heights, slopes, *place, direction, predicted) for place in places(heights.shape)]
     return [difference for difference in found if not np.isnan(difference)]
 
 
 def least_spread(heights):
-    """What heights are stored in steps of, and what float32 tells apart at their height."""
+    """The step that heights are stored in, or the resolution of float32 at their height."""
     known = heights[np.isfinite(heights)]
     levels, counts = np.unique(known, return_counts=True)
     stored = len(levels) > 1 and counts.max() <= 0.98 * known.size
     quantum = np.median(np.diff(levels.astype(float))) if stored else 0.0
     middle = np.median(np.abs(known)) if known.size else np.float32(0)
-    return max(float(quantum), float(np.spacing(np.float32(middle))), UNIT / float(np.finfo(np.float32).max))
+    return max(
+        float(quantum), float(np.spacing(np.float32(middle))), STEPS_PER_SPREAD / float(np.finfo(np.float32).max)
+    )
 
 
 def estimate_spread(heights, tile, may_predict):
-    """What the differences of a cloud of less than 120 000 points are measured in."""
-    slopes = slopes_of(heights)
+    """The spread of a cloud of less than 120,000 points, of which every row is sampled."""
+    slopes = block_slopes(heights)
     samples = [raw_differences(heights, slopes, direction, False) for direction in range(4)]
     predicted = False
     if may_predict:
@@ -165,44 +167,41 @@ def typical(samples):
     )
 
 
-def normalised_differences(heights, scale, tile):
+def normalised_differences(heights, spread, tile):
     differences = np.empty((4, *heights.shape), np.int8)
     for direction, (row, column) in itertools.product(range(4), places(heights.shape)):
-        raw = raw_difference(heights, scale.slopes, row, column, direction, scale.predicted)
-        sixteenths = (
-            raw * np.float32(UNIT / scale.spreads[direction]) / interpolated(scale.tiles, tile, row, column)
-        )
-        differences[direction, row, column] = NONE if np.isnan(raw) else np.rint(np.clip(sixteenths, -127, 127))
+        raw = raw_difference(heights, spread.slopes, row, column, direction, spread.predicted)
+        steps = np.float32(STEPS_PER_SPREAD / spread.by_direction[direction])
+        difference = raw * steps / interpolated(spread.by_tile, tile, row, column)
+        differences[direction, row, column] = MISSING if np.isnan(raw) else np.rint(np.clip(difference, -127, 127))
     return differences
 
 
 def difference_between(differences, here, there):
-    """Sixteenths from a point up to its neighbour; None where there is no difference."""
+    """Steps from a point up to its neighbour; None where there is no difference."""
     step = there[0] - here[0], there[1] - here[1]
     if step in DIRECTIONS:
         difference = int(differences[DIRECTIONS.index(step)][here])
     else:
         difference = -int(differences[DIRECTIONS.index((-step[0], -step[1]))][there])
-    return None if abs(difference) == -NONE else difference
+    return None if abs(difference) == -MISSING else difference
 
 
-# Loners
+# Isolated points
 
 
 def isolated_points(differences):
-    shape, touch = differences.shape[1:], TOUCH * UNIT
-    lone = np.zeros(shape, bool)
+    shape, touch = differences.shape[1:], TOUCH * STEPS_PER_SPREAD
+    isolated = np.zeros(shape, bool)
     for place in places(shape):
         around = [difference_between(differences, place, other) for other in neighbours(*place, shape)]
         around = [difference for difference in around if difference is not None]
-        above, below = (
-            sum(difference >= touch for difference in around),
-            sum(difference <= -touch for difference in around),
-        )
+        above = sum(difference >= touch for difference in around)
+        below = sum(difference <= -touch for difference in around)
         touching = len(around) - above - below
-        friends = 1 if len(around) >= 6 else 0
-        lone[place] = len(around) >= 3 and touching <= friends and abs(above - below) >= len(around) / 2
-    return lone
+        most = 1 if len(around) >= 6 else 0
+        isolated[place] = len(around) >= 3 and touching <= most and abs(above - below) >= len(around) / 2
+    return isolated
 
 
 def with_holes_filled(heights, holes):
@@ -221,8 +220,8 @@ def with_holes_filled(heights, holes):
 
 
 def beyond_tolerance(heights, found, limit):
-    """Points within two of an outlier whose surroundings, every fourth point up to eight off, are elsewhere."""
-    surface, broken = with_holes_filled(heights, found), np.zeros(found.shape, bool)
+    """Points within two points of an outlier that differ from every fourth point, up to eight points away."""
+    surface, beyond = with_holes_filled(heights, found), np.zeros(found.shape, bool)
     height, width = found.shape
     for row, column in places(found.shape):
         if (
@@ -234,12 +233,12 @@ def beyond_tolerance(heights, found, limit):
         left = 4 * min(2, column // 4, (width - 1 - column) // 4)
         around = surface[row - up : row + up + 1 : 4, column - left : column + left + 1 : 4]
         around = around[~np.isnan(around)]
-        broken[row, column] = around.size == 0 or abs(heights[row, column] - median(around)) > np.float32(limit)
-    return broken
+        beyond[row, column] = around.size == 0 or abs(heights[row, column] - median(around)) > np.float32(limit)
+    return beyond
 
 
 def beside_walls(heights, found, limit):
-    """Points whose row or column has a step next to them that the differences beside it do not share."""
+    """Points next to a step along a row or column that is larger than the differences beside it."""
     surface = with_holes_filled(heights, found | np.isnan(heights))
     beside = np.zeros(found.shape, bool)
     for turned, marked in ((surface, beside), (surface.T, beside.T)):
@@ -257,15 +256,15 @@ def beside_walls(heights, found, limit):
 
 
 def wanted_differences(differences):
-    """Sum of the differences to the four neighbours that a surface of the surprising differences alone has."""
+    """Sum of the differences to the four neighbours in a surface of the significant differences alone."""
     shape = differences.shape[1:]
     wanted = np.zeros(shape)
     for place in places(shape):
         for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
             other = place[0] + down, place[1] + right
             difference = difference_between(differences, place, other) if inside(*other, shape) else None
-            if difference is not None and abs(difference) > SIGNIFICANT * UNIT:
-                wanted[place] += difference / UNIT
+            if difference is not None and abs(difference) > SIGNIFICANT * STEPS_PER_SPREAD:
+                wanted[place] += difference / STEPS_PER_SPREAD
     return wanted
 
 
@@ -289,7 +288,7 @@ def relief(differences):
 class Community:
     """A connected part of {relief ≥ level}."""
 
-    def __init__(self, points, differences, sign, clip, scale):
+    def __init__(self, points, differences, sign, clip, reduction):
         self.points = points
         shape = differences.shape[1:]
         border = [
@@ -302,11 +301,11 @@ class Community:
         self.steepness = float(np.float32(sum(ends) / (max(len(ends), 1) * clip)))  # kept in float32
         rows, columns = zip(*points, strict=True)
         extent = max(max(rows) - min(rows), max(columns) - min(columns)) + 1
-        alone, fill = (4, 0.3) if scale == 1 else (2, 0.45)
-        if extent > alone and len(points) < fill * extent**2:
+        narrow, fill = (4, 0.3) if reduction == 1 else (2, 0.45)
+        if extent > narrow and len(points) < fill * extent**2:
             self.steepness = min(self.steepness, 0.0)
         self.core = 0
-        self.is_island = self.is_tip = False
+        self.is_island = self.overflows = False
 
 
 def component(start, points):
@@ -336,10 +335,10 @@ def surroundings(relief):
     )
 
 
-def one_sided_islands(relief, around, differences, measured, sign, clip, strong, scale):
-    shape, largest = relief.shape, max(LARGEST // scale**2, 4)
+def one_sided_islands(relief, around, differences, measured, sign, clip, steep, reduction):
+    shape, largest = relief.shape, max(LARGEST // reduction**2, 4)
     level = {
-        place: int(np.clip(np.rint(sign * UNIT * relief[place]), -32767, 32767))
+        place: int(np.clip(np.rint(sign * STEPS_PER_SPREAD * relief[place]), -32767, 32767))
         for place in places(shape)
         if measured[place] and sign * relief[place] - sign * around[place] > 1
     }
@@ -349,7 +348,7 @@ def one_sided_islands(relief, around, differences, measured, sign, clip, strong,
         for place in points:
             found = component(place, points)
             if found not in communities:
-                communities[found] = Community(found, differences, sign, clip, scale)
+                communities[found] = Community(found, differences, sign, clip, reduction)
     ascending = sorted(communities.values(), key=lambda community: len(community.points))
     larger = {one: next((o for o in ascending if one.points < o.points), None) for one in ascending}
     for one in ascending:
@@ -357,28 +356,30 @@ def one_sided_islands(relief, around, differences, measured, sign, clip, strong,
         cores = [inner.core for inner in ascending if larger[inner] is one and inner.is_island]
         core = max(cores, default=0)
         if size > largest:
-            one.is_tip = one.steepness > strong - WEAKER and size <= 2 * largest
-        elif one.steepness > strong:
+            one.overflows = one.steepness > steep - FLANK and size <= 2 * largest
+        elif one.steepness > steep:
             one.is_island, one.core = True, size
-        elif core and one.steepness > strong - WEAKER and size <= 2.5 * core:
+        elif core and one.steepness > steep - FLANK and size <= 2.5 * core:
             one.is_island, one.core = True, core
     found, best = np.zeros(shape, bool), np.zeros(shape, np.float32)
     for one in reversed(ascending):
         beyond = larger[one]
-        if beyond is not None and beyond.is_tip and one.steepness > strong - WEAKER and len(one.points) > 8:
-            one.is_tip = True
+        if beyond is not None and beyond.overflows and one.steepness > steep - FLANK and len(one.points) > 8:
+            one.overflows = True
         for point in one.points:
-            if one.is_island and not one.is_tip:
+            if one.is_island and not one.overflows:
                 found[point] = True
             if len(one.points) <= largest:
                 best[point] = max(best[point], one.steepness)
     return found, best
 
 
-def islands(relief, differences, measured, clip, strong, scale):
+def find_islands(relief, differences, measured, clip, steep, reduction):
     around = surroundings(relief)
     up, down = (
-        one_sided_islands(relief, around, differences, measured, sign, round(clip * UNIT), strong, scale)
+        one_sided_islands(
+            relief, around, differences, measured, sign, round(clip * STEPS_PER_SPREAD), steep, reduction
+        )
         for sign in (1, -1)
     )
     return up[0] | down[0], np.maximum(up[1], down[1])

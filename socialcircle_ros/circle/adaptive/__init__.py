@@ -1,10 +1,17 @@
-"""The adaptive mode: touch measured in the surface's own spread, and communities judged by how they end.
+"""The adaptive mode: touch is relative to the spread of the surface, and communities are judged by their borders.
 
-Its steps, in order: `differences` (how far neighbours differ, in the surface's own spread), `isolated` (points
-in touch with at most one neighbour), `relief` (a surface of the significant differences alone), `islands`
-(communities that rise from their surroundings on all sides), `texture` (islands that are the surface's own)
-and, for clouds that were focus stacks, `optics` (what the depth of field promises, and walls).
-`docs/adaptive.md` has the equations.
+Its steps, in order:
+
+- `heights`: float32 heights, and holes in them filled.
+- `slopes`, `spread`, `differences`: how far neighbours differ, relative to the spread of the surface.
+- `isolated`: points in touch with at most one neighbour.
+- `relief`: a surface of the significant differences alone.
+- `islands`: communities that rise from their surroundings on all sides.
+- `texture`: islands that belong to the surface.
+- `pyramid`: the same at reduced resolution.
+- `optics`: for focus stacks, the tolerance that the depth of field gives, and walls.
+
+`detection` composes them. `docs/adaptive.md` has the equations.
 """
 
 from .detection import AdaptiveResult, Rules, find_outliers

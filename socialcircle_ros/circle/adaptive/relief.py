@@ -1,11 +1,11 @@
-"""A surface of the significant differences alone: flat where the cloud is smooth, with a step where it is not.
+"""The relief: a surface of the significant differences alone, flat wherever the cloud is smooth.
 
-It is the least-squares surface whose differences are those beyond a threshold, and 0 elsewhere: a Poisson
-equation with free borders (as in gradient-domain image editing, Fattal et al. 2002), solved by multigrid from the
-coarsest grid down. Communities are looked for in it, as slopes and form are gone.
+It is the least-squares surface whose differences along rows and columns are the normalised differences beyond a
+threshold, and 0 elsewhere. That is a Poisson equation with free borders, as in gradient-domain image editing (R.
+Fattal, D. Lischinski, M. Werman, Gradient domain high dynamic range compression, 2002,
+https://doi.org/10.1145/566654.566573). Multigrid solves it, from the coarsest grid down. Slope and form are gone
+from it, so that communities can be sought in it by height.
 """
-
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,36 +13,34 @@ import numpy.typing as npt
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .differences import NONE, UNIT, Differences
+from .differences import MISSING, STEPS_PER_SPREAD, Differences
 
 SIGNIFICANT = 2.5
-"""Differences beyond so many spreads are surprising."""
+"""Differences beyond this many spreads are significant."""
 
 _SWEEPS = 4
 _DAMPING = np.float32(0.8 / 4)
 _COARSEST = 4
 
 Relief = npt.NDArray[np.float32]
+"""(H, W) float32, in spreads."""
 
 
 def relief_of(differences: Differences) -> Relief:
-    """The surface of the surprising differences, in spreads.
+    """Compute the surface of the significant differences.
 
     Args:
         differences: (4, H, W) int8, as `normalised_differences` gives them.
 
     Returns:
-        (H, W) float32; its level is arbitrary, and 0 at best by chance.
+        (H, W) float32 in spreads; its level is arbitrary.
     """
     _, height, width = differences.shape
     wanted = np.empty((height, width), np.float32)
-
-    def fill(rows: slice) -> None:
-        _divergence(differences, round(SIGNIFICANT * UNIT), rows.start, rows.stop, wanted)
-
-    in_bands(fill, height, width)
+    threshold = round(SIGNIFICANT * STEPS_PER_SPREAD)
+    in_bands(lambda rows: _divergence(differences, threshold, rows.start, rows.stop, wanted), height, width)
     surface = _solved(wanted)
-    # Once more for what the first descent left over.
+    # A second descent corrects what the first left over.
     left = np.empty_like(wanted)
     in_bands(lambda rows: _residual(surface, wanted, rows.start, rows.stop, left), height, width)
     correction = _solved(left)
@@ -51,7 +49,7 @@ def relief_of(differences: Differences) -> Relief:
 
 
 def _solved(wanted: Relief) -> Relief:
-    """Approximate solution of (sum of the differences to the neighbours) = wanted, coarsest grid first."""
+    """Approximate solution of (sum of the differences to the four neighbours) = wanted, coarsest grid first."""
     grids = [wanted]
     while min(grids[-1].shape) > _COARSEST:
         grids.append(_summed(grids[-1]))
@@ -66,9 +64,9 @@ def _solved(wanted: Relief) -> Relief:
     return surface
 
 
-def _finer(coarse: Relief, shape: tuple[int, int]) -> Relief:
+def _finer(coarse: Relief, shape: tuple[int, ...]) -> Relief:
     fine = np.empty(shape, np.float32)
-    in_bands(lambda rows: _refined(coarse, rows.start, rows.stop, fine), *shape)
+    in_bands(lambda rows: _refine(coarse, rows.start, rows.stop, fine), *shape)
     return fine
 
 
@@ -77,32 +75,33 @@ def _sweep(surface: Relief, wanted: Relief, result: Relief) -> None:
 
 
 @kernel
-def _divergence(differences: Any, threshold: int, first: int, end: int, wanted: Any) -> None:
+def _divergence(differences: Differences, threshold: int, first: int, end: int, wanted: Relief) -> None:
+    """Write the sum of the significant differences from each point to its four neighbours."""
     width = differences.shape[2]
+    across, down = differences[0], differences[1]
     for row in range(first, end):
         for column in range(width):
-            total = _significant(differences[0, row, column], threshold) + _significant(
-                differences[1, row, column], threshold
-            )
+            total = _significant(across[row, column], threshold) + _significant(down[row, column], threshold)
             if column > 0:
-                total -= _significant(differences[0, row, column - 1], threshold)
+                total -= _significant(across[row, column - 1], threshold)
             if row > 0:
-                total -= _significant(differences[1, row - 1, column], threshold)
-            wanted[row, column] = np.float32(total) / np.float32(UNIT)
+                total -= _significant(down[row - 1, column], threshold)
+            wanted[row, column] = np.float32(total) / np.float32(STEPS_PER_SPREAD)
 
 
 @kernel
-def _significant(difference: Any, threshold: int) -> Any:
+def _significant(difference: np.int8, threshold: int) -> np.int32:
+    """The difference, or 0 where it is missing or not significant."""
     wide = np.int32(difference)
-    return wide if abs(wide) > threshold and wide != NONE else np.int32(0)
+    return wide if abs(wide) > threshold and wide != MISSING else np.int32(0)
 
 
 @kernel
-def _difference(surface: Any, row: int, column: int) -> Any:
-    """Sum of the differences from a point to its four neighbours; none across the border."""
+def _laplacian(surface: Relief, row: int, column: int) -> np.float32:
+    """Sum of the differences from a point to its four neighbours; 0 across the border."""
     height, width = surface.shape
     here = surface[row, column]
-    return (
+    return np.float32(
         (surface[max(row - 1, 0), column] - here)
         + (surface[min(row + 1, height - 1), column] - here)
         + (surface[row, max(column - 1, 0)] - here)
@@ -111,7 +110,7 @@ def _difference(surface: Any, row: int, column: int) -> Any:
 
 
 @kernel
-def _smooth(surface: Any, wanted: Any, first: int, end: int, result: Any) -> None:
+def _smooth(surface: Relief, wanted: Relief, first: int, end: int, result: Relief) -> None:
     """One damped Jacobi sweep."""
     height, width = surface.shape
     for row in range(first, end):
@@ -122,12 +121,13 @@ def _smooth(surface: Any, wanted: Any, first: int, end: int, result: Any) -> Non
             result[row, column] = here + _DAMPING * (around - np.float32(4) * here - wanted[row, column])
         for column in (0, width - 1):
             result[row, column] = surface[row, column] + _DAMPING * (
-                _difference(surface, row, column) - wanted[row, column]
+                _laplacian(surface, row, column) - wanted[row, column]
             )
 
 
 @kernel
-def _residual(surface: Any, wanted: Any, first: int, end: int, left: Any) -> None:
+def _residual(surface: Relief, wanted: Relief, first: int, end: int, left: Relief) -> None:
+    """Write what the surface leaves over of the wanted differences."""
     height, width = surface.shape
     for row in range(first, end):
         above, below, middle = surface[max(row - 1, 0)], surface[min(row + 1, height - 1)], surface[row]
@@ -140,12 +140,12 @@ def _residual(surface: Any, wanted: Any, first: int, end: int, left: Any) -> Non
                 + (middle[column + 1] - here)
             )
         for column in (0, width - 1):
-            left[row, column] = wanted[row, column] - _difference(surface, row, column)
+            left[row, column] = wanted[row, column] - _laplacian(surface, row, column)
 
 
 @kernel
-def _summed(grid: Any) -> Any:
-    """Half the rows and columns, each the sum of its four."""
+def _summed(grid: Relief) -> Relief:
+    """Half the rows and columns, each point the sum of its four."""
     height, width = grid.shape
     coarse = np.zeros(((height + 1) // 2, (width + 1) // 2), np.float32)
     for row in range(height):
@@ -155,8 +155,8 @@ def _summed(grid: Any) -> Any:
 
 
 @kernel
-def _refined(coarse: Any, first: int, end: int, fine: Any) -> None:
-    """Twice the rows and columns, bilinear between the centres."""
+def _refine(coarse: Relief, first: int, end: int, fine: Relief) -> None:
+    """Write some rows of twice the rows and columns, bilinear between the centres."""
     rows, columns = coarse.shape
     width = fine.shape[1]
     near, far = np.float32(0.75), np.float32(0.25)

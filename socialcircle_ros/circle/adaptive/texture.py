@@ -1,28 +1,30 @@
-"""Islands that are the surface's own: many of one height, which together cover much of it.
+"""Islands that belong to the surface's own texture: many of one height, which together cover much of it.
 
-Outliers are as high as chance has it; an etched layer, a print or a lattice has islands of one height.
+The heights of outliers are random; an etched layer, a print or a lattice has islands of one height.
 """
 
-from typing import Any
-
 import numpy as np
+import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 
-from .differences import Heights
+from .heights import HeightMap
 
 LEAST_COVER = 0.015
-"""Islands of one height that cover less of the measured points are outliers nonetheless."""
+"""Islands of one height that cover a smaller share of the measured points are outliers nonetheless."""
 
 _LEAST_SIZE = 4
+"""Points of an island; the height of a smaller one is too uncertain."""
 _ALIKE = 1.35
-_MANY = 8
-_MOST = 0.5
+"""Greatest ratio of the heights of islands that count as one height."""
+_LEAST_NUMBER = 8
+_LEAST_SHARE = 0.5
+"""Share of the points of all such islands that those of one height must have."""
 
 
-def islands_of_one_height(heights: Heights, islands: Mask) -> tuple[Mask, int]:
-    """The islands that share a height over or under what surrounds them.
+def islands_of_one_height(heights: HeightMap, islands: Mask) -> tuple[Mask, int]:
+    """Find the islands that share a height above or below their surroundings.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
@@ -33,12 +35,11 @@ def islands_of_one_height(heights: Heights, islands: Mask) -> tuple[Mask, int]:
     """
     texture: Mask = np.zeros(islands.shape, np.bool_)
     points = np.flatnonzero(islands)
-    label, sizes, rises = _measured_islands(heights, islands, points)
-    least = LEAST_COVER * np.count_nonzero(np.isfinite(heights))
+    label, sizes, rises = _measure_islands(heights, islands, points)
     candidates = np.flatnonzero((sizes >= _LEAST_SIZE) & (rises != 0))
-    if candidates.size < _MANY:
+    if candidates.size < _LEAST_NUMBER:
         return texture, 0
-    # Up or down: of a layer that covers half of the surface both sides have islands.
+    # Rises and falls count alike: a layer that covers half of the surface has islands on both sides.
     candidates = candidates[np.argsort(np.abs(rises[candidates]), kind='stable')]
     height = np.abs(rises[candidates])
     covered = np.concatenate([[0], np.cumsum(sizes[candidates])])
@@ -46,15 +47,23 @@ def islands_of_one_height(heights: Heights, islands: Mask) -> tuple[Mask, int]:
     alike = covered[ends] - covered[:-1]
     first = int(np.argmax(alike))
     number = int(ends[first]) - first
-    if number < _MANY or alike[first] < max(_MOST * covered[-1], least):
+    least = max(_LEAST_SHARE * covered[-1], LEAST_COVER * np.count_nonzero(np.isfinite(heights)))
+    if number < _LEAST_NUMBER or alike[first] < least:
         return texture, 0
     texture.flat[points[np.isin(label, candidates[first : first + number])]] = True
     return texture, number
 
 
 @kernel
-def _measured_islands(heights: Any, islands: Any, points: Any) -> Any:
-    """Label of each point, and of each island its size and its rise over the kept points that touch it."""
+def _measure_islands(
+    heights: HeightMap, islands: Mask, points: npt.NDArray[np.intp]
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Label the connected `points`, (n,) in row order.
+
+    Returns:
+        The label of each point, (n,), the number of points of each island, and the mean height of each island
+        above the kept points that touch it, 0 where it is unknown.
+    """
     height, width = islands.shape
     place = np.full(height * width, -1, np.int32)
     for index in range(points.size):
@@ -66,14 +75,14 @@ def _measured_islands(heights: Any, islands: Any, points: Any) -> Any:
         if label[start] >= 0:
             continue
         label[start], waiting[0], count, done = number, start, 1, 0
-        inside, within, outside, round_it = 0.0, 0, 0.0, 0
+        inside, inside_count, outside, outside_count = 0.0, 0, 0.0, 0
         while done < count:
             point = points[waiting[done]]
             done += 1
             row, column = point // width, point % width
             if not np.isnan(heights[row, column]):
                 inside += heights[row, column]
-                within += 1
+                inside_count += 1
             for y in range(max(0, row - 1), min(height, row + 2)):
                 for x in range(max(0, column - 1), min(width, column + 2)):
                     there = place[y * width + x]
@@ -83,9 +92,9 @@ def _measured_islands(heights: Any, islands: Any, points: Any) -> Any:
                         count += 1
                     elif there < 0 and not np.isnan(heights[y, x]):
                         outside += heights[y, x]
-                        round_it += 1
+                        outside_count += 1
         sizes[number] = count
-        if within and round_it:
-            rises[number] = inside / within - outside / round_it
+        if inside_count and outside_count:
+            rises[number] = inside / inside_count - outside / outside_count
         number += 1
     return label, sizes[:number], rises[:number]

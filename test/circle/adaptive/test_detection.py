@@ -33,7 +33,7 @@ def assert_same(one, other):
 
 @settings(max_examples=200)
 @given(recipes(40, 44))
-def test_outliers_are_measured_and_score_above_a_half_and_nobody_else_does(recipe):
+def test_outliers_are_measured_and_only_they_score_above_a_half(recipe):
     with np.errstate(all='ignore'):
         heights = heights_of(recipe)
         assume(np.isfinite(heights).any())
@@ -59,19 +59,19 @@ def test_the_unit_changes_nothing_where_factors_are_powers_of_2(recipe, power):
     one, other = find_outliers(heights), find_outliers(heights * heights.dtype.type(2.0**power))
 
     assert_same(one, other)
-    assume(one.spread > 1e-30)  # a plane's is next to 0 in any unit
+    assume(one.spread > 1e-30)  # the spread of a plane is next to 0 in any unit
     assert other.spread == one.spread * 2.0**power
 
 
 @pytest.mark.parametrize('factor', [1e-3, 0.3, 7.0, 1e3])
-def test_another_unit_changes_next_to_nothing(factor):
+def test_another_unit_changes_hardly_a_point(factor):
     heights = noise(kind=np.float64)
     heights[np.random.default_rng(4).random(heights.shape) < 0.05] += 25
     heights[40:46, 70:77] += 20
 
     one, other = find_outliers(heights), find_outliers(heights * factor)
 
-    # A difference that is rounded the other way may tip a point that was on the brink.
+    # A difference that is rounded the other way may change a point near a threshold.
     assert np.count_nonzero(one.outliers != other.outliers) < 1e-3 * heights.size
     assert one.outliers.sum() > 800
 
@@ -90,7 +90,7 @@ def test_an_offset_changes_nothing_where_no_digit_is_lost(rows, columns, random,
     assert_same(find_outliers(heights), find_outliers(heights + offset))
 
 
-def test_the_same_cloud_gives_the_same_with_one_thread_and_with_two(monkeypatch):
+def test_one_thread_and_two_threads_give_the_same(monkeypatch):
     heights = noise(450, 500)
     heights[np.random.default_rng(4).random(heights.shape) < 0.05] += 25
     heights[200:208, 300:310] -= 20
@@ -104,8 +104,8 @@ def test_the_same_cloud_gives_the_same_with_one_thread_and_with_two(monkeypatch)
 
 
 @pytest.mark.parametrize('turn', [np.transpose, np.flipud, np.fliplr])
-def test_a_cloud_seen_from_another_side_has_nearly_the_same_outliers(turn):
-    # Not the very same: spreads of blocks and tiles are taken from rows, and of some rows only.
+def test_a_turned_cloud_has_nearly_the_same_outliers(turn):
+    # Not the same, because the spreads of blocks and tiles are estimated from some of the rows.
     heights = noise()
     heights[np.random.default_rng(4).random(heights.shape) < 0.05] += 25
     heights[40:46, 70:77] += 20
@@ -124,12 +124,12 @@ def test_heights_upside_down_have_nearly_the_same_outliers():
     assert np.count_nonzero(one.outliers != other.outliers) < 1e-3 * heights.size
 
 
-# What is found
+# What it finds
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3])
 @pytest.mark.parametrize('share', [0.1, 0.3])
-def test_single_outliers_in_noise_are_found_and_little_else(share, seed):
+def test_isolated_outliers_in_noise_are_found_and_few_good_points(share, seed):
     generator = np.random.default_rng(seed)
     heights = generator.normal(0, 1, (160, 200))
     bad = generator.random(heights.shape) < share
@@ -142,7 +142,7 @@ def test_single_outliers_in_noise_are_found_and_little_else(share, seed):
 
 
 @pytest.mark.parametrize('rise', [12.0, -12.0])
-def test_a_dense_cluster_is_removed_wherever_it_lies_and_no_point_beside_it(rise):
+def test_a_dense_cluster_is_removed_and_hardly_a_point_beside_it(rise):
     heights = noise()
     cluster = np.zeros(heights.shape, bool)
     cluster[55:66, 70:82] = True
@@ -155,7 +155,7 @@ def test_a_dense_cluster_is_removed_wherever_it_lies_and_no_point_beside_it(rise
 
 
 @pytest.mark.parametrize('level', [0.0, 7.0])
-def test_a_cluster_on_a_plane_is_removed_to_the_point(level):
+def test_a_cluster_on_a_plane_is_removed_exactly(level):
     heights = np.full((40, 50), level, np.float32)
     heights[20:23, 20:23] += 5
 
@@ -163,7 +163,7 @@ def test_a_cluster_on_a_plane_is_removed_to_the_point(level):
 
 
 @pytest.mark.parametrize('kind', ['step', 'plateaus', 'groove'])
-def test_a_part_s_own_form_is_kept(kind):
+def test_the_form_of_a_part_is_kept(kind):
     row, column = np.mgrid[:160, :200]
     form = {
         'step': np.where(column > 90, 40.0, 0.0),
@@ -177,7 +177,7 @@ def test_a_part_s_own_form_is_kept(kind):
 
 
 @pytest.mark.parametrize('quantum', [0.5, 1.0, 3.0])
-def test_of_a_surface_stored_in_steps_hardly_a_point_is_lost(quantum):
+def test_a_surface_stored_in_steps_loses_hardly_a_point(quantum):
     row, column = np.mgrid[:160, :200]
     heights = np.round((noise(160, 200) + row / 10 + np.sin(column / 15)) / quantum) * quantum
 
@@ -206,7 +206,7 @@ def test_islands_of_one_height_are_kept_and_counted():
     assert result.outliers.mean() < 0.005
 
 
-def test_a_cluster_with_blurred_flanks_is_seen_from_further_off():
+def test_a_cluster_with_blurred_flanks_is_found_at_reduced_resolution():
     row, column = np.mgrid[:160, :200]
     heights = noise(160, 200) + 30 * np.exp(-(((row - 80) ** 2 + (column - 100) ** 2) / 30))
 
@@ -227,7 +227,7 @@ def test_both_types_of_the_same_heights_have_the_same_outliers():
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('height', [1e300, -1e300, np.finfo(np.float64).max])
-def test_an_outlier_beyond_what_float32_holds_is_one(height):
+def test_a_height_beyond_the_range_of_float32_is_an_outlier(height):
     heights = noise(40, 50, kind=np.float64)
     heights[3, 4] = height
 

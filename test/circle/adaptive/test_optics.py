@@ -1,4 +1,4 @@
-"""What the depth of field says of outliers, and of walls."""
+"""Outliers and walls by the depth of field."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ DEPTH_OF_FIELD = 6.0
 
 
 def scenes(shape, random, gone, removed):
-    """Heights in levels that are a wall apart or just not, slopes, holes and outliers."""
+    """Heights in levels that are just a wall apart or just not, slopes, holes and outliers."""
     generator = np.random.default_rng(random)
     levels = generator.choice([0.0, 1.9, 2.3, 8.9, 9.1, 40.0], shape)
     heights = np.where(generator.random(shape) < 0.7, levels[0, 0], levels) + generator.normal(0, 0.2, shape)
@@ -29,24 +29,24 @@ def surface(rows=60, columns=80):
 
 @settings(max_examples=200)
 @given(SHAPES, st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 0.6]), st.sampled_from([0.0, 0.1, 0.6, 1.0]))
-def test_both_are_those_of_the_reference(shape, random, gone, removed):
+def test_outliers_and_walls_equal_the_reference(shape, random, gone, removed):
     heights, found = scenes(shape, random, gone, removed)
 
-    broken = beyond_tolerance(heights, found, DEPTH_OF_FIELD)
-    np.testing.assert_array_equal(broken, naive.beyond_tolerance(heights, found, TOLERANCE * DEPTH_OF_FIELD))
+    beyond = beyond_tolerance(heights, found, DEPTH_OF_FIELD)
+    np.testing.assert_array_equal(beyond, naive.beyond_tolerance(heights, found, TOLERANCE * DEPTH_OF_FIELD))
     beside = beside_walls(heights, found, DEPTH_OF_FIELD)
     np.testing.assert_array_equal(beside, naive.beside_walls(heights, found, WALL * DEPTH_OF_FIELD))
 
 
 @pytest.mark.parametrize(('rise', 'kept'), [(1.5, True), (3.0, False), (-1.5, True), (-3.0, False)])
-def test_a_patch_is_an_outlier_from_a_third_of_the_depth_of_field_on(rise, kept):
+def test_a_patch_is_an_outlier_beyond_the_tolerance(rise, kept):
     heights = surface()
     heights[20:28, 30:38] += rise
     patch = np.zeros(heights.shape, bool)
     patch[20:28, 30:38] = True
 
     np.testing.assert_array_equal(find_outliers(heights, DEPTH_OF_FIELD).outliers, patch & (not kept))
-    # Without it heights are all that there is to go by.
+    # Without a depth of field only the heights decide.
     np.testing.assert_array_equal(find_outliers(heights).outliers, patch)
 
 

@@ -1,4 +1,4 @@
-"""Islands of one height are the surface's own."""
+"""Islands of one height are texture."""
 
 import numpy as np
 import pytest
@@ -10,18 +10,18 @@ from socialcircle_ros.circle.adaptive.texture import islands_of_one_height
 
 
 def dotted(rows, columns, random, heights_of_dots, share):
-    """Heights in quarters, so that sums are exact, and a lattice of dots of these heights, some of them told."""
+    """Heights in quarters, so that sums are exact; a lattice of dots with these heights, some of them islands."""
     generator = np.random.default_rng(random)
     heights = generator.integers(0, 2, (rows, columns)) / 4
-    told = np.zeros((rows, columns), bool)
+    islands = np.zeros((rows, columns), bool)
     for top in range(1, rows, 5):
         for left in range(1, columns, 5):
             side = generator.integers(1, 5)
             dot = slice(top, top + side), slice(left, left + side)
             heights[dot] += generator.choice(heights_of_dots)
-            told[dot] = generator.random() < share
+            islands[dot] = generator.random() < share
     heights[generator.random(heights.shape) < 0.05] = np.nan
-    return heights.astype(np.float32), told
+    return heights.astype(np.float32), islands
 
 
 DOTS = st.builds(
@@ -36,7 +36,7 @@ DOTS = st.builds(
 
 @settings(max_examples=200)
 @given(DOTS)
-def test_texture_is_that_of_the_reference(dots):
+def test_texture_equals_the_reference(dots):
     texture, number = islands_of_one_height(*dots)
 
     expected, expected_number = naive.islands_of_one_height(*dots)
@@ -70,12 +70,12 @@ def test_many_islands_of_one_height_are_kept_and_counted(rise):
     assert number == 12
 
 
-def test_few_are_not_nor_are_those_of_many_heights():
+def test_few_islands_or_islands_of_many_heights_are_not_kept():
     for heights in (lattice(7, [5.0]), lattice(12, [1.0, 2.0, 4.0, 8.0, 16.0])):
         assert not islands_of_one_height(heights, heights != 0)[0].any()
 
 
-def test_those_that_cover_next_to_nothing_of_the_cloud_are_not():
+def test_islands_that_cover_little_of_the_cloud_are_not_kept():
     heights = np.zeros((200, 200), np.float32)
     heights[:40, :60] = lattice(12, [5.0])
 

@@ -1,0 +1,59 @@
+"""Heights: relative to a middle one, and with holes filled."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive import adaptive as naive
+
+from socialcircle_ros.circle.adaptive.heights import relative_heights, with_holes_filled
+
+SHAPES = st.tuples(st.integers(1, 16), st.integers(1, 16))
+
+
+def test_float32_heights_are_not_changed():
+    heights = np.array([[1, np.nan], [3e38, -7]], np.float32)
+
+    np.testing.assert_array_equal(relative_heights(heights), heights)
+
+
+@pytest.mark.parametrize('offset', [0.0, 1e6, -(2.0**40)])
+def test_an_offset_costs_no_digits(offset):
+    heights = np.arange(-8, 9).reshape(1, -1) / 8
+
+    np.testing.assert_array_equal(relative_heights(heights + offset), heights.astype(np.float32))
+
+
+def quarters(shape, random, missing):
+    generator = np.random.default_rng(random)
+    heights = (generator.integers(-40, 40, shape) / 4).astype(np.float32)
+    heights[generator.random(shape) < missing] = np.nan
+    return heights
+
+
+@settings(max_examples=200)
+@given(
+    SHAPES, st.integers(0, 2**32), st.sampled_from([0.0, 0.3, 0.8]), st.sampled_from([0.05, 0.4, 0.8, 0.97, 1.0])
+)
+def test_filled_heights_equal_the_reference(shape, random, missing, share):
+    heights = quarters(shape, random, missing)
+    holes = np.random.default_rng(random + 1).random(shape) < share
+    before = heights.copy()
+
+    filled = with_holes_filled(heights, holes)
+
+    # The order of the sums in float64 is not specified; its effect is far below float32.
+    np.testing.assert_allclose(filled, naive.with_holes_filled(heights, holes), rtol=1e-6, atol=1e-6)
+    np.testing.assert_array_equal(filled[~holes], before[~holes])
+    np.testing.assert_array_equal(heights, before)
+    assert filled.dtype == np.float32
+
+
+def test_the_middle_of_too_deep_a_hole_stays_empty():
+    holes = np.zeros((40, 40), bool)
+    holes[10:30, 10:30] = True
+
+    filled = with_holes_filled(np.zeros((40, 40), np.float32), holes)
+
+    assert np.isnan(filled[19, 19])
+    assert np.count_nonzero(np.isnan(filled)) == 8 * 8  # six rings of twenty points are filled
