@@ -20,7 +20,7 @@ _Line = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 
 class _Plan(NamedTuple):
-    """How the columns of a window are sorted and merged in a buffer whose first rows are those of the window.
+    """How the columns of a window are sorted and merged in a buffer that begins with the rows of the window.
 
     Attributes:
         comparators: of all steps, one after the other.
@@ -40,7 +40,7 @@ class _Plan(NamedTuple):
 
 
 def median_filter(xyz: npt.ArrayLike, settings: MedianSettings | None = None) -> FilterResult:
-    """Remove the points whose height differs from the median of their window by more than a threshold.
+    """Remove the points that differ in height from the median of their window by more than a threshold.
 
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.

@@ -15,7 +15,7 @@ from .window import STRIP, load_row
 
 
 def statistical_filter(xyz: npt.ArrayLike, settings: StatisticalSettings | None = None) -> FilterResult:
-    """Remove the points whose mean distance to their nearest neighbours is unusually large.
+    """Remove the points with an unusually large mean distance to their nearest neighbours.
 
     This is PCL's StatisticalOutlierRemoval with a window instead of the k-d tree. The mean distance is over the
     `neighbours` nearest measured points of the window, or over all where there are fewer; without any it is Inf.

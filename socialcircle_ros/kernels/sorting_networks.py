@@ -1,9 +1,9 @@
 """Sorting networks: exact order statistics of many columns at once.
 
-A network is a fixed list of comparators. Each comparator is applied to two whole rows of a buffer whose columns
-are independent, so that the compiler turns it into a vector minimum and a vector maximum without a branch. The
-buffer must hold no NaN: write +Inf for what is not measured, which sorts to the end. Of two zeros with different
-signs either may be returned.
+A network is a fixed list of comparators. Each comparator is applied to two whole rows of a buffer with
+independent columns, so that the compiler turns it into a vector minimum and a vector maximum without a branch.
+The buffer must hold no NaN: write +Inf for what is not measured, which sorts to the end. Of two zeros with
+different signs either may be returned.
 
 The networks are Batcher's odd-even merge sort (D. E. Knuth, The Art of Computer Programming, volume 3, sections
 5.2.2 and 5.3.4, for two lists of any lengths) without the comparators that no wanted output depends on.

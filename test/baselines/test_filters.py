@@ -67,7 +67,7 @@ def test_median_filter_compares_the_residual(xyz, threshold):
 def test_median_threshold_follows_the_roughness():
     xyz, _ = rough(60, 80, np.float64)
     result = median_filter(xyz, MedianSettings(sigmas=4.0))
-    # The residuals of a normal roughness of 0.2, whose median window adds little.
+    # The residuals have a normal roughness of 0.2, to which the median window adds little.
     assert result.threshold == pytest.approx(4 * 0.2, rel=0.1)
 
 

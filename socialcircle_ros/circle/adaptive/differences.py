@@ -26,7 +26,7 @@ The unit is 1 / `STEPS_PER_SPREAD` of the spread. `MISSING` stands where one of 
 lies outside of the cloud."""
 
 STEPS_PER_SPREAD = 16
-"""Steps of a normalised difference per spread. 8 bits then reach ±7.9 spreads, and no rule looks further."""
+"""Steps of a normalised difference per spread. 8 bits then reach ±7.9 spreads, and no rule needs more."""
 MISSING = -128
 
 DOWN, RIGHT = (0, 1, 1, 1), (1, 0, 1, -1)

@@ -34,7 +34,7 @@ FLANK = 0.1
 _GROWTH = 2.5
 """Greatest ratio of the points of an island with its flank to those without."""
 _SURROUNDINGS = 16
-"""Side of the blocks whose mean relief is the surroundings, in points."""
+"""Side of the blocks of the surroundings, in points: the mean relief of a block is their height."""
 _LEAST_HEIGHT = 1.0
 """Only points that rise further above their surroundings belong to communities, in spreads."""
 _SMALL = 8

@@ -1,4 +1,4 @@
-"""Isolated points: outliers that are told by their neighbours alone, without a community."""
+"""Isolated points: outliers that their neighbours alone reveal, without a community."""
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ _Counts = npt.NDArray[np.int8]
 def isolated_points(differences: Differences) -> Mask:
     """Find the points that at most one neighbour is in touch with, and that lie above or below most of the others.
 
-    The second condition keeps the points of a steep wall, whose neighbours lie above and below.
+    The second condition keeps the points of a steep wall: they have neighbours above and below.
 
     Args:
         differences: (4, H, W) int8, as `normalised_differences` gives them.

@@ -25,7 +25,7 @@ _STRIDE, _STRIDES = 4, 2
 _NEAR = 2
 """Distance in points from an outlier within which points are tested as well: they may be its flanks."""
 _BESIDE = 1
-"""Points beyond the two ends of a step whose window sees both surfaces."""
+"""Points beyond the two ends of a step: their windows of the focus measure see both surfaces."""
 
 
 def beyond_tolerance(heights: HeightMap, found: Mask, depth_of_field: float) -> Mask:

@@ -1,8 +1,8 @@
 """The relief: a surface of the significant differences alone, flat wherever the cloud is smooth.
 
-It is the least-squares surface whose differences along rows and columns are the normalised differences beyond a
-threshold, and 0 elsewhere. That is a Poisson equation with free borders, as in gradient-domain image editing (R.
-Fattal, D. Lischinski, M. Werman, Gradient domain high dynamic range compression, 2002,
+Its differences along rows and columns are, by least squares, the normalised differences beyond a threshold, and
+0 elsewhere. That is a Poisson equation with free borders, as in gradient-domain image editing (R. Fattal, D.
+Lischinski, M. Werman, Gradient domain high dynamic range compression, 2002,
 https://doi.org/10.1145/566654.566573). Multigrid solves it, from the coarsest grid down. Slope and form are gone
 from it, so that communities can be sought in it by height.
 """

@@ -14,7 +14,7 @@ from .blocks import BlockRows, interpolate_columns, interpolate_row, median_of_b
 from .heights import HeightMap
 
 _BLOCK = 8
-"""Side of the blocks whose median difference is the local slope, in points."""
+"""Side of a block in points; the median difference in a block is its slope."""
 _ROW_STRIDE = 2
 """Every other row of a block is enough."""
 _IN_BLOCK = _BLOCK * _BLOCK // _ROW_STRIDE

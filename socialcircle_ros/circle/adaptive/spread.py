@@ -191,7 +191,7 @@ def _tile_spreads(
     """(end - first, w) float32: core spread of the differences along x and y in rows of tiles.
 
     It is relative to the cloud's spread, and NaN where a tile has too few differences. `room` is the greatest
-    number of differences that are looked at in a tile; `sort` sorts as many.
+    number of differences that are sampled in a tile; `sort` sorts as many.
     """
     height, width = surface.heights.shape
     columns = (width + tile_side - 1) // tile_side
