@@ -1,7 +1,37 @@
-"""The exact medians of the distances (section 3.2.1, eq. 5)."""
+"""The exact medians of the distances between the voters (section 3.2.1, eq. 5).
+
+mu_p is the median of the distances from p to all other voters. Sorting the distances of n points takes
+O(n² log n) time. This module finds the same numbers, to the last bit, by counting how many points lie within a
+sphere, in four steps for each point p:
+
+1. Predict. Neighbours have similar medians: that of the point before, and a gradient that is learned on the way,
+   predict mu_p. Two spheres round p, one below and one above the prediction, enclose a shell.
+2. Count. Leaves of a k-d tree inside the inner sphere are counted as a whole. Leaves outside the outer sphere are
+   skipped. Distances are computed only for the leaves that reach into the shell. If the median is not in the
+   shell, the counts show it, and the shell is widened.
+3. Narrow. A few passes over these distances reduce the shell to a few dozen candidates.
+4. Decide. The candidates' distances are computed in float64, and the median is selected from them.
+
+Squared distances have the same order as distances. Roots are taken only of the one or two middle values.
+
+Steps 1 to 3 use float32 with half of the region's extent as the unit, which is twice as fast as float64. The
+result is exact nevertheless:
+
+- Boxes of leaves are compared by the same operations as points, and rounding is monotone. So the bounds of a box
+  hold for the float32 distances of its points to the last bit, and step 2 counts without error.
+- A float32 distance differs from the float64 distance by less than `_ERROR`. Rounded coordinates (at most 1) and
+  their rounded differences (at most 2) contribute 5e-7; squares, sums and thresholds contribute 6e-7.
+- The candidate that has the median's rank is accepted if it is more than `_ERROR` inside the shell: all points
+  outside the shell are then on the same side of it in float64 as in float32.
+- Otherwise the shell is widened by twice `_ERROR` on both sides, once. That is enough: the medians of the float32
+  and of the float64 distances differ by less than `_ERROR`, and a point that is more than twice that away from
+  the first is on the same side of the second.
+
+The code uses twice these margins, so that the rounding of the bounds themselves does not matter.
+"""
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numba.cpython.unsafe.numbers import trailing_zeros
@@ -9,170 +39,175 @@ from numba.cpython.unsafe.numbers import trailing_zeros
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .kd_tree import LEAF, fill_leaves, plant
+from .arrays import Floats32, Floats64, Integers
+from .kd_tree import LEAF_SIZE, Leaves, Points, build_leaves
 from .selection import select
 
-_ERROR = 1.5e-6  # of a float32 distance between points of a cloud that reaches from -1 to 1
-_FEW = 8  # so many ranks to each side a value is sought one by one
+Box = tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.float32]
+"""The least x, y and z, and the greatest x, y and z."""
+
+_ERROR = 1.5e-6
+"""Upper bound of the error of a float32 distance, for coordinates from -1 to 1."""
+
+_FAR_STEP = 0.25
+"""Of the radius: a longer step leads to a point off the surface, for which the prediction does not hold."""
+
+_UNCERTAINTY = 0.15
+"""Of a step: half the width of the shell round the predicted radius."""
+
+_UNCERTAINTY_FAR = 0.8
+"""The same after a step that is too long for a prediction."""
+
+_CANDIDATES = 32
+"""So few candidates are not narrowed further."""
+
+_RANKS = 8
+"""Half the width of a narrowed shell, in ranks."""
+
+_WORD = 64
+"""Bits of a word: so many comparisons are stored at once. Arrays have room for as many entries more."""
+
+_LEAST_POINTS_PER_BAND = 400
+
 _ZERO, _ONE = np.uint64(0), np.uint64(1)
-_FAR = 0.25  # of the radius: a step beyond leads to a point off the surface
-_DOUBT = 0.15  # of a step: how far the radius may be off the one that is expected
-_ENOUGH = 32  # so few values are looked at one by one
-_LEAST_POINTS = 400  # of a band that is worth a thread
 
 
-def median_distances(x: Any, y: Any, z: Any) -> Any:
-    """mu_p (eq. 5) of each point p, (n,), exactly as sorting all distances gives it.
+class _Work(NamedTuple):
+    """Working memory of a thread, for points in L leaves."""
 
-    Squares have the same order as their roots: the median is sought among the squared distances, and only its
-    one or two members are rooted. Its radius is nearly that of a point before, a neighbour, and changes with the
-    place as it did there, so that only points near a sphere have to be looked at one by one. The others are
-    counted by whole leaves of a k-d tree, whose boxes lie within or beyond that sphere. Where the guess was wrong,
-    counts show it, and it is widened.
+    near: Integers
+    """(L + 64,) for all points of the leaf at hand: the leaves that may reach into a shell."""
+    near_sizes: Integers
+    """(L + 64,) how many points these have."""
+    near_boxes: Floats32
+    """(6, L + 64) their boxes."""
+    examined: Integers
+    """(L + 64,) for the point at hand: the leaves that may reach into its shell."""
+    least: Floats32
+    """(L + 64,) the least squared distance that the points of a leaf can have."""
+    most: Floats32
+    """(L + 64,) the greatest one."""
+    squared: Floats32
+    """(32 L + 64,) squared distances to the points of the examined leaves; NaN for empty slots."""
+    candidates: Floats64
+    """(n,) squared distances to the candidates."""
 
-    All this is done in float32, with the region's half extent as the unit, which is twice as fast. A box bounds
-    its points' distances to the last bit, because both are computed alike, and rounding never changes an order.
-    A float32 distance is off the float64 one by less than `_ERROR`: rounded coordinates (at most 1) and their
-    rounded differences (at most 2) make 5e-7 in space, squares, sums and thresholds another 6e-7. The last two
-    dozen, all whose float32 distances lie between two bounds, are looked at in float64. Who has the rank among
-    them is the median, if he is more than `_ERROR` within these bounds: then all others are on the same side of
-    him in float64. Else the bounds are widened by twice that, which is enough: the median of the ones is not
-    farther off the median of the others, and who is more than twice that from the first is on the same side of
-    the second. Twice what is needed is asked for, so that the rounding of bounds plays no part.
 
-    Leaves are shared among threads: each point's median is exact, wherever the search for it began.
+class _Shell(NamedTuple):
+    """Bounds of squared distances, and what the counts say."""
+
+    low: np.float32
+    high: np.float32
+    below: int
+    """How many values are below `low`."""
+    up_to: int
+    """How many values are not above `high`."""
+
+
+def median_distances(points: Points) -> Floats64:
+    """Return mu_p (eq. 5) of each point p: the median of its distances to the other points.
+
+    Args:
+        points: (3, n).
+
+    Returns:
+        (n,); equal to the median of the sorted distances to the last bit. 0 for a single point.
     """
-    n = len(x)
+    n = points.shape[1]
     mu = np.zeros(n)
     if n < 2:
         return mu
-    lows, highs = np.array([x.min(), y.min(), z.min()]) / 2, np.array([x.max(), y.max(), z.max()]) / 2
-    extent, error = float((highs - lows).max()), _ERROR
-    if not 1e-100 < extent < 1e100:  # float64 squares lose digits there: every point is looked at
-        extent, error = math.inf, math.inf
-    order, starts = np.arange(n), np.empty(n + 1, np.int64)
-    leaves = plant(x, y, z, order, starts, np.empty((n + 1, 2), np.int64))
-    sizes, starts = np.diff(starts[: leaves + 1]), starts[:leaves]
-    points = np.full((3, leaves * LEAF), np.nan, np.float32)  # what is no point is nowhere
-    exact = np.zeros((leaves * LEAF, 3))  # one after the other, because they are looked up here and there
-    boxes = np.empty((6, leaves), np.float32)
-    fill_leaves(x, y, z, order, starts, sizes, lows + highs, extent, points, exact, boxes)
+    leaves = build_leaves(points)
 
     def find(band: slice) -> None:
-        work = (
-            np.empty((8, leaves + 64), np.float32),
-            np.empty((3, leaves + 64), np.int64),
-            np.empty(leaves * LEAF + 64, np.float32),
-            np.empty(n),
-        )
-        first, last = np.searchsorted(starts, (band.start, band.stop))
-        _find_medians(exact, order, starts, sizes, points, boxes, extent, error, first, last, *work, mu)
+        # The search of each thread begins with another prediction, but the medians are exact.
+        first, last = np.searchsorted(leaves.starts, (band.start, band.stop))
+        _find_medians(leaves, first, last, _allocate(leaves), mu)
 
-    in_bands(find, n, 1, _LEAST_POINTS)
+    in_bands(find, n, 1, _LEAST_POINTS_PER_BAND)
     return mu
 
 
-@kernel
-def _find_medians(
-    exact: Any,
-    order: Any,
-    starts: Any,
-    sizes: Any,
-    points: Any,
-    boxes: Any,
-    extent: float,
-    error: float,
-    first: int,
-    last: int,
-    bounds: Any,
-    names: Any,
-    squared: Any,
-    distances: Any,
-    mu: Any,
-) -> None:
-    """The loop of `median_distances` over the points of the leaves from `first` to before `last`.
+def _allocate(leaves: Leaves) -> _Work:
+    room = len(leaves.starts) + _WORD
+    return _Work(
+        near=np.empty(room, np.int64),
+        near_sizes=np.empty(room, np.int64),
+        near_boxes=np.empty((6, room), np.float32),
+        examined=np.empty(room, np.int64),
+        least=np.empty(room, np.float32),
+        most=np.empty(room, np.float32),
+        squared=np.empty(len(leaves.starts) * LEAF_SIZE + _WORD, np.float32),
+        candidates=np.empty(len(leaves.order)),
+    )
 
-    Of n points `order`ed into L leaves with `starts` and `sizes`, (L,). Float64: `exact` (32 L, 3). Float32:
-    `points` (3, 32 L) and `boxes` (6, L). For work: `bounds` (8, L + 64), `names` (3, L + 64), `squared`
-    (32 L + 64,) and `distances` (n,).
-    """
-    n, leaves = len(order), len(starts)
-    upper_rank = (n - 1) // 2 + 1  # behind p itself, whose distance 0 comes first
+
+@kernel
+def _find_medians(leaves: Leaves, first: int, last: int, work: _Work, mu: Floats64) -> None:
+    """Write mu, (n,), of the points of the leaves from `first` to before `last`."""
+    order, starts, sizes, exact, scaled, boxes, extent = leaves
+    near, near_sizes, near_boxes, examined, least, most, squared, candidates = work
+    n, error = len(order), _ERROR if extent < math.inf else math.inf
+    upper_rank = (n - 1) // 2 + 1  # rank 0 is the distance of p from itself
     lower_rank = upper_rank - (n % 2)
-    # For the leaf at hand, the leaves that are neither within nor beyond the spheres of all of its points.
-    near, near_sizes, looked_at = names[0], names[1], names[2]
-    near_boxes, least, most = bounds[:6], bounds[6], bounds[7]
-    # A point before: its place, its radius, and how radii change from there on. Not one that lies far off.
+    # The prediction starts from a point before: its place, its radius, and the gradient of the radius.
     radius, strayed = math.inf, False
-    ox, oy, oz = points[0, first * LEAF], points[1, first * LEAF], points[2, first * LEAF]
+    ox, oy, oz = scaled[0, first * LEAF_SIZE], scaled[1, first * LEAF_SIZE], scaled[2, first * LEAF_SIZE]
     gx, gy, gz = 0.0, 0.0, 0.0
     for leaf in range(first, last):
         box = boxes[0, leaf], boxes[1, leaf], boxes[2, leaf], boxes[3, leaf], boxes[4, leaf], boxes[5, leaf]
         half = math.sqrt((box[3] - box[0]) ** 2 + (box[4] - box[1]) ** 2 + (box[5] - box[2]) ** 2) / 2
-        within, beyond, inside, count = math.inf, -math.inf, 0, 0
+        near_inner, near_outer, inside, near_count = math.inf, -math.inf, 0, 0
         for i in range(sizes[leaf]):
-            p, place = order[starts[leaf] + i], leaf * LEAF + i
-            px, py, pz = points[0, place], points[1, place], points[2, place]
-            ax, ay, az = exact[place, 0], exact[place, 1], exact[place, 2]
+            slot = leaf * LEAF_SIZE + i
+            px, py, pz = scaled[0, slot], scaled[1, slot], scaled[2, slot]
+            # 1. Predict.
             dx, dy, dz = float(px - ox), float(py - oy), float(pz - oz)
             step = math.sqrt(dx * dx + dy * dy + dz * dz)
-            far = not step < _FAR * radius
+            far = not step < _FAR_STEP * radius
             guess = radius if far else radius + (gx * dx + gy * dy + gz * dz)
-            reach = (0.8 if far else _DOUBT) * step + error
+            reach = (_UNCERTAINTY_FAR if far else _UNCERTAINTY) * step + error
+            # 2. Count, and widen the shell until the median is in it.
             while True:
                 inner, outer = guess - reach, guess + reach
                 if guess == math.inf:
                     inner = -math.inf
-                if inner < within or outer > beyond:
-                    within, beyond = inner - half, outer + half
-                    _bound(boxes, leaves, box, least, most)
-                    low, high = _square(within - 3 * error), _square(beyond + 3 * error)
-                    inside, count = _choose(least, most, sizes, leaves, low, high, near)
-                    for j in range(count):
-                        near_sizes[j] = sizes[near[j]]
-                        for end in range(6):
-                            near_boxes[end, j] = boxes[end, near[j]]
-                _bound(near_boxes, count, (px, py, pz, px, py, pz), least, most)
+                if inner < near_inner or outer > near_outer:
+                    near_inner, near_outer = inner - half, outer + half
+                    low, high = _square(near_inner - 3 * error), _square(near_outer + 3 * error)
+                    inside, near_count = _gather_near(leaves, box, low, high, work)
+                _bound(near_boxes, near_count, (px, py, pz, px, py, pz), least, most)
                 low, high = _square(inner - 3 * error), _square(outer + 3 * error)
-                below, m = _choose(least, most, near_sizes, count, low, high, looked_at)
+                below, count = _choose(least, most, near_sizes, near_count, low, high, examined)
                 below += inside
-                for j in range(m):
-                    looked_at[j] = near[looked_at[j]]
-                    _distances(points, looked_at[j], px, py, pz, squared, j)
-                values, low, high = squared[: m * LEAF], _square(inner), _square(outer)
-                under, upto = _counts(values, low, high)
-                if below + under <= lower_rank and upper_rank < below + upto:
+                for j in range(count):
+                    examined[j] = near[examined[j]]
+                    _distances(scaled, examined[j], px, py, pz, squared, j)
+                values = squared[: count * LEAF_SIZE]
+                shell = _counted(values, _square(inner), _square(outer))
+                if below + shell.below <= lower_rank and upper_rank < below + shell.up_to:
                     break
                 reach *= 3
                 if not reach < 4 * radius:
                     guess = math.inf
-            low, high, under = _narrowed(values, low, high, under, upto, lower_rank - below, upper_rank - below)
-            for j in range(m * LEAF, m * LEAF + 64):  # the last 64 may reach there
+            # 3. Narrow.
+            shell = _narrowed(values, shell, lower_rank - below, upper_rank - below)
+            # 4. Decide.
+            for j in range(count * LEAF_SIZE, count * LEAF_SIZE + _WORD):  # the last word may reach beyond
                 squared[j] = np.nan
             sure = False
             while True:
-                candidates = 0
-                for start in range(0, m * LEAF, 64):
-                    between = _between(squared, start, low, high)
-                    while between:
-                        at = start + trailing_zeros(between)
-                        between &= between - _ONE
-                        q = looked_at[at // LEAF] * LEAF + at % LEAF
-                        ex, ey, ez = exact[q, 0] - ax, exact[q, 1] - ay, exact[q, 2] - az
-                        distances[candidates] = (ex * ex + ey * ey) + ez * ez
-                        candidates += 1
-                found = distances[:candidates]
-                upper = math.sqrt(select(found, upper_rank - below - under))
+                found = candidates[: _collect(exact, slot, examined, squared, count, shell, candidates)]
+                upper = math.sqrt(select(found, upper_rank - below - shell.below))
                 lower = upper
                 if lower_rank < upper_rank:
-                    lower = math.sqrt(found[: upper_rank - below - under].max())
-                low_radius, high_radius = math.sqrt(low) + 2 * error, math.sqrt(high) - 2 * error
-                if sure or (low_radius <= lower / extent and upper / extent <= high_radius):
+                    lower = math.sqrt(found[: upper_rank - below - shell.below].max())
+                inner, outer = math.sqrt(shell.low) + 2 * error, math.sqrt(shell.high) - 2 * error
+                if sure or (inner <= lower / extent and upper / extent <= outer):
                     break
-                low, high = _square(low_radius - 4 * error), _square(high_radius + 4 * error)
-                under = _counts(values, low, high)[0]
+                shell = _counted(values, _square(inner - 4 * error), _square(outer + 4 * error))
                 sure = True
-            mu[p] = (lower + upper) / 2 if lower_rank < upper_rank else upper
+            mu[order[starts[leaf] + i]] = (lower + upper) / 2 if lower_rank < upper_rank else upper
             if strayed or not far:
                 change = upper / extent - radius
                 if not far and step > 0:
@@ -183,14 +218,57 @@ def _find_medians(
 
 
 @kernel
-def _square(radius: float) -> Any:
-    """The square of a radius as a threshold of float32 distances; nothing is within a negative radius."""
+def _gather_near(leaves: Leaves, box: Box, low: np.float32, high: np.float32, work: _Work) -> tuple[int, int]:
+    """Write the leaves that may have squared distances from low to high, for any point in the box.
+
+    Returns:
+        The number of points in the leaves below, and the number of leaves written.
+    """
+    sizes, boxes = leaves.sizes, leaves.boxes
+    near, near_sizes, near_boxes, least, most = work.near, work.near_sizes, work.near_boxes, work.least, work.most
+    _bound(boxes, len(sizes), box, least, most)
+    below, count = _choose(least, most, sizes, len(sizes), low, high, near)
+    for j in range(count):
+        near_sizes[j] = sizes[near[j]]
+        for end in range(6):
+            near_boxes[end, j] = boxes[end, near[j]]
+    return below, count
+
+
+@kernel
+def _collect(
+    exact: Floats64,
+    slot: int,
+    examined: Integers,
+    squared: Floats32,
+    count: int,
+    shell: _Shell,
+    candidates: Floats64,
+) -> int:
+    """Write the float64 squared distances of the candidates from the point in a slot; return their number."""
+    px, py, pz = exact[slot, 0], exact[slot, 1], exact[slot, 2]
+    found = 0
+    for start in range(0, count * LEAF_SIZE, _WORD):
+        between = _between(squared, start, shell.low, shell.high)
+        while between:
+            at = start + trailing_zeros(between)
+            between &= between - _ONE
+            q = examined[at // LEAF_SIZE] * LEAF_SIZE + at % LEAF_SIZE
+            dx, dy, dz = exact[q, 0] - px, exact[q, 1] - py, exact[q, 2] - pz
+            candidates[found] = (dx * dx + dy * dy) + dz * dz
+            found += 1
+    return found
+
+
+@kernel
+def _square(radius: float) -> np.float32:
+    """Return the square of a radius as a threshold of float32 distances; 0 for a negative radius."""
     return np.float32(radius * radius) if radius > 0 else np.float32(0)
 
 
 @kernel
-def _bound(boxes: Any, count: int, box: Any, least: Any, most: Any) -> None:
-    """Write the least and the most squared distance that points in each of the `boxes` can have from `box`."""
+def _bound(boxes: Floats32, count: int, box: Box, least: Floats32, most: Floats32) -> None:
+    """Write the least and the greatest squared distance that points in each of the `boxes` can have from `box`."""
     x0, y0, z0, x1, y1, z1 = boxes[0], boxes[1], boxes[2], boxes[3], boxes[4], boxes[5]
     a0, b0, c0, a1, b1, c1 = box
     none = np.float32(0)
@@ -204,20 +282,29 @@ def _bound(boxes: Any, count: int, box: Any, least: Any, most: Any) -> None:
 
 
 @kernel
-def _choose(least: Any, most: Any, sizes: Any, count: int, low: Any, high: Any, chosen: Any) -> tuple[int, int]:
-    """Write which leaves may have distances from low to high.
+def _choose(
+    least: Floats32,
+    most: Floats32,
+    sizes: Integers,
+    count: int,
+    low: np.float32,
+    high: np.float32,
+    chosen: Integers,
+) -> tuple[int, int]:
+    """Write the indices of the leaves that may have squared distances from low to high to `chosen`.
 
-    `least`, `most` and `chosen` have room for 64 more leaves, because so many are asked at once: as the bits of a
-    word this is vectorised.
+    The comparisons of 64 leaves become the bits of a word: LLVM vectorises that, but no loop with a branch. So all
+    arrays have room for 64 leaves more than `count`.
 
-    Returns how many points the leaves below have, and how many leaves it wrote.
+    Returns:
+        The number of points in the leaves below, and the number of leaves chosen.
     """
     below, m = 0, 0
     for i in range(count):
         below += sizes[i] * (most[i] < low)
-    for start in range(0, count, 64):
+    for start in range(0, count, _WORD):
         bits = _ZERO
-        for lane in range(64):
+        for lane in range(_WORD):
             at = np.uint64(start) + np.uint64(lane)
             bits |= np.uint64((most[at] >= low) & (least[at] <= high)) << np.uint64(lane)
         while bits:
@@ -228,63 +315,67 @@ def _choose(least: Any, most: Any, sizes: Any, count: int, low: Any, high: Any, 
 
 
 @kernel
-def _distances(points: Any, leaf: int, px: Any, py: Any, pz: Any, squared: Any, place: int) -> None:
-    """Write the squared distances of a leaf's points from p as the leaf at `place`."""
-    x, y, z = points[0], points[1], points[2]
-    start, to = np.uint64(leaf * LEAF), np.uint64(place * LEAF)
-    for i in range(LEAF):
+def _distances(
+    scaled: Floats32, leaf: int, px: np.float32, py: np.float32, pz: np.float32, squared: Floats32, position: int
+) -> None:
+    """Write the squared distances from p to the points of a leaf, as the leaf at `position` in `squared`."""
+    x, y, z = scaled[0], scaled[1], scaled[2]
+    start, to = np.uint64(leaf * LEAF_SIZE), np.uint64(position * LEAF_SIZE)
+    for i in range(LEAF_SIZE):
         q = start + np.uint64(i)
         dx, dy, dz = x[q] - px, y[q] - py, z[q] - pz
         squared[to + np.uint64(i)] = (dx * dx + dy * dy) + dz * dz
 
 
 @kernel
-def _counts(values: Any, low: Any, high: Any) -> tuple[int, int]:
-    """How many values are below `low`, and how many are not above `high`.
+def _counted(values: Floats32, low: np.float32, high: np.float32) -> _Shell:
+    """Count the values below `low`, and those not above `high`.
 
-    In numbers as wide as the values: so many more fit into a vector.
+    The counters are as wide as the values, so that more of them fit into a vector. The loop runs over indices,
+    because LLVM does not vectorise one over the values.
     """
-    under, upto = np.int32(0), np.int32(0)
-    for i in range(len(values)):  # by index: a loop over the values themselves is not vectorised
-        under = np.int32(under + np.int32(values[i] < low))
-        upto = np.int32(upto + np.int32(values[i] <= high))
-    return int(under), int(upto)
+    below, up_to = np.int32(0), np.int32(0)
+    for i in range(len(values)):
+        below = np.int32(below + np.int32(values[i] < low))
+        up_to = np.int32(up_to + np.int32(values[i] <= high))
+    return _Shell(low, high, int(below), int(up_to))
 
 
 @kernel
-def _between(values: Any, first: int, low: Any, high: Any) -> Any:
-    """Which of 64 values are from low to high, as the bits of a word: this is vectorised, picking them is not."""
+def _between(values: Floats32, first: int, low: np.float32, high: np.float32) -> np.uint64:
+    """Return which of 64 values are from low to high, as the bits of a word.
+
+    LLVM vectorises this loop, but not one that collects the values.
+    """
     bits = _ZERO
-    for i in range(64):
+    for i in range(_WORD):
         value = values[np.uint64(first) + np.uint64(i)]
         bits |= np.uint64((value >= low) & (value <= high)) << np.uint64(i)
     return bits
 
 
 @kernel
-def _narrowed(
-    values: Any, low: Any, high: Any, under: int, upto: int, lower_rank: int, upper_rank: int
-) -> tuple[Any, Any, int]:
-    """Narrower bounds between which the values at both ranks lie, and how many values are under the lower one.
+def _narrowed(values: Floats32, shell: _Shell, lower_rank: int, upper_rank: int) -> _Shell:
+    """Return a narrower shell that still contains the values at both ranks.
 
-    `under` and `upto` are the counts at the first bounds.
-
-    Squared distances from a point on a surface are spread evenly, so that a rank tells the value within a few.
+    Squared distances from a point on a surface are evenly distributed, so that linear interpolation between the
+    counts finds a rank to within a few.
     """
+    low, high, below, up_to = shell.low, shell.high, shell.below, shell.up_to
     for _ in range(8):
-        if upto - under <= _ENOUGH or high == math.inf:
+        if up_to - below <= _CANDIDATES or high == math.inf:
             break
-        per_rank = (high - low) / (upto - under)
-        middle = low + (upper_rank - under) * per_rank
-        new_low = max(np.float32(middle - _FEW * per_rank), low)
-        new_high = min(np.float32(middle + _FEW * per_rank), high)
-        new_under, new_upto = _counts(values, new_low, new_high)
-        if new_under <= lower_rank and upper_rank < new_upto:
-            low, high, under, upto = new_low, new_high, new_under, new_upto
-        elif upper_rank < new_under:
-            high, upto = new_low, new_under
-        elif new_upto <= lower_rank:
-            low, under = np.nextafter(new_high, np.float32(np.inf)), new_upto
+        per_rank = (high - low) / (up_to - below)
+        middle = low + (upper_rank - below) * per_rank
+        new_low = max(np.float32(middle - _RANKS * per_rank), low)
+        new_high = min(np.float32(middle + _RANKS * per_rank), high)
+        new = _counted(values, new_low, new_high)
+        if new.below <= lower_rank and upper_rank < new.up_to:
+            low, high, below, up_to = new_low, new_high, new.below, new.up_to
+        elif upper_rank < new.below:
+            high, up_to = new_low, new.below
+        elif new.up_to <= lower_rank:
+            low, below = np.nextafter(new_high, np.float32(np.inf)), new.up_to
         else:
             break
-    return low, high, under
+    return _Shell(low, high, below, up_to)

@@ -1,8 +1,20 @@
-"""The choice of the vote region T (section 3.2.1)."""
+"""The choice of the vote region T (section 3.2.1), where the user gives none.
+
+The paper lets the user select a smooth area of at least 60×60 points. Here it is selected by a rule that is the
+same for each cloud:
+
+1. Candidates of 60×60 points begin at each 30th row and column, and at the last possible ones.
+2. At most 64 of them, evenly spread, are compared, so that the choice takes the same time for any cloud.
+3. Candidates with less than 95 % of their points measured are dropped.
+4. The smoothest of the others is chosen: that with the lowest median of the second differences of its heights. A
+   tilt has no second difference, and a few outliers do not change a median.
+5. If step 3 drops more than half of them, the measured points of all candidates are counted. Candidates with at
+   least 95 % of the highest count take the place of the evenly spread ones.
+"""
 
 import math
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,125 +24,164 @@ from socialcircle_ros.errors import NoSeedError
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
+from .arrays import Floats, Floats64, Indices, Integers
 from .selection import select
 
 Region = tuple[int, int, int, int]
 """Row and column of the first point, height and width, in points."""
 
 SIDE = 60
-"""Side of a chosen region: the paper wants at least 60 points."""
+"""Side of a chosen region: the paper asks for at least 60 points."""
 
 CANDIDATES = 64
-"""So many candidates are compared for their roughness, so that the choice costs the same for any cloud."""
+"""Most candidates that are compared."""
 
 _WELL_MEASURED = 0.95
 
 
-def choose_region(xyz: Cloud) -> Region:
-    """A region T that is as fully measured and as smooth as possible, always the same for the same cloud.
+class _Axis(NamedTuple):
+    """The candidates along rows or along columns."""
 
-    Candidates of 60×60 points stand half a side apart, and 64 of them, evenly picked, are looked at. Of those
-    with at least 95 % of their points measured, the one with the least median second difference of the heights
-    wins: a tilt or a few outliers do not make a surface rough. Where these are less than half, all candidates are
-    counted, and 64 of those with at least 95 % of the best one's measured points are compared instead.
+    side: int
+    """Of a candidate."""
+    starts: Integers
+    """(C,) where each candidate begins."""
+    edges: Integers
+    """(E,) all places where a candidate begins or ends, ascending."""
+    first: Indices
+    """(C,) the index of the edge where each candidate begins."""
+    last: Indices
+    """(C,) the index of the edge where each candidate ends."""
+
+
+class _Smoothest(NamedTuple):
+    """The smoothest of several candidates; of equally smooth ones the first."""
+
+    roughness: float
+    top: int
+    left: int
+    compared: int
+    """How many candidates had enough measured points to be compared."""
+
+
+class _Work(NamedTuple):
+    """Working memory for one candidate of h×w points."""
+
+    line: Floats
+    """(4, w + 2), of the cloud's type."""
+    heights: Floats64
+    """(h, w)."""
+    differences: Floats64
+    """(2, h, w) along rows and along columns. Comes full of NaN: the points at the ends have no difference."""
+    known: Floats64
+    """(2 h w,)."""
+
+
+def choose_region(xyz: Cloud) -> Region:
+    """Return a region T that is as fully measured and as smooth as possible.
 
     Args:
         xyz: (H, W, 3) organized cloud.
 
     Returns:
-        The region, smaller than 60×60 only where the cloud is.
+        The region; smaller than 60×60 only where the cloud is.
 
     Raises:
-        NoSeedError: nothing is measured.
+        NoSeedError: no point is measured.
     """
     rows, columns = (_candidates(extent) for extent in xyz.shape[:2])
-    height, width = rows.side, columns.side
     memory = flattened(xyz)
-
-    def compare(picked: npt.NDArray[np.intp], least: float) -> tuple[int, int, int]:
-        tops = rows.starts[picked // len(columns.starts)]
-        lefts = columns.starts[picked % len(columns.starts)]
-
-        def compare_band(band: slice) -> tuple[float, int, int]:
-            differences = np.full((2, height, width), np.nan)  # along rows, along columns; the ends have none
-            line, heights = np.empty((4, width + 2), xyz.dtype), np.empty((height, width))
-            work = line, heights, differences, np.empty(differences.size)
-            roughness, best, count = _smoothest(*memory, tops[band], lefts[band], least, *work)
-            return roughness, band.start + best, count
-
-        found = [band for band in in_bands(compare_band, len(tops), height * width) if band[2]]
-        _, best, _ = min(found, default=(math.inf, 0, 0))
-        return int(tops[best]), int(lefts[best]), sum(count for *_, count in found)
-
-    picked = _evenly_picked(np.arange(len(rows.starts) * len(columns.starts)))
-    top, left, count = compare(picked, _WELL_MEASURED * height * width)
-    if 2 * count < len(picked):
-        counts = _count_candidates(memory, rows, columns, xyz.shape[:2])
+    sample = _evenly_spread(np.arange(len(rows.starts) * len(columns.starts)))
+    chosen = _compare(memory, rows, columns, sample, _WELL_MEASURED * rows.side * columns.side)
+    if 2 * chosen.compared < len(sample):
+        counts = _count_candidates(memory, rows, columns)
         if counts.max() == 0:
             raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
         least = _WELL_MEASURED * float(counts.max())
-        top, left, _ = compare(_evenly_picked(np.flatnonzero(counts >= least)), least)
-    return top, left, height, width
+        chosen = _compare(memory, rows, columns, _evenly_spread(np.flatnonzero(counts >= least)), least)
+    return chosen.top, chosen.left, rows.side, columns.side
 
 
-def _evenly_picked(candidates: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """At most 64 of them."""
+@lru_cache(maxsize=8)
+def _candidates(extent: int) -> _Axis:
+    """Return the candidates along an axis of `extent` points. All clouds of an instrument have the same ones."""
+    side = min(SIDE, extent)
+    starts = np.union1d(np.arange(0, extent - side + 1, SIDE // 2), extent - side)
+    edges = np.union1d(starts, starts + side)
+    return _Axis(side, starts, edges, np.searchsorted(edges, starts), np.searchsorted(edges, starts + side))
+
+
+def _evenly_spread(candidates: Indices) -> Indices:
+    """Return at most 64 of the candidates."""
     if len(candidates) <= CANDIDATES:
         return candidates
     return candidates[np.arange(CANDIDATES) * len(candidates) // CANDIDATES]
 
 
-def _count_candidates(
-    memory: Memory, rows: '_Candidates', columns: '_Candidates', shape: tuple[int, int]
-) -> npt.NDArray[np.int64]:
-    """How many points of each of all candidates are measured, (n,), in row order, from one pass over the cloud.
+def _compare(memory: Memory, rows: _Axis, columns: _Axis, candidates: Indices, least: float) -> _Smoothest:
+    """Find the smoothest of the candidates that have at least `least` measured points.
 
-    Candidates overlap: measured points are counted between all of their edges, and then added up.
+    Args:
+        memory: the cloud.
+        rows: the candidates along rows.
+        columns: the candidates along columns.
+        candidates: (n,) indices of the candidates to compare, in row order of all.
+        least: number of points.
     """
-    between = np.zeros((len(rows.edges) - 1, shape[1]), np.uint8)  # a side has fewer than 256 points
+    height, width = rows.side, columns.side
+    tops = rows.starts[candidates // len(columns.starts)]
+    lefts = columns.starts[candidates % len(columns.starts)]
+
+    def compare_band(band: slice) -> _Smoothest:
+        work = _Work(
+            line=np.empty((4, width + 2), memory[0].dtype),
+            heights=np.empty((height, width)),
+            differences=np.full((2, height, width), np.nan),
+            known=np.empty(2 * height * width),
+        )
+        roughness, best, compared = _find_smoothest(memory, tops[band], lefts[band], least, work)
+        return _Smoothest(roughness, int(tops[band][best]), int(lefts[band][best]), compared)
+
+    bands = in_bands(compare_band, len(tops), height * width)
+    # Of equal roughness the first in row order: rows and columns are compared next.
+    smoothest = min((band for band in bands if band.compared), default=bands[0])
+    return smoothest._replace(compared=sum(band.compared for band in bands))
+
+
+def _count_candidates(memory: Memory, rows: _Axis, columns: _Axis) -> Integers:
+    """Count the measured points of all candidates, (n,), in row order, in one pass over the cloud.
+
+    Candidates overlap. So the points between all edges are counted, and the counts are added up.
+    """
+    height, width = int(rows.edges[-1]), int(columns.edges[-1])
+    between = np.zeros((len(rows.edges) - 1, width), np.uint8)  # at most 60 in a column between two edges
 
     def count(band: slice) -> None:
         line = np.empty((4, band.stop - band.start + 2), memory[0].dtype)
-        _count_measured(*memory, rows.edges, band.start, line, between[:, band])
+        _count_measured(memory, rows.edges, band.start, line, between[:, band])
 
-    in_bands(count, shape[1], shape[0])
+    in_bands(count, width, height)
     cells = np.add.reduceat(between, columns.edges[:-1], axis=1, dtype=np.int64)
     sums = np.pad(cells.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     sums = sums[rows.last] - sums[rows.first]
-    counts: npt.NDArray[np.int64] = sums[:, columns.last] - sums[:, columns.first]
+    counts: Integers = sums[:, columns.last] - sums[:, columns.first]
     return counts.ravel()
-
-
-class _Candidates(NamedTuple):
-    """Where candidates lie along an axis: the last one ends with it."""
-
-    side: int
-    starts: npt.NDArray[np.int64]
-    edges: npt.NDArray[np.int64]
-    """All places where one begins or ends, ascending."""
-    first: npt.NDArray[np.intp]
-    """Which edge each begins with."""
-    last: npt.NDArray[np.intp]
-    """Which edge each ends with."""
-
-
-@lru_cache(maxsize=8)
-def _candidates(extent: int) -> _Candidates:
-    """The candidates along an axis of `extent` points; it is the same for all clouds of an instrument."""
-    side = min(SIDE, extent)
-    starts = np.union1d(np.arange(0, extent - side + 1, SIDE // 2), extent - side)
-    edges = np.union1d(starts, starts + side)
-    return _Candidates(side, starts, edges, np.searchsorted(edges, starts), np.searchsorted(edges, starts + side))
 
 
 @kernel
 def _count_measured(
-    values: Any, row_step: int, point_step: int, edges: Any, left: int, line: Any, between: Any
+    memory: Memory, edges: Integers, left: int, line: Floats, between: npt.NDArray[np.uint8]
 ) -> None:
-    """Count each column's measured points between two `edges`, (E,), which are rows, and the next two.
+    """Count the measured points of each column between two rows of `edges`, (E,), and the next two.
 
-    One pass over the columns from `left` on; `between`, (E - 1, columns), comes as 0, `line` is a row for work.
+    Args:
+        memory: the cloud.
+        edges: (E,).
+        left: the first column.
+        line: (4, columns + 2) working memory.
+        between: (E - 1, columns) receives the counts; comes full of 0.
     """
+    values, row_step, point_step = memory
     width = between.shape[1]
     for i in range(len(edges) - 1):
         counts = between[i]
@@ -142,27 +193,21 @@ def _count_measured(
 
 
 @kernel
-def _smoothest(
-    values: Any,
-    row_step: int,
-    point_step: int,
-    tops: Any,
-    lefts: Any,
-    enough: float,
-    line: Any,
-    heights: Any,
-    differences: Any,
-    known: Any,
+def _find_smoothest(
+    memory: Memory, tops: Integers, lefts: Integers, least: float, work: _Work
 ) -> tuple[float, int, int]:
-    """Compare the candidates with `enough` measured points. The arrays behind `enough` are for work.
+    """Find the smoothest of the candidates that have at least `least` measured points.
 
-    A candidate's roughness is sought only where it is below the least so far, and that a count tells: more
-    than half of its differences are below. Of 64 candidates this leaves the median of about five.
+    Selecting a median is slower than counting. A count of the differences below the lowest roughness so far shows
+    whether a candidate is smoother: more than half of them are. Of 64 candidates this leaves about five medians.
 
-    Returns how rough the least rough one is, which it is, the first of equally rough ones, and how many there are.
+    Returns:
+        The roughness, the index of the first candidate that has it, and the number of candidates compared.
     """
+    values, row_step, point_step = memory
+    line, heights, differences, known = work
     height, width = heights.shape
-    best, least, compared = 0, math.inf, 0
+    best, roughness, compared = 0, math.inf, 0
     for candidate in range(len(tops)):
         count = 0
         for row in range(height):
@@ -173,11 +218,11 @@ def _smoothest(
                 measured = is_measured(x[column], y[column], z[column])
                 heights[row, column] = z[column] if measured else np.nan
                 count += measured
-        if count < enough:
+        if count < least:
             continue
         best = best if compared else candidate
         compared += 1
-        n, below = _second_differences(heights, differences, least)
+        n, below = _second_differences(heights, differences, roughness)
         rank = (n - 1) // 2
         if n and below > rank:
             n = 0
@@ -186,15 +231,18 @@ def _smoothest(
                     for difference in differences[axis, row]:
                         known[n] = difference
                         n += not np.isnan(difference)
-            best, least = candidate, select(known[:n], rank)
-    return least, best, compared
+            best, roughness = candidate, select(known[:n], rank)
+    return roughness, best, compared
 
 
 @kernel
-def _second_differences(heights: Any, differences: Any, least: float) -> tuple[int, int]:
-    """Write |(a - b) - (b - c)| of three neighbours' heights; how many are known, how many below `least`.
+def _second_differences(heights: Floats64, differences: Floats64, limit: float) -> tuple[int, int]:
+    """Write |(a - b) - (b - c)| of three neighbouring heights; NaN where one of them is not measured.
 
-    Where one of the three is not measured, the difference is NaN. Loops without a branch are vectorised.
+    The loops have no branch, so that LLVM vectorises them.
+
+    Returns:
+        How many differences are known, and how many are below the limit.
     """
     height, width = heights.shape
     n, below = 0, 0
@@ -206,7 +254,7 @@ def _second_differences(heights: Any, differences: Any, least: float) -> tuple[i
             difference = abs((before[column] - b) - (b - behind[column]))
             along[column] = difference
             n += difference == difference  # noqa: PLR0124 — not NaN
-            below += difference < least
+            below += difference < limit
     for row in range(1, height - 1):
         above, here, under, across = heights[row - 1], heights[row], heights[row + 1], differences[1, row]
         for column in range(width):
@@ -214,5 +262,5 @@ def _second_differences(heights: Any, differences: Any, least: float) -> tuple[i
             difference = abs((above[column] - b) - (b - under[column]))
             across[column] = difference
             n += difference == difference  # noqa: PLR0124
-            below += difference < least
+            below += difference < limit
     return n, below

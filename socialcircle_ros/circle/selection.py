@@ -1,20 +1,29 @@
-"""Selection: the value at a rank, without sorting."""
-
-from typing import Any
+"""Selection: the value at a rank of unsorted values."""
 
 from socialcircle_ros.kernels.compiled import kernel
 
+from .arrays import Floats64
+
 
 @kernel
-def select(values: Any, rank: int) -> Any:
-    """The value at index `rank` of the sorted `values`, (n,) without NaN (Hoare's selection).
+def select(values: Floats64, rank: int) -> float:
+    """Return the value that has the index `rank` in the sorted values.
 
-    Reorders `values` so that no value before `rank` is greater, and none behind it is less.
+    C. A. R. Hoare, "Algorithm 65: Find", Communications of the ACM 4 (7), 1961,
+    https://doi.org/10.1145/366622.366647.
+
+    Args:
+        values: (n,), without NaN. They are reordered: no value before `rank` is greater than the returned one,
+            and none after it is less.
+        rank: 0 to n - 1.
+
+    Returns:
+        The value.
     """
     left, right = 0, len(values) - 1
     while left < right:
         a, b, c = values[left], values[(left + right) // 2], values[right]
-        pivot = max(min(a, b), min(max(a, b), c))
+        pivot = max(min(a, b), min(max(a, b), c))  # the median of three
         i, j = left, right
         while i <= j:
             while values[i] < pivot:
@@ -31,4 +40,5 @@ def select(values: Any, rank: int) -> Any:
             left = i
         else:
             break
-    return values[rank]
+    found: float = values[rank]
+    return found

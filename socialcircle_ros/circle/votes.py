@@ -1,49 +1,79 @@
-"""The votes of the points for each other (section 3.2.1, eq. 4)."""
+"""The votes of the points of the region T for each other, and their sums (section 3.2.1, eq. 4).
+
+V_p(q) = exp(-(D_p(q) / mu_p)² / 2) / √(2π) is the vote of p for q at the distance D_p(q); mu_p comes from
+`medians` (eq. 5). The score of q is the sum of the votes that it receives, M(q) = Σ_p V_p(q) over all p ≠ q. All
+of this is float64.
+
+Two cases are not in the paper: a point infinitely far from p receives no vote from p, and where mu_p is 0, p votes
+only for points at its own place.
+"""
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, measured_points
 from socialcircle_ros.kernels.compiled import kernel
 
+from .arrays import Floats64, Indices, Integers
+from .kd_tree import Points
 from .medians import median_distances
 
 _PEAK = 1 / math.sqrt(2 * math.pi)
+
 _LANES = 32
+"""Partial sums of a loop: LLVM vectorises it with them, but may not reorder the additions of a single sum."""
 
 
-def vote_scores(xyz: Cloud) -> npt.NDArray[np.float64]:
-    """Matrix M (eq. 4 and 5): for each point q of the region the sum of the votes that it receives.
-
-    V_p(q) = exp(-(D_p(q) / mu_p)² / 2) / √(2π), mu_p the median of D_p(q) over the measured q ≠ p, and
-    M(q) = Σ_p V_p(q) over p ≠ q in row order, in float64. Nobody votes for a point infinitely far away;
-    where mu_p is 0, p votes only for points at its own place.
+def voters(region: Cloud) -> tuple[Indices, Points]:
+    """Return the points that vote: the measured points of the region, in row order.
 
     Args:
-        xyz: (H, W, 3) the points of the region.
+        region: (H, W, 3) the points of T.
 
     Returns:
-        (H, W) float64; NaN where a point is not measured.
+        Their indices in the flattened region, (n,), and their coordinates, (3, n).
     """
-    places, x, y, z = voters(xyz)
-    scores = np.full(xyz.shape[0] * xyz.shape[1], np.nan)
-    scores[places] = votes_received(x, y, z, median_distances(x, y, z), np.arange(len(places)))
-    return scores.reshape(xyz.shape[:2])
+    measured = measured_points(region)
+    return np.flatnonzero(measured), np.ascontiguousarray(region[measured].T, np.float64)
 
 
-def voters(xyz: Cloud) -> tuple[Any, Any, Any, Any]:
-    """The measured points of a region in row order: their places in it, and x, y, z, each (n,) float64."""
-    measured = measured_points(xyz)
-    x, y, z = np.ascontiguousarray(xyz[measured].T, np.float64)
-    return np.flatnonzero(measured), x, y, z
+def vote_scores(region: Cloud) -> Floats64:
+    """Return the matrix M: the score of each point of the region (eq. 4 and 5).
+
+    Args:
+        region: (H, W, 3) the points of T.
+
+    Returns:
+        (H, W); NaN where a point is not measured.
+    """
+    indices, points = voters(region)
+    scores = np.full(region.shape[0] * region.shape[1], np.nan)
+    scores[indices] = _scores(points, median_distances(points), np.arange(len(indices)))
+    return scores.reshape(region.shape[:2])
+
+
+def highest_score(points: Points, mu: Floats64) -> int:
+    """Return the index of the point with the highest score; the first one of equal scores.
+
+    Nearly all points are ruled out by estimates, so that exact scores, n votes each, are computed for a few.
+
+    Args:
+        points: (3, n), with n above 0.
+        mu: (n,) as `median_distances` returns it.
+
+    Returns:
+        0 to n - 1.
+    """
+    estimates, margin = _estimate_scores(points, mu)
+    contenders = np.flatnonzero(estimates >= estimates.max() - margin)
+    return int(contenders[np.argmax(_scores(points, mu, contenders))])
 
 
 @kernel
-def votes_received(x: Any, y: Any, z: Any, mu: Any, members: Any) -> Any:
-    """M(q) for the points q in `members`, (m,): the votes of every p ≠ q, added in row order."""
+def _scores(points: Points, mu: Floats64, members: Integers) -> Floats64:
+    """Return M(q) of the points with the indices in `members`, (m,). The votes are added in the voters' order."""
+    x, y, z = points[0], points[1], points[2]
     scores = np.zeros(len(members))
     for i in range(len(members)):
         q = members[i]
@@ -57,7 +87,7 @@ def votes_received(x: Any, y: Any, z: Any, mu: Any, members: Any) -> Any:
 
 @kernel
 def _vote(distance: float, mu: float) -> float:
-    """V_p(q) (eq. 4) at a distance D_p(q), and what stands for it where the equation has no value."""
+    """Return V_p(q) (eq. 4) for the distance D_p(q)."""
     if distance == math.inf:
         return 0.0
     if mu == 0:
@@ -67,56 +97,65 @@ def _vote(distance: float, mu: float) -> float:
 
 
 @kernel
-def estimate_scores(x: Any, y: Any, z: Any, mu: Any) -> tuple[Any, float]:
-    """Estimates of those scores that may be the highest, (n,), and how far below the highest a winner can be.
+def _estimate_scores(points: Points, mu: Floats64) -> tuple[Floats64, float]:
+    """Estimate the scores of the points that may have the highest one.
 
-    All others are -Inf. Few scores are estimated, and bound the others: the votes of p are a Gaussian bell over
-    space, whose second derivative is at most 2 e^(-3/2) / mu_p² in any direction. So with the estimate M(q), its
-    gradient g, and C = e^(-3/2) Σ 1 / mu_p², a point at q + d has a score of at most M(q) + g·d + C |d|². The
-    point with the highest bound is asked next, until no bound reaches the best estimate: for points on a surface
-    after some fifty, however many there are.
+    A few scores are estimated, and they bound all others. The votes of p are a Gaussian function of space, and
+    its second derivative in any direction is at most 2 e^(-3/2) / mu_p². So a point at q + d has a score of at
+    most M(q) + g·d + C |d|², where g is the gradient of M at q and C = e^(-3/2) Σ_p 1 / mu_p². The point with
+    the highest bound is estimated next, until no bound reaches the best estimate. For points on a surface that
+    takes about fifty estimates, whatever n is.
 
-    Estimates have errors: exp(-t) = exp(-t/16)^16, the inner one by six terms of its series, is wrong by less than
-    1e-7 (t⁷ / (16⁶ 7!) e^-t is at most 9e-9), and 0 beyond t = 32. The gradient is then wrong by less than
-    8e-7 Σ 1 / mu_p, which times |d| is below 4e-7 Σ (1 + |d|² / mu_p²): C is enlarged by more than that.
-    A point whose mu_p is 0 or beyond all measure has no such bell, and counts as one that may vote for anybody.
-    Each point's vote for itself adds the same to all. Votes are estimated without their common factor.
+    Votes are estimated without the factor 1 / √(2π), and with the vote of each point for itself, which adds 1 to
+    each score. The errors:
+
+    - exp(-t) = exp(-t / 16)^16, the inner one by six terms of its series, is off by less than 1e-7: the error
+      t⁷ / (16⁶ 7!) e^(-t) is at most 9e-9. Beyond t = 32 the estimate is 0.
+    - The gradient is then off by less than 8e-7 Σ_p 1 / mu_p. Times |d|, that is less than
+      4e-7 Σ_p (1 + |d|² / mu_p²). C is enlarged by more than that.
+    - Where mu_p is not between 1e-100 and 1e100, the votes of p are not estimated: any point may receive one.
+
+    Args:
+        points: (3, n).
+        mu: (n,).
+
+    Returns:
+        The estimates, (n,), -Inf where a score was not estimated; and the margin: so far below the highest
+        estimate the one of the point with the highest score may be.
     """
+    x, y, z = points[0], points[1], points[2]
     n = len(x)
-    voters = np.empty((4, n))  # x, y, z and 1 / mu² of those with a bell
-    bells, total = 0, 0.0
+    bells = np.empty((4, n))  # x, y, z and 1 / mu² of the voters whose votes are estimated
+    count, total = 0, 0.0
     for p in range(n):
         if 1e-100 < mu[p] < 1e100:
-            voters[0, bells], voters[1, bells], voters[2, bells] = x[p], y[p], z[p]
-            voters[3, bells] = 1 / (mu[p] * mu[p])
-            total += voters[3, bells]
-            bells += 1
+            bells[0, count], bells[1, count], bells[2, count] = x[p], y[p], z[p]
+            bells[3, count] = 1 / (mu[p] * mu[p])
+            total += bells[3, count]
+            count += 1
     curvature = 0.224 * total  # e^-1.5 = 0.22313
-    margin = 4e-6 * n + (n - bells)
+    margin = 4e-6 * n + (n - count)
     bounds, estimates = np.full(n, np.inf), np.full(n, -np.inf)
     best = -math.inf
     for _ in range(n):
         q = np.argmax(bounds)
         if bounds[q] < best - margin:
             break
-        estimate, gx, gy, gz = _estimate(voters, bells, x[q], y[q], z[q])
+        estimate, gx, gy, gz = _estimate(bells, count, x[q], y[q], z[q])
         estimates[q] = estimate
         best = max(best, estimate)
         for i in range(n):
             dx, dy, dz = x[i] - x[q], y[i] - y[q], z[i] - z[q]
             bound = estimate + (gx * dx + gy * dy + gz * dz) + curvature * ((dx * dx + dy * dy) + dz * dz)
-            bounds[i] = min(bounds[i], bound)  # as it was where the bound is NaN
+            bounds[i] = min(bounds[i], bound)  # min keeps the old bound where the new one is NaN
         bounds[q] = -math.inf
     return estimates, margin
 
 
 @kernel
-def _estimate(voters: Any, count: int, qx: float, qy: float, qz: float) -> tuple[float, float, float, float]:
-    """The sum of the voters' votes for the place q, and its gradient.
-
-    Each vote is added to one of several sums: such a loop is vectorised, a single sum is not.
-    """
-    x, y, z, sharpness = voters[0], voters[1], voters[2], voters[3]
+def _estimate(bells: Floats64, count: int, qx: float, qy: float, qz: float) -> tuple[float, float, float, float]:
+    """Estimate the sum of the first `count` voters' votes for the place q, and its gradient."""
+    x, y, z, sharpness = bells[0], bells[1], bells[2], bells[3]
     sums = np.zeros((4, _LANES))
     for start in range(0, count, _LANES):
         for lane in range(min(_LANES, count - start)):

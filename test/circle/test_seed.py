@@ -229,7 +229,7 @@ def test_medians_and_the_winner_are_those_of_brute_force(points):
     with np.errstate(over='ignore', under='ignore'):
         expected = sorted_medians(points)
 
-        np.testing.assert_array_equal(medians.median_distances(*points), expected)
+        np.testing.assert_array_equal(medians.median_distances(points), expected)
         scores = vote_scores(points.T[None])
         assert elect_seed(points.T[None], (0, 0, 1, points.shape[1])) == (0, np.argmax(scores))
 
@@ -238,7 +238,9 @@ def test_medians_among_more_leaves_than_a_word_has_bits_are_those_of_brute_force
     x, y, z, generator = sheet(50, 61)
     z[generator.random(z.size) < 0.1] += 30
 
-    np.testing.assert_array_equal(medians.median_distances(x, y, z), sorted_medians(np.array((x, y, z))))
+    np.testing.assert_array_equal(
+        medians.median_distances(np.array((x, y, z))), sorted_medians(np.array((x, y, z)))
+    )
 
 
 @settings(max_examples=100, deadline=None)
@@ -260,12 +262,12 @@ def test_chosen_leaves_are_all_that_may_reach_between_the_bounds(count, random, 
 def test_medians_do_not_depend_on_the_number_of_threads(monkeypatch):
     x, y, z, generator = sheet(50, 60)
     z[generator.random(z.size) < 0.1] += 30
-    monkeypatch.setattr(medians, '_LEAST_POINTS', 1)
+    monkeypatch.setattr(medians, '_LEAST_POINTS_PER_BAND', 1)
 
     found = []
     for threads in (1, 2, 7):
         monkeypatch.setattr('socialcircle_ros.kernels.bands.limit', threads)
-        found.append(medians.median_distances(x, y, z))
+        found.append(medians.median_distances(np.array((x, y, z))))
 
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0], found[2])
@@ -296,10 +298,12 @@ def test_seed_of_a_symmetric_region_is_the_first_highest_to_the_last_bit(side, o
 def test_estimated_scores_are_right_within_the_margin_and_bound_the_others():
     x, y, z, generator = sheet(40, 40)
     z[generator.random(z.size) < 0.2] += 30
-    mu = medians.median_distances(x, y, z)
-    exact = votes.votes_received(x, y, z, mu, np.arange(x.size)) / PEAK + 1  # with each point's vote for itself
+    mu = medians.median_distances(np.array((x, y, z)))
+    exact = (
+        votes._scores(np.array((x, y, z)), mu, np.arange(x.size)) / PEAK + 1
+    )  # with each point's vote for itself
 
-    estimates, margin = votes.estimate_scores(x, y, z, mu)
+    estimates, margin = votes._estimate_scores(np.array((x, y, z)), mu)
 
     asked = np.isfinite(estimates)
     assert asked.sum() < x.size / 4

@@ -1,0 +1,18 @@
+"""Names of the array types that the kernels of this room take. Shapes are in the docstrings of the kernels."""
+
+import numpy as np
+import numpy.typing as npt
+
+Real = np.float32 | np.float64
+"""A scalar of the cloud's own dtype."""
+
+Floats = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+"""An array of the cloud's own dtype."""
+
+Floats32 = npt.NDArray[np.float32]
+Floats64 = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Indices = npt.NDArray[np.intp]
+
+Words = npt.NDArray[np.uint64]
+"""Bits: each stands for a point or for a link of two points."""
