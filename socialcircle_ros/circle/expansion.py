@@ -1,94 +1,109 @@
-"""The expansion of the social circle (section 3.2.3)."""
+"""The expansion of the social circle (section 3.2.3).
 
-from typing import Any
+The seed joins first. When a point has joined, all points in its search window that are less than R away join too.
+With a window of 3×3 points all of them are on the edge of the window, so that each becomes an initial point of the
+next iteration. The circle is then the connected component of the seed, in whatever order points join. This module
+computes that component. Wider windows are in `wide_windows`.
+
+A link is a pair of neighbours that are less than R apart. Links and points are stored as bits, 64 columns in a
+word, in planes of shape (H, words + 2): bit i of word w + 1 belongs to column 64 w + i, and the first and the last
+word of a row are 0. So 64 comparisons run at once, and the circle grows by words.
+
+A mask of its own shows which points have joined. The paper stores heights in a matrix B instead, with 0 for a
+point that has not joined, and so loses the points at height 0 and below.
+"""
 
 import numpy as np
 
-from socialcircle_ros.cloud import Cloud, Mask, flattened, is_measured, load_row, measured_points
+from socialcircle_ros.cloud import Cloud, Mask, Memory, flattened, is_measured, load_row, measured_points
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .wide_windows import WIDEST, Words, grow_by_tiles, grow_in_order, near
+from .arrays import Floats, Integers, Real, Words
+from .distances import within_radius
+from .wide_windows import WIDEST_BY_TILES, grow_by_tiles, grow_in_order
 
-_ZERO, _ONE, _LAST = np.uint64(0), np.uint64(1), np.uint64(63)
 _WORD = 64
 
+# The planes of links. The other four neighbours are these four, seen from the other point.
+_EAST, _SOUTH, _SOUTH_EAST, _SOUTH_WEST, _MEASURED = range(5)
 
-def expand(xyz: Cloud, seed: tuple[int, int], limit: Any, window: int) -> Mask:
-    """Grow the circle from the seed over the grid until nobody joins (steps 1 to 7).
+_ZERO, _ONE, _LAST = np.uint64(0), np.uint64(1), np.uint64(63)
+
+
+def divide(xyz: Cloud, seed: tuple[int, int], limit: Real, window: int) -> tuple[Mask, Mask]:
+    """Divide the measured points into inliers and outliers: those that join the circle, and those that do not.
 
     Args:
         xyz: (H, W, 3) organized cloud.
         seed: row and column of the initial point I, which is measured.
-        limit: R², a scalar of the cloud's own dtype.
+        limit: R², in the cloud's own dtype.
         window: side of the search window W in points, odd.
 
     Returns:
-        Mask (H, W): True where the point belongs to the circle.
-    """
-    return divide(xyz, seed, limit, window)[0]
-
-
-def divide(xyz: Cloud, seed: tuple[int, int], limit: Any, window: int) -> tuple[Mask, Mask]:
-    """`expand`, and with it the mask of the outliers: the measured points that did not join.
-
-    Both come from one pass over the cloud.
+        Two masks (H, W): the inliers and the outliers.
     """
     height, width, _ = xyz.shape
-    values, row_step, point_step = flattened(xyz)
-    limit = xyz.dtype.type(limit)
-    if window > WIDEST:
-        members, queue = np.zeros((height, width), np.bool_), np.empty((height * width, 2), np.int32)
-        grow_in_order(values, row_step, point_step, seed[0], seed[1], limit, window // 2, members, queue)
+    memory, limit = flattened(xyz), xyz.dtype.type(limit)
+    if window > WIDEST_BY_TILES:
+        members = grow_in_order(memory, (height, width), seed, limit, window // 2)
         return members, measured_points(xyz) & ~members
-    words = (width + _WORD - 1) // _WORD
-    links = np.zeros((5, height, words + 2), np.uint64)
-
-    def link(band: slice) -> None:
-        rows = np.full((3, 4, words * _WORD + 2), np.nan, xyz.dtype)  # round the cloud nothing is measured
-        _link(values, row_step, point_step, width, limit, band.start, band.stop, rows, links)
-
-    in_bands(link, height, width)
-    joined, reached = np.zeros((height, words + 2), np.uint64), np.empty(words + 2, np.uint64)
-    first, last = np.full((2, height), words + 2), np.full((2, height), -1)
-    _grow(links, seed[0], seed[1], joined, first, last, reached)
+    links = _find_links(memory, (height, width), limit)
     measured: Words = links[_MEASURED, :, 1:-1]
-    community: Words = joined[:, 1:-1]
+    community = _grow_from(seed, links)
     if window > 3:
-        community = grow_by_tiles(values, row_step, point_step, seed, limit, window // 2, measured, community)
-    return _mask(community, width), _mask(measured & ~community, width)
+        community = grow_by_tiles(memory, seed, limit, window // 2, measured, community)
+    return _unpacked(community, width), _unpacked(measured & ~community, width)
 
 
-# Window 3: the circle is all that links join to the seed, in whatever order. Links are kept as bits, 64 points
-# a word, and the circle grows by words. A plane has a word without a bit before and behind each row.
-_EAST, _SOUTH, _SOUTH_EAST, _SOUTH_WEST, _MEASURED = range(5)
-
-
-def _mask(words: Words, width: int) -> Mask:
-    """The bits of a plane, (H, words), as a mask (H, W)."""
+def _unpacked(words: Words, width: int) -> Mask:
+    """Return bits, (H, words), as a mask (H, W)."""
     little = np.ascontiguousarray(words, '<u8').view(np.uint8)
     return np.unpackbits(little, axis=1, count=width, bitorder='little').view(np.bool_)
 
 
-@kernel
-def _link(
-    values: Any,
-    row_step: int,
-    point_step: int,
-    width: int,
-    limit: Any,
-    first: int,
-    last: int,
-    rows: Any,
-    links: Any,
-) -> None:
-    """Write which neighbours are less than R apart, and which points are measured, to `links`, (5, H, words + 2).
+def _find_links(memory: Memory, shape: tuple[int, int], limit: Real) -> Words:
+    """Return the links of all points in four directions, and which points are measured, (5, H, words + 2)."""
+    height, width = shape
+    words = (width + _WORD - 1) // _WORD
+    links = np.zeros((5, height, words + 2), np.uint64)
 
-    Only of the rows from `first` to before `last`. Bit i of word w + 1 belongs to column 64 w + i. A NaN or an
-    infinite distance is never below the limit, so that points that are not measured, and those outside the cloud,
-    have no links. `rows`, (3, 4, 64 words + 2), comes full of NaN: the two rows at hand, and that below the
-    last one of the cloud.
+    def find(band: slice) -> None:
+        rows = np.full((3, 4, words * _WORD + 2), np.nan, memory[0].dtype)
+        _write_links(memory, width, limit, band.start, band.stop, rows, links)
+
+    in_bands(find, height, width)
+    return links
+
+
+def _grow_from(seed: tuple[int, int], links: Words) -> Words:
+    """Return the points that links join to the seed, (H, words)."""
+    _, height, words = links.shape
+    joined, reached = np.zeros((height, words), np.uint64), np.empty(words, np.uint64)
+    first, last = np.full((2, height), words), np.full((2, height), -1)
+    _grow(links, seed, joined, first, last, reached)
+    return joined[:, 1:-1]
+
+
+@kernel
+def _write_links(
+    memory: Memory, width: int, limit: Real, first: int, last: int, rows: Floats, links: Words
+) -> None:
+    """Write the links and the measured points of the rows from `first` to before `last`.
+
+    NaN or infinite distances are never below the limit. So points that are not measured have no links, and neither
+    have the places outside the cloud, which are NaN in `rows`.
+
+    Args:
+        memory: the cloud.
+        width: of the cloud.
+        limit: R².
+        first: row.
+        last: row.
+        rows: (3, 4, 64 words + 2) working memory, full of NaN: two rows of the cloud, and the one below its last.
+        links: (5, H, words + 2) is written.
     """
+    values, row_step, point_step = memory
     _, height, words = links.shape
     load_row(values, first * row_step, point_step, width, rows[first % 2])
     for row in range(first, last):
@@ -96,23 +111,26 @@ def _link(
         if row + 1 < height:
             load_row(values, (row + 1) * row_step, point_step, width, below)
         for word in range(words - 2):
-            _links_of_word(this, below, limit, links, row, word)
+            _write_links_of_word(this, below, limit, links, row, word)
 
 
 @kernel
-def _links_of_word(this: Any, below: Any, limit: Any, links: Any, row: int, word: int) -> None:
-    """`_link` of 64 points, from them and the row below."""
+def _write_links_of_word(this: Floats, below: Floats, limit: Real, links: Words, row: int, word: int) -> None:
+    """Write the links of 64 points, from their row and the row below.
+
+    Comparisons become bits without a branch, so that LLVM vectorises the loop.
+    """
     x, y, z = this[0], this[1], this[2]
     u, v, w = below[0], below[1], below[2]
     east = south = south_east = south_west = measured = _ZERO
-    for i in range(_WORD):  # vectorised: comparisons become bits without a branch
+    for i in range(_WORD):
         bit = np.uint64(i)
         c = np.uint64(word * _WORD + 1) + bit
         a, b = c - _ONE, c + _ONE
-        east |= np.uint64(near(x[c], y[c], z[c], x[b], y[b], z[b], limit)) << bit
-        south |= np.uint64(near(x[c], y[c], z[c], u[c], v[c], w[c], limit)) << bit
-        south_east |= np.uint64(near(x[c], y[c], z[c], u[b], v[b], w[b], limit)) << bit
-        south_west |= np.uint64(near(x[c], y[c], z[c], u[a], v[a], w[a], limit)) << bit
+        east |= np.uint64(within_radius(x[c], y[c], z[c], x[b], y[b], z[b], limit)) << bit
+        south |= np.uint64(within_radius(x[c], y[c], z[c], u[c], v[c], w[c], limit)) << bit
+        south_east |= np.uint64(within_radius(x[c], y[c], z[c], u[b], v[b], w[b], limit)) << bit
+        south_west |= np.uint64(within_radius(x[c], y[c], z[c], u[a], v[a], w[a], limit)) << bit
         measured |= np.uint64(is_measured(x[c], y[c], z[c])) << bit
     links[_EAST, row, word + 1] = east
     links[_SOUTH, row, word + 1] = south
@@ -122,19 +140,29 @@ def _links_of_word(this: Any, below: Any, limit: Any, links: Any, row: int, word
 
 
 @kernel
-def _grow(links: Any, seed_row: int, seed_column: int, joined: Any, first: Any, last: Any, reached: Any) -> None:
-    """Write the points that links join to the seed to `joined`, (H, words + 2), a plane of bits that comes empty.
+def _grow(
+    links: Words, seed: tuple[int, int], joined: Words, first: Integers, last: Integers, reached: Words
+) -> None:
+    """Write the points that links join to the seed.
 
-    Sweeps down and up the grid: each row hands the points that joined on to the next one, which fills along
-    its own links. `first` and `last`, (2, H), tell between which words a row has points that it has not yet handed
-    down [0] or up [1]; they come as words + 2 and -1: none. Two or three sweeps reach nearly all of a surface; the
-    others look only at the words where something still moves, so that a maze costs little more than a plain.
-    `reached`, (words + 2,), is for work.
+    Sweeps go down and up the grid. From the new points of a row, points of the next row are reached, and from
+    these all others along the links of that row. Two or three sweeps reach nearly all points of a surface.
+    Later sweeps visit only the words with new points, so that a maze takes little more time than a plane.
+
+    Args:
+        links: (5, H, words + 2).
+        seed: row and column.
+        joined: (H, words + 2) is written; comes full of 0.
+        first: (2, H) first word of each row with new points for the next sweep down [0] or up [1]. Comes as
+            words + 2: no new points.
+        last: (2, H) last word with new points. Comes as -1.
+        reached: (words + 2,) working memory.
     """
     _, height, words = links.shape
-    word = seed_column // _WORD + 1
-    reached[word] = _ONE << np.uint64(seed_column % _WORD)
-    _join(links[_EAST, seed_row], reached, word, word, joined[seed_row], first[:, seed_row], last[:, seed_row])
+    row, column = seed
+    word = column // _WORD + 1
+    reached[word] = _ONE << np.uint64(column % _WORD)
+    _join(links[_EAST, row], reached, word, word, joined[row], first[:, row], last[:, row])
     moving = True
     while moving:
         moving = False
@@ -156,11 +184,14 @@ def _grow(links: Any, seed_row: int, seed_column: int, joined: Any, first: Any, 
 
 
 @kernel
-def _reach_down(links: Any, row: Any, left: int, right: int, reached: Any) -> None:
-    """Which points of the row below have a link to one that joined in `row`, in the words left to right."""
+def _reach_down(links: Words, joined: Words, left: int, right: int, reached: Words) -> None:
+    """Write the points of the row below that have a link to a point in `joined`, from word left to right.
+
+    `links`, (5, words + 2), are those of the upper row.
+    """
     south, south_east, south_west = links[_SOUTH], links[_SOUTH_EAST], links[_SOUTH_WEST]
     for w in range(left, right + 1):
-        before, here, behind = row[w - 1], row[w], row[w + 1]
+        before, here, behind = joined[w - 1], joined[w], joined[w + 1]
         reached[w] = (
             (here & south[w])
             | ((here & south_east[w]) << _ONE)
@@ -171,11 +202,14 @@ def _reach_down(links: Any, row: Any, left: int, right: int, reached: Any) -> No
 
 
 @kernel
-def _reach_up(links: Any, row: Any, left: int, right: int, reached: Any) -> None:
-    """Which points of the row above, whose links these are, have a link to one that joined in `row`."""
+def _reach_up(links: Words, joined: Words, left: int, right: int, reached: Words) -> None:
+    """Write the points of the row above that have a link to a point in `joined`, from word left to right.
+
+    `links`, (5, words + 2), are those of the upper row.
+    """
     south, south_east, south_west = links[_SOUTH], links[_SOUTH_EAST], links[_SOUTH_WEST]
     for w in range(left, right + 1):
-        before, here, behind = row[w - 1], row[w], row[w + 1]
+        before, here, behind = joined[w - 1], joined[w], joined[w + 1]
         reached[w] = (
             (here & south[w])
             | (((here >> _ONE) | (behind << _LAST)) & south_east[w])
@@ -184,13 +218,22 @@ def _reach_up(links: Any, row: Any, left: int, right: int, reached: Any) -> None
 
 
 @kernel
-def _join(east: Any, reached: Any, left: int, right: int, joined: Any, first: Any, last: Any) -> None:
-    """Let the reached points join, and all to which links along the row lead from them, however far.
+def _join(
+    east: Words, reached: Words, left: int, right: int, joined: Words, first: Integers, last: Integers
+) -> None:
+    """Let the reached points of a row join, and all points to which links along the row lead from them.
 
-    `first` and `last`, (2,), are widened to the words in which points joined.
+    Args:
+        east: (words + 2,) links along the row.
+        reached: (words + 2,) points that join, in the words from `left` to `right`.
+        left: word.
+        right: word.
+        joined: (words + 2,) is written.
+        first: (2,) first word with new points, of both sweeps; is lowered.
+        last: (2,) last word with new points; is raised.
     """
     words = len(joined)
-    carry = _ZERO  # whether the last point of the word before has joined, and has a link to this word
+    carry = _ZERO  # 1 if the last point of the word before has joined and has a link to this word
     w = left
     while w < words - 1 and (w <= right or carry):
         new = carry & ~joined[w]
@@ -212,18 +255,24 @@ def _join(east: Any, reached: Any, left: int, right: int, joined: Any, first: An
 
 
 @kernel
-def _widen(first: Any, last: Any, word: int) -> None:
-    """Take `word` in between the first and the last, (2,), of both ways."""
+def _widen(first: Integers, last: Integers, word: int) -> None:
+    """Include a word in the range from first to last, (2,), of both sweeps."""
     for way in range(2):
         first[way], last[way] = min(first[way], word), max(last[way], word)
 
 
 @kernel
-def _filled(points: Any, east: Any) -> Any:
-    """`points` and all to which links along the row lead within a word: bit i of `east` joins i and i + 1."""
-    # Adding the points to the runs of links carries a one from the lowest point of a run through to its end.
+def _filled(points: np.uint64, east: np.uint64) -> np.uint64:
+    """Return the points, and all to which links along the row lead within the word.
+
+    Bit i of `east` is the link of the points i and i + 1. In the direction of higher bits, the carry of an
+    addition runs from the lowest point of a run of links to its end. In the other direction nothing carries;
+    there the points spread over 1, 2, 4, ... 32 links in turn, a parallel prefix.
+
+    P. M. Kogge and H. S. Stone, "A parallel algorithm for the efficient solution of a general class of recurrence
+    equations", IEEE Transactions on Computers C-22 (8), 1973, https://doi.org/10.1109/TC.1973.5009159.
+    """
     points |= east ^ (east + (points & east))
-    # Nothing carries downward: runs of 1, 2, 4, ... 32 links in turn.
     points |= east & (points >> _ONE)
     east &= east >> _ONE
     points |= east & (points >> np.uint64(2))

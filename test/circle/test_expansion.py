@@ -7,10 +7,15 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from naive import circle as naive
 
-from socialcircle_ros.circle.expansion import divide, expand
+from socialcircle_ros.circle.expansion import divide
 
 WINDOWS = (3, 5, 7, 9)
 FLAT_LIMIT = np.float64(5.0)  # eq. 7 on a flat grid of pitch 1
+
+
+def expand(xyz, seed, limit, window):
+    """The inliers alone."""
+    return divide(xyz, seed, limit, window)[0]
 
 
 def pitch_of(xyz):
@@ -151,7 +156,7 @@ def test_members_do_not_depend_on_the_number_of_threads(window, monkeypatch):
     heights[40, 70] = 0.0
     xyz = grid(heights, dtype='float32')
     monkeypatch.setattr('socialcircle_ros.kernels.bands._LEAST', 1)
-    monkeypatch.setattr('socialcircle_ros.circle.wide_windows._LEAST_TILES', 1)
+    monkeypatch.setattr('socialcircle_ros.circle.wide_windows._LEAST_TILES_PER_BAND', 1)
 
     masks = []
     for threads in (1, 2, 7):
