@@ -1,4 +1,7 @@
-"""The filter (section 3.2): votes elect a seed, the ring round it gives the radius, the circle expands."""
+"""The social circle filter (section 3.2 of the paper): the seed by votes, the radius, the expansion.
+
+The adaptive mode is in `adaptive`. Repairing the holes that the filter leaves is in `socialcircle_ros.repair`.
+"""
 
 from .filter import CircleResult, remove_outliers
 

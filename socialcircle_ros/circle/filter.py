@@ -1,8 +1,7 @@
-"""The filter: seed, radius, expansion (section 3.2), composed."""
+"""The filter (section 3.2), composed of its three steps: seed, radius, expansion."""
 
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,12 +16,12 @@ from .radius import circle_limit
 from .seed import elect_seed
 
 _TOO_MANY = 0.3
-"""Beyond this share of outliers the adaptive mode was seen to take good points for outliers, and warns."""
+"""Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
 
 
 @dataclass(frozen=True)
 class CircleResult:
-    """What the filter found; every mask is (H, W) bool.
+    """What the filter found. Each mask is (H, W) bool.
 
     A point that is not measured is neither an inlier nor an outlier.
     """
@@ -32,31 +31,31 @@ class CircleResult:
     seed: tuple[int, int]
     """Row and column of the initial point; in the adaptive mode of the kept point nearest to the middle."""
     radius: float
-    """Radius in force, in the unit of the cloud; in the adaptive mode the difference of heights within which
-    neighbours are in touch, where the surface is as rough as in the mean."""
+    """Radius in force, in the unit of the cloud. In the adaptive mode: the difference in height within which
+    neighbours are linked where the surface has its mean roughness."""
     times: dict[str, float]
     """Seconds that each step took, in the order of the steps."""
     score: npt.NDArray[np.float32] | None = None
-    """How sure an outlier is, 0 to 1, above 0.5 for outliers, NaN where not measured; None in the paper's mode."""
+    """Outlier score, (H, W), 0 to 1: above 0.5 for outliers, NaN where not measured. None in the paper's mode."""
     warnings: tuple[str, ...] = ()
     """What the method could not decide, and what it did."""
 
 
-def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleResult:
-    """Tell the outliers of an organized cloud from its surface, by the social circle; nothing is altered.
+def remove_outliers(xyz: npt.ArrayLike, settings: CircleSettings | None = None) -> CircleResult:
+    """Separate the outliers of an organized cloud from its surface. The cloud is not changed.
 
     Args:
         xyz: (H, W, 3) float32 or float64; rows are y, columns are x. A point with a NaN or an infinite
             coordinate is not measured.
-        settings: the method's parameters; the default is the paper's method.
+        settings: the method's parameters; None: the defaults of `CircleSettings`.
 
     Returns:
         The masks, the seed and the radius.
 
     Raises:
-        CloudError: not an organized cloud of float32 or float64.
-        NoSeedError: nothing is measured in the vote region, or at all.
-        NoRadiusError: nothing is measured on the ring round the seed.
+        CloudError: `xyz` is not an organized cloud of float32 or float64.
+        NoSeedError: no point is measured in the vote region, or in the cloud.
+        NoRadiusError: no point is measured on the ring round the seed.
 
     Example:
         >>> import numpy as np
@@ -71,7 +70,7 @@ def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleR
     settings = settings or CircleSettings()
     cloud = organized(xyz)
     if settings.mode == 'adaptive':
-        return _adaptive(cloud, settings.depth_of_field)
+        return _remove_adaptively(cloud, settings.depth_of_field)
     started = time.perf_counter()
     seed = elect_seed(cloud, settings.vote_region)
     voted = time.perf_counter()
@@ -92,29 +91,34 @@ def remove_outliers(xyz: Any, settings: CircleSettings | None = None) -> CircleR
     )
 
 
-def _adaptive(cloud: Cloud, depth_of_field: float | None) -> CircleResult:
-    """The adaptive mode: touch in the surface's own spread, many communities."""
+def _remove_adaptively(cloud: Cloud, depth_of_field: float | None) -> CircleResult:
+    """Separate the outliers in the adaptive mode: the surface's own spread, and many communities."""
     measured = measured_points(cloud)
     if not measured.any():
         raise NoSeedError('No point of the cloud is measured.')
     found = find_outliers(np.where(measured, cloud[..., 2], np.nan), depth_of_field)
     inliers = measured & ~found.outliers
-    rows, columns = np.nonzero(inliers if inliers.any() else measured)
-    height, width = measured.shape
-    middle = int(np.argmin((rows - height // 2) ** 2 + (columns - width // 2) ** 2))
     warnings = []
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
-        warnings.append(f'{kept}; if they are outliers, this mode cannot tell.')
+        warnings.append(f'{kept}; this mode cannot tell such islands from outliers.')
     share = np.count_nonzero(found.outliers) / np.count_nonzero(measured)
     if share > _TOO_MANY:
-        warnings.append(f'{100 * share:.0f} % were removed: with so many, good points may be among them.')
+        warnings.append(f'{100 * share:.0f} % of the points were removed; good points may be among so many.')
     return CircleResult(
         inliers=inliers,
         outliers=found.outliers,
-        seed=(int(rows[middle]), int(columns[middle])),
+        seed=_nearest_to_middle(inliers if inliers.any() else measured),
         radius=TOUCH * found.spread,
         times=found.times,
         score=found.score,
         warnings=tuple(warnings),
     )
+
+
+def _nearest_to_middle(points: Mask) -> tuple[int, int]:
+    """Return row and column of the point nearest to the middle of the cloud."""
+    rows, columns = np.nonzero(points)
+    height, width = points.shape
+    nearest = int(np.argmin((rows - height // 2) ** 2 + (columns - width // 2) ** 2))
+    return int(rows[nearest]), int(columns[nearest])
