@@ -152,3 +152,10 @@ def grid(heights, pitch=1.0, dtype='float64'):
 def flat(rows, columns, pitch=1.0, dtype='float64'):
     """A flat cloud at height 0."""
     return grid(np.zeros((rows, columns)), pitch, dtype)
+
+
+def pitch_of(xyz):
+    """The median step along x; 1 if there is none."""
+    steps = np.abs(np.diff(xyz[..., 0], axis=1))
+    steps = steps[np.isfinite(steps) & (steps > 0)]
+    return np.median(steps) if steps.size else xyz.dtype.type(1)

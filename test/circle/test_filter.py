@@ -1,4 +1,4 @@
-"""`remove_outliers`: vote, radius and expansion together, as a user of the Python API meets them."""
+"""`remove_outliers`: vote, radius and expansion together, as the Python API shows them."""
 
 import math
 
@@ -17,7 +17,7 @@ WINDOWS = (3, 5, 7, 9)
 
 @st.composite
 def recipe_and_settings(draw):
-    """A recipe and any settings; the vote region may reach out of the cloud."""
+    """A recipe and any settings. The vote region may extend beyond the cloud."""
     recipe = draw(recipes())
     region = st.tuples(
         st.integers(0, recipe.rows - 1),
@@ -34,7 +34,7 @@ def recipe_and_settings(draw):
 
 
 def assert_as_the_reference(xyz, chosen):
-    """The result is that of the reference bit for bit, or the refusal is."""
+    """The result, or the refusal, is that of the reference bit for bit."""
     before = xyz.tobytes()
     try:
         expected = naive.remove_outliers(xyz, chosen)
@@ -95,7 +95,7 @@ def test_the_layout_in_memory_does_not_matter_and_the_cloud_stays_as_it_was(layo
     np.testing.assert_array_equal(xyz, contiguous)
 
 
-def test_same_cloud_same_result():
+def test_the_same_cloud_gives_the_same_result():
     xyz = Recipe(20, 24, 'float32', 'noise', clusters=3, spikes=0.1).cloud()
 
     first = remove_outliers(xyz, CircleSettings(window=5))
@@ -105,11 +105,11 @@ def test_same_cloud_same_result():
     assert (first.seed, first.radius) == (second.seed, second.radius)
 
 
-# What the user gets
+# The result
 
 
 @pytest.mark.parametrize('window', WINDOWS)
-def test_flat_grid_is_kept_whole_with_radius_root_5_pitches(window):
+def test_all_points_of_a_flat_grid_are_kept_with_radius_root_5_pitches(window):
     result = remove_outliers(flat(24, 25, 0.5), CircleSettings(window=window))
 
     k = window // 2
@@ -119,7 +119,7 @@ def test_flat_grid_is_kept_whole_with_radius_root_5_pitches(window):
 
 
 @pytest.mark.parametrize('height', [0.0, -4.0])
-def test_points_at_or_below_height_zero_are_kept(height):
+def test_points_at_or_below_height_0_are_kept(height):
     assert remove_outliers(grid(np.full((9, 8), height)), CircleSettings()).inliers.all()
 
 
@@ -136,14 +136,14 @@ def test_a_cluster_apart_from_the_surface_is_removed():
 
 def test_a_second_surface_beyond_a_steep_step_is_removed():
     heights = np.zeros((10, 20))
-    heights[:, 12:] = 2.0  # two pitches, 63°: no longer inside the circle
+    heights[:, 12:] = 2.0  # two pitches, a slope of 63°: not inside the circle
 
     result = remove_outliers(grid(heights), CircleSettings(vote_region=(0, 0, 10, 10)))
 
     np.testing.assert_array_equal(result.inliers, heights == 0.0)
 
 
-def test_points_not_measured_are_neither_kept_nor_removed():
+def test_points_that_are_not_measured_are_neither_kept_nor_removed():
     xyz = flat(8, 8)
     xyz[0, 0, 0], xyz[1, 1, 1], xyz[2, 2, 2] = np.nan, np.inf, -np.inf
 
@@ -211,14 +211,14 @@ def test_radius_scale_multiplies_the_radius_given_or_found(radius):
     assert halved == plain / 2
 
 
-def test_a_radius_scale_below_the_pitch_leaves_the_seed_alone():
+def test_a_radius_below_the_pitch_keeps_only_the_seed():
     result = remove_outliers(flat(12, 12), CircleSettings(radius_scale=0.1))
 
     assert result.inliers.sum() == 1
     assert result.inliers[result.seed]
 
 
-def test_a_lone_measured_point_is_the_seed():
+def test_a_single_measured_point_is_the_seed():
     heights = np.full((5, 6), np.nan)
     heights[3, 4] = 1.0
 
@@ -229,7 +229,7 @@ def test_a_lone_measured_point_is_the_seed():
     assert not result.outliers.any()
 
 
-def test_result_is_of_plain_kinds():
+def test_result_has_plain_python_types():
     result = remove_outliers(flat(9, 8, dtype='float32'), CircleSettings())
 
     assert result.inliers.dtype == result.outliers.dtype == bool
@@ -255,13 +255,13 @@ def test_a_cloud_of_another_data_type_is_refused_and_the_type_is_named(dtype):
 
 @pytest.mark.parametrize('region', [None, (0, 0, 2, 2)])
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
-def test_a_cloud_of_which_nothing_is_measured_has_no_seed(value, region):
+def test_a_cloud_without_a_measured_point_has_no_seed(value, region):
     with pytest.raises(NoSeedError, match='measured'):
         remove_outliers(np.full((4, 5, 3), value), CircleSettings(vote_region=region))
 
 
 @pytest.mark.parametrize('region', [(4, 0, 2, 2), (0, 5, 2, 2), (90, 90, 60, 60)])
-def test_a_vote_region_beside_the_cloud_has_no_seed(region):
+def test_a_vote_region_outside_the_cloud_has_no_seed(region):
     with pytest.raises(NoSeedError, match='region'):
         remove_outliers(flat(4, 5), CircleSettings(vote_region=region))
 
@@ -309,7 +309,7 @@ def test_in_the_adaptive_mode_every_measured_point_is_inlier_or_outlier_and_no_o
 
 @settings(max_examples=50, deadline=None)
 @given(recipes(30, 34), st.sampled_from([1e-6, 0.3, 1e3]), st.sampled_from([0.0, 1e4]))
-def test_in_the_adaptive_mode_x_and_y_change_nothing(recipe, factor, offset):
+def test_in_the_adaptive_mode_x_and_y_do_not_matter(recipe, factor, offset):
     xyz = recipe.cloud().astype(np.float64)
     measured = np.isfinite(xyz).all(axis=2)
     if not measured.any():

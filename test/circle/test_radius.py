@@ -16,7 +16,7 @@ WINDOWS = (3, 5, 7, 9)
 
 
 def ring_of(seed, k):
-    """(row, column) round the (4k+1)×(4k+1) square, in row-major order."""
+    """(row, column) of the outer ring of a square of (4k+1)×(4k+1) points, in row order."""
     around = range(-2 * k, 2 * k + 1)
     return [(seed[0] + r, seed[1] + c) for r in around for c in around if max(abs(r), abs(c)) == 2 * k]
 
@@ -41,7 +41,7 @@ def test_limit_is_that_of_the_reference_bit_for_bit(recipe, window, pick):
 
 @settings(max_examples=200, deadline=None)
 @given(recipes(24, 24, least_rows=17, least_columns=17), st.sampled_from(WINDOWS))
-def test_limit_of_a_ring_wholly_inside_the_cloud_is_that_of_the_reference(recipe, window):
+def test_limit_of_a_ring_inside_the_cloud_is_that_of_the_reference(recipe, window):
     xyz = recipe.cloud()
     seed = (recipe.rows // 2, recipe.columns // 2)
     assume(np.isfinite(xyz[seed]).all())
@@ -54,7 +54,7 @@ def test_limit_of_a_ring_wholly_inside_the_cloud_is_that_of_the_reference(recipe
 
 @pytest.mark.parametrize('dtype', ['float32', 'float64'])
 @pytest.mark.parametrize('window', WINDOWS)
-def test_flat_grid_has_radius_root_5_pitches_for_each_half_window(window, dtype):
+def test_radius_of_a_flat_grid_is_root_5_pitches_times_half_the_window(window, dtype):
     k = window // 2
     pitch = 0.5
 
@@ -80,7 +80,7 @@ def test_radius_is_index_8k_of_the_sorted_ring(window):
 
 @pytest.mark.parametrize('window', WINDOWS)
 @pytest.mark.parametrize('lost', [1, 2, 3])
-def test_with_ring_points_missing_radius_is_the_middle_of_those_that_exist(window, lost):
+def test_where_ring_points_are_missing_the_radius_is_the_middle_of_the_others(window, lost):
     k = window // 2
     seed = (8, 8)
     places = ring_of(seed, k)
@@ -88,18 +88,18 @@ def test_with_ring_points_missing_radius_is_the_middle_of_those_that_exist(windo
     heights[tuple(zip(*places, strict=True))] = np.arange(16 * k) * 1e3
     heights[tuple(zip(*places[-lost:], strict=True))] = np.nan  # the highest
 
-    # Heights rise by 1000 along the ring, so that the sorted ring is the ring itself.
+    # Heights increase by 1000 along the ring, so that the ring is sorted already.
     row, column = places[(16 * k - lost) // 2]
     expected = (row - 8) ** 2 + (column - 8) ** 2 + heights[row, column] ** 2
 
     assert ring_limit(grid(heights), seed, window) == expected
 
 
-def test_ring_points_beyond_the_border_are_missing_and_do_not_wrap_round():
-    # In the corner 5 of 16 exist: squared distances 4, 4, 5, 5, 8.
+def test_ring_points_beyond_the_border_are_missing():
+    # In the corner, 5 of the 16 ring points exist. Their squared distances are 4, 4, 5, 5, 8.
     assert ring_limit(flat(8, 9), (0, 0), 3) == 5.0
     assert ring_limit(flat(1, 9), (0, 0), 3) == 4.0
-    # Two exist, on both sides: the farther one is index 1.
+    # Two ring points exist, one on each side. Index 1 is the farther one.
     assert ring_limit(grid([[0.0, 0, 0, 0, 3]]), (0, 2), 3) == 13.0
 
 
@@ -120,7 +120,7 @@ def test_points_inside_the_ring_do_not_count():
 
 
 def test_squares_are_those_of_the_cloud_s_own_dtype():
-    # 2 × 0.1 in float32, squared in float32, is another number than in float64.
+    # The square of 2 × 0.1 in float32 differs from that in float64.
     xyz = flat(1, 9, 0.1, 'float32')
     dx = xyz[0, 2, 0] - xyz[0, 0, 0]
 
@@ -128,17 +128,17 @@ def test_squares_are_those_of_the_cloud_s_own_dtype():
     assert float(dx * dx) != float(dx) * float(dx)
 
 
-def test_ring_beyond_the_dtype_gives_an_infinite_limit():
+def test_ring_distances_beyond_the_dtype_give_an_infinite_limit():
     assert ring_limit(flat(5, 5, 1e25, 'float32'), (2, 2), 3) == np.inf
 
 
 @pytest.mark.parametrize('window', WINDOWS)
-def test_no_ring_point_no_radius(window):
+def test_a_seed_without_ring_points_has_no_radius(window):
     with pytest.raises(NoRadiusError, match='ring'):
         ring_limit(flat(1, 2), (0, 0), window)
 
 
-def test_ring_of_points_that_are_not_measured_gives_no_radius():
+def test_a_ring_without_a_measured_point_gives_no_radius():
     xyz = flat(5, 5)
     for place in ring_of((2, 2), 1):
         xyz[place][1] = np.inf

@@ -1,7 +1,7 @@
 """The social circle of section 3.2, point by point: the reference for `socialcircle_ros.circle`.
 
-Plain loops in the order of the paper, nothing shared with the compiled code but the settings and the
-errors. Votes are float64; distances that decide membership are in the cloud's own dtype.
+Plain loops in the order of the paper. Only the settings and the errors are shared with the compiled code. Votes
+are float64; distances that decide membership are in the cloud's own dtype.
 """
 
 import math
@@ -57,27 +57,27 @@ def measured_mask(xyz):
     return np.array([[is_measured(xyz[row, column]) for column in range(columns)] for row in range(rows)])
 
 
-# The vote region T, where the user gives none.
+# 3.2.1 The vote region T, where the user gives none.
 
 
 def choose_region(xyz):
-    """The smoothest of the best measured regions of 60×60 points, or of all there is."""
+    """The smoothest of the best measured regions of 60×60 points, or less where the cloud is smaller."""
     height, width = min(SIDE, xyz.shape[0]), min(SIDE, xyz.shape[1])
     corners = [(row, column) for row in starts(xyz.shape[0], height) for column in starts(xyz.shape[1], width)]
-    # The count is all that looks at every point of every candidate; a loop would take minutes.
+    # NumPy counts, because a loop over all points of all candidates would take minutes.
     mask = np.isfinite(xyz).all(axis=2)
 
     def count(corner):
         row, column = corner
         return int(mask[row : row + height, column : column + width].sum())
 
-    picked = evenly_picked(corners)
-    kept = [corner for corner in picked if count(corner) >= 0.95 * height * width]
-    if 2 * len(kept) < len(picked):
+    sample = evenly_spread(corners)
+    kept = [corner for corner in sample if count(corner) >= 0.95 * height * width]
+    if 2 * len(kept) < len(sample):
         best = max(map(count, corners))
         if best == 0:
             raise NoSeedError('No point of the cloud is measured.')
-        kept = evenly_picked([corner for corner in corners if count(corner) >= 0.95 * best])
+        kept = evenly_spread([corner for corner in corners if count(corner) >= 0.95 * best])
     smoothest, least = kept[0], math.inf
     for row, column in kept:
         value = roughness(xyz[row : row + height, column : column + width])
@@ -86,8 +86,8 @@ def choose_region(xyz):
     return (*smoothest, height, width)
 
 
-def evenly_picked(corners):
-    """At most 64 of them."""
+def evenly_spread(corners):
+    """At most 64 of the corners."""
     if len(corners) <= MOST_CANDIDATES:
         return corners
     return [corners[k * len(corners) // MOST_CANDIDATES] for k in range(MOST_CANDIDATES)]
@@ -118,13 +118,13 @@ def roughness(region):
 
 
 def elect_seed(xyz, region):
-    """The point of T, clipped to the cloud, with the highest score; of several the first in row order."""
+    """The point of T, clipped to the cloud, with the highest score; the first in row order of several."""
     row0, column0, height, width = region
     scores = vote_scores(xyz[row0 : row0 + height, column0 : column0 + width])
     seed, highest = None, -math.inf
     for row in range(scores.shape[0]):
         for column in range(scores.shape[1]):
-            if scores[row, column] > highest:  # never so for NaN
+            if scores[row, column] > highest:  # False for NaN
                 seed, highest = (row0 + row, column0 + column), scores[row, column]
     if seed is None:
         raise NoSeedError(f'No point of the vote region {region} is measured.')
@@ -180,7 +180,7 @@ def vote(distance, mu):
 
 @np.errstate(over='ignore', under='ignore')
 def ring_limit(xyz, seed, window):
-    """R²: index 8k of the sorted ring, or the middle of what there is of it (eq. 6, 7)."""
+    """R²: index 8k of the sorted ring, or the middle of its measured points (eq. 6, 7)."""
     k = window // 2
     ring = []
     for row in range(seed[0] - 2 * k, seed[0] + 2 * k + 1):
@@ -198,7 +198,7 @@ def inside(xyz, row, column):
 
 
 def squared_distance(initial, point):
-    """In the cloud's own dtype, as the coordinates are its scalars."""
+    """In the cloud's own dtype, which the coordinates have."""
     dx, dy, dz = point[0] - initial[0], point[1] - initial[1], point[2] - initial[2]
     return (dx * dx + dy * dy) + dz * dz
 
@@ -208,7 +208,7 @@ def squared_distance(initial, point):
 
 @np.errstate(over='ignore', under='ignore')
 def expand(xyz, seed, limit, window):
-    """Steps (1) to (7), with a mask of its own for what has joined instead of heights in B."""
+    """Steps (1) to (7), with a mask of the points that have joined in place of the heights in B."""
     k = window // 2
     joined = np.zeros(xyz.shape[:2], dtype=bool)
     joined[seed] = True

@@ -1,4 +1,4 @@
-"""The reference against second formulations: whole-array NumPy, labels that spread till nothing changes."""
+"""The reference against other formulations: whole-array NumPy, and labels that spread until none changes."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ def test_scores_agree_with_whole_array_arithmetic(recipe):
 
 
 def component_of(seed, xyz, limit):
-    """The connected component by the smallest label, spread over all eight directions at once."""
+    """The connected component: the smallest label spreads in all eight directions at once."""
     rows, columns = xyz.shape[:2]
     label = np.arange(rows * columns).reshape(rows, columns)
     while True:
@@ -84,7 +84,7 @@ def test_roughness_agrees_with_whole_array_arithmetic(recipe):
     assert naive.roughness(xyz) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_candidates_start_every_30_points_and_at_the_last_place():
+def test_candidates_start_at_each_30th_point_and_at_the_last_possible_one():
     assert naive.starts(1, 1) == [0]
     assert naive.starts(60, 60) == [0]
     assert naive.starts(61, 60) == [0, 1]
