@@ -1,6 +1,5 @@
 """The filter (section 3.2), composed of its three steps: seed, radius, expansion."""
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask, measured_points, organized
 from socialcircle_ros.errors import NoSeedError
+from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
 
 from .adaptive import TOUCH, find_outliers
@@ -33,8 +33,8 @@ class CircleResult:
     radius: float
     """Radius in force, in the unit of the cloud. In the adaptive mode: the difference in height within which
     neighbours are linked where the surface has its mean roughness."""
-    times: dict[str, float]
-    """Seconds that each step took, in the order of the steps."""
+    times_ms: dict[str, float]
+    """Time of each step in ms, in the order of the steps."""
     score: npt.NDArray[np.float32] | None = None
     """Outlier score, (H, W), 0 to 1: above 0.5 for outliers, NaN where not measured. None in the paper's mode."""
     warnings: tuple[str, ...] = ()
@@ -71,23 +71,19 @@ def remove_outliers(xyz: npt.ArrayLike, settings: CircleSettings | None = None) 
     cloud = organized(xyz)
     if settings.mode == 'adaptive':
         return _remove_adaptively(cloud, settings.depth_of_field)
-    started = time.perf_counter()
+    stopwatch = Stopwatch()
     seed = elect_seed(cloud, settings.vote_region)
-    voted = time.perf_counter()
+    stopwatch.lap('vote')
     limit = circle_limit(cloud, seed, settings.window, settings.radius, settings.radius_scale)
-    measured_radius = time.perf_counter()
+    stopwatch.lap('radius')
     inliers, outliers = divide(cloud, seed, limit, settings.window)
-    done = time.perf_counter()
+    stopwatch.lap('expansion')
     return CircleResult(
         inliers=inliers,
         outliers=outliers,
         seed=seed,
         radius=float(np.sqrt(limit)),
-        times={
-            'vote': voted - started,
-            'radius': measured_radius - voted,
-            'expansion': done - measured_radius,
-        },
+        times_ms=stopwatch.times_ms,
     )
 
 
@@ -110,7 +106,7 @@ def _remove_adaptively(cloud: Cloud, depth_of_field: float | None) -> CircleResu
         outliers=found.outliers,
         seed=_nearest_to_middle(inliers if inliers.any() else measured),
         radius=TOUCH * found.spread,
-        times=found.times,
+        times_ms=found.times_ms,
         score=found.score,
         warnings=tuple(warnings),
     )

@@ -20,12 +20,12 @@ from socialcircle_ros.interface import (
     NodeTopic,
     outputs_of,
 )
+from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import encode_image, mask_pixels
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.repair import repair_holes
 from socialcircle_ros.settings import CircleSettings, PipelineSettings
-from socialcircle_ros.stopwatch import Stopwatch
 
 STATUS_NAME = 'social_circle: measurement'
 
@@ -147,7 +147,7 @@ def process_cloud(
     stopwatch.lap('decode')
 
     result = remove_outliers(xyz, circle)
-    stopwatch.times_ms |= {stage: 1e3 * seconds for stage, seconds in result.times.items()}
+    stopwatch.times_ms |= result.times_ms
     stopwatch.restart()
 
     points, outliers = cloud.height * cloud.width, int(np.count_nonzero(result.outliers))

@@ -62,7 +62,7 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
     parameters = {**base, **values}
     circle, counts = CircleSettings.from_ros(parameters), Tally()
     removed = measured = refused = 0
-    sq, sz, times_s = [], [], []
+    sq, sz, times_ms = [], [], []
     for cloud in clouds(FocusSettings.from_ros(parameters)):
         xyz = cloud.xyz
         try:
@@ -78,7 +78,7 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
         kept = texture(np.where(result.inliers, xyz[..., 2], np.nan))
         sq.append(kept.sq)
         sz.append(kept.sz)
-        times_s.append(sum(result.times.values()))
+        times_ms.append(sum(result.times_ms.values()))
     scores = counts.scores
     return Trial(
         values=dict(values),
@@ -88,7 +88,7 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
         removed=removed / measured if measured else 0.0,
         sq=_not_nan(float(np.mean(sq))) if sq else None,
         sz=_not_nan(float(np.mean(sz))) if sz else None,
-        milliseconds=1e3 * float(np.mean(times_s)) if times_s else None,
+        milliseconds=float(np.mean(times_ms)) if times_ms else None,
         refused=refused,
     )
 

@@ -21,7 +21,7 @@ def test_each_step_takes_what_passed_since_the_last_one(clock):
     clock[0] = 104.0
     watch.lap('two')
 
-    assert watch.times_s == {'one': 1.0, 'two': 3.0}
+    assert watch.times_ms == {'one': 1000.0, 'two': 3000.0}
 
 
 def test_laps_of_one_name_add_up(clock):
@@ -30,7 +30,7 @@ def test_laps_of_one_name_add_up(clock):
         clock[0] += 2.0
         watch.lap(step)
 
-    assert list(watch.times_s.items()) == [('one', 4.0), ('two', 2.0)]
+    assert list(watch.times_ms.items()) == [('one', 4000.0), ('two', 2000.0)]
 
 
 def test_time_before_a_restart_belongs_to_no_step(clock):
@@ -40,4 +40,4 @@ def test_time_before_a_restart_belongs_to_no_step(clock):
     clock[0] += 1.0
     watch.lap('one')
 
-    assert watch.times_s == {'one': 1.0}
+    assert watch.times_ms == {'one': 1000.0}

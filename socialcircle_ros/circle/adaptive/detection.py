@@ -62,14 +62,14 @@ class AdaptiveResult:
         spread: standard deviation of the differences between neighbours, the mean over the four directions, in the
             unit of the cloud.
         islands_kept: number of islands of one height that were kept as the texture of the surface.
-        times: seconds that each step took.
+        times_ms: time of each step in ms.
     """
 
     outliers: Mask
     score: npt.NDArray[np.float32]
     spread: float
     islands_kept: int
-    times: dict[str, float]
+    times_ms: dict[str, float]
 
 
 def find_outliers(
@@ -121,7 +121,7 @@ def find_outliers(
     score = search.steepness
     _scale_scores(score, outliers, search.measured)
     stopwatch.lap('score')
-    return AdaptiveResult(outliers, score, spread, islands_kept, stopwatch.times_s)
+    return AdaptiveResult(outliers, score, spread, islands_kept, stopwatch.times_ms)
 
 
 class _Search:

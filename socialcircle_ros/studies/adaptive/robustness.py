@@ -6,7 +6,7 @@ from statistics import median
 import numpy as np
 
 from socialcircle_ros.circle import CircleResult
-from socialcircle_ros.circle.seed import choose_region
+from socialcircle_ros.circle.region import choose_region
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.metrics.scores import Scores
 from socialcircle_ros.report.content import Cell, Column, Section, Table

@@ -20,7 +20,8 @@ from socialcircle_ros.baselines import peers, radius_filter, statistical_filter
 from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.circle.expansion import divide
 from socialcircle_ros.circle.radius import circle_limit
-from socialcircle_ros.circle.seed import choose_region, elect_seed
+from socialcircle_ros.circle.region import choose_region
+from socialcircle_ros.circle.seed import elect_seed
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.kernels.machine import usable_cores

@@ -58,12 +58,12 @@ def time_growth(repeats: int) -> Iterator[GrowthPoint]:
     for points in POINTS:
         rows = round((points * 3 / 4) ** 0.5)
         xyz = large_cloud(rows, round(points / rows))
-        steps = [remove_outliers(xyz).times for _ in range(repeats + 1)][1:]
+        steps = [remove_outliers(xyz).times_ms for _ in range(repeats + 1)][1:]
         yield GrowthPoint(
             xyz.shape[0],
             xyz.shape[1],
-            vote_ms=1e3 * statistics.median(step['vote'] for step in steps),
-            circle_ms=1e3 * statistics.median(step['radius'] + step['expansion'] for step in steps),
+            vote_ms=statistics.median(step['vote'] for step in steps),
+            circle_ms=statistics.median(step['radius'] + step['expansion'] for step in steps),
         )
 
 

@@ -58,12 +58,12 @@ def time_sizes(repeats: int) -> Iterator[SizeTimes]:
     for rows, columns in SIZES:
         xyz = make_scene('metal_groove', rows, columns).points
         message = encode_point_cloud(Header(), xyz, {'intensity': xyz[..., 2]})
-        steps = [remove_outliers(xyz).times for _ in range(repeats + 1)][1:]
+        steps = [remove_outliers(xyz).times_ms for _ in range(repeats + 1)][1:]
         yield SizeTimes(
             rows,
             columns,
-            vote_ms=1e3 * statistics.median(step['vote'] for step in steps),
-            circle_ms=1e3 * statistics.median(step['radius'] + step['expansion'] for step in steps),
+            vote_ms=statistics.median(step['vote'] for step in steps),
+            circle_ms=statistics.median(step['radius'] + step['expansion'] for step in steps),
             pipeline_ms=statistics.median(repeated_ms(partial(filter_cloud, message), repeats)),
             copy_ms=statistics.median(repeated_ms(np.frombuffer(message, np.uint8).copy, repeats)),
         )

@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from socialcircle_ros.circle.seed import SIDE, choose_region, elect_seed
+from socialcircle_ros.circle.region import SIDE, choose_region
+from socialcircle_ros.circle.seed import elect_seed
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.metrics.scores import rmse
