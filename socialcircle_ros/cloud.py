@@ -10,8 +10,16 @@ from socialcircle_ros.kernels.compiled import kernel
 
 Cloud = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
-Float = np.float32 | np.float64
+
+Real = np.float32 | np.float64
+"""A scalar of the cloud's own dtype."""
+
 Floats = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+"""An array of the cloud's own dtype."""
+
+HeightMap = npt.NDArray[np.float32 | np.float64]
+"""(H, W) heights, NaN where not measured."""
+
 Memory = tuple[Floats, int, int]
 """The values of a cloud, its row step and its point step: see `flattened`."""
 
@@ -86,7 +94,7 @@ def _measure(values: Floats, row_step: int, point_step: int, line: Floats, measu
 
 
 @kernel
-def is_measured(x: Float, y: Float, z: Float) -> bool:
+def is_measured(x: Real, y: Real, z: Real) -> bool:
     """Whether all three are finite: finite - finite is 0, Inf - Inf and NaN - NaN are NaN."""
     finite: bool = (x - x) + (y - y) + (z - z) == 0
     return finite

@@ -19,7 +19,7 @@ _SIGMA = 1.4826  # standard deviations per median absolute deviation, for a norm
 _Line = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 
-class _Plan(NamedTuple):
+class _WindowPlan(NamedTuple):
     """How the columns of a window are sorted and merged in a buffer that begins with the rows of the window.
 
     Attributes:
@@ -87,7 +87,7 @@ def window_median(xyz: npt.ArrayLike, window: int) -> Score:
 
 
 @lru_cache(maxsize=16)
-def _plan(window: int) -> _Plan:
+def _plan(window: int) -> _WindowPlan:
     """Plan how the sorted columns of a window are merged: sorted lists of 1, 2, 4, ... columns, then their sum.
 
     Windows of neighbouring points share columns. A sorted list of 2k columns is the merge of two lists of k
@@ -128,7 +128,7 @@ def _plan(window: int) -> _Plan:
     table = np.zeros((len(steps), keep), np.int64)
     for row, order in zip(table, orders, strict=True):
         row[: len(order)] = order
-    return _Plan(
+    return _WindowPlan(
         comparators=np.concatenate(networks),
         steps=np.array(steps, np.int64),
         orders=table,
@@ -138,7 +138,7 @@ def _plan(window: int) -> _Plan:
 
 
 @kernel
-def _window_median(xyz: Cloud, window: int, plan: _Plan, median: Score) -> None:
+def _window_median(xyz: Cloud, window: int, plan: _WindowPlan, median: Score) -> None:
     """Fill `median`, strip by strip and row by row."""
     height, width = xyz.shape[:2]
     reach = window // 2

@@ -3,11 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
-Real = np.float32 | np.float64
-"""A scalar of the cloud's own dtype."""
+from socialcircle_ros.cloud import Floats, Real
 
-Floats = npt.NDArray[np.float32] | npt.NDArray[np.float64]
-"""An array of the cloud's own dtype."""
+__all__ = ['Floats', 'Floats32', 'Floats64', 'Indices', 'Integers', 'Real', 'Words']
 
 Floats32 = npt.NDArray[np.float32]
 Floats64 = npt.NDArray[np.float64]

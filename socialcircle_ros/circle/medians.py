@@ -72,7 +72,7 @@ _LEAST_POINTS_PER_BAND = 400
 _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
 
-class _Work(NamedTuple):
+class _MedianWork(NamedTuple):
     """Working memory of a thread, for points in L leaves."""
 
     near: Integers
@@ -128,9 +128,9 @@ def median_distances(points: Points) -> Floats64:
     return mu
 
 
-def _allocate(leaves: Leaves) -> _Work:
+def _allocate(leaves: Leaves) -> _MedianWork:
     room = len(leaves.starts) + _WORD
-    return _Work(
+    return _MedianWork(
         near=np.empty(room, np.int64),
         near_sizes=np.empty(room, np.int64),
         near_boxes=np.empty((6, room), np.float32),
@@ -143,7 +143,7 @@ def _allocate(leaves: Leaves) -> _Work:
 
 
 @kernel
-def _find_medians(leaves: Leaves, first: int, last: int, work: _Work, mu: Floats64) -> None:
+def _find_medians(leaves: Leaves, first: int, last: int, work: _MedianWork, mu: Floats64) -> None:
     """Write mu, (n,), of the points of the leaves from `first` to before `last`."""
     order, starts, sizes, exact, scaled, boxes, extent = leaves
     near, near_sizes, near_boxes, examined, least, most, squared, candidates = work
@@ -218,7 +218,9 @@ def _find_medians(leaves: Leaves, first: int, last: int, work: _Work, mu: Floats
 
 
 @kernel
-def _gather_near(leaves: Leaves, box: Box, low: np.float32, high: np.float32, work: _Work) -> tuple[int, int]:
+def _gather_near(
+    leaves: Leaves, box: Box, low: np.float32, high: np.float32, work: _MedianWork
+) -> tuple[int, int]:
     """Write the leaves that may have squared distances from low to high, for any point in the box.
 
     Returns:

@@ -64,7 +64,7 @@ class _Smoothest(NamedTuple):
     """How many candidates had enough measured points to be compared."""
 
 
-class _Work(NamedTuple):
+class _RegionWork(NamedTuple):
     """Working memory for one candidate of h×w points."""
 
     line: Floats
@@ -133,7 +133,7 @@ def _compare(memory: Memory, rows: _Axis, columns: _Axis, candidates: Indices, l
     lefts = columns.starts[candidates % len(columns.starts)]
 
     def compare_band(band: slice) -> _Smoothest:
-        work = _Work(
+        work = _RegionWork(
             line=np.empty((4, width + 2), memory[0].dtype),
             heights=np.empty((height, width)),
             differences=np.full((2, height, width), np.nan),
@@ -194,7 +194,7 @@ def _count_measured(
 
 @kernel
 def _find_smoothest(
-    memory: Memory, tops: Integers, lefts: Integers, least: float, work: _Work
+    memory: Memory, tops: Integers, lefts: Integers, least: float, work: _RegionWork
 ) -> tuple[float, int, int]:
     """Find the smoothest of the candidates that have at least `least` measured points.
 

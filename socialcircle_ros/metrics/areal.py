@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-HeightMap = npt.NDArray[np.float32 | np.float64]
-"""Heights of an organized cloud, (H, W); NaN where not measured."""
+from socialcircle_ros.cloud import HeightMap
 
 
 @dataclass(frozen=True)

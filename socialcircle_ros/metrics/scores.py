@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Mask
-
-from .areal import HeightMap
+from socialcircle_ros.cloud import HeightMap, Mask
 
 PointScores = npt.NDArray[np.float32 | np.float64]
 """A score for each point, (H, W); higher where a point is more likely an outlier."""

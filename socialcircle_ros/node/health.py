@@ -16,7 +16,7 @@ WINDOW_S = 10.0
 
 
 @dataclass
-class Counts:
+class InputCounts:
     """Clouds, frames and stacks since the start or the last reset."""
 
     received: int = 0
@@ -32,9 +32,9 @@ class Counts:
 
 @dataclass
 class Health:
-    """Counts, rates and latencies, safe to use from several threads."""
+    """InputCounts, rates and latencies, safe to use from several threads."""
 
-    counts: Counts = field(default_factory=Counts)
+    counts: InputCounts = field(default_factory=InputCounts)
     last_reason: str = ''
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _arrivals_s: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
@@ -113,7 +113,7 @@ class Health:
     def reset(self) -> None:
         """Start counting anew."""
         with self._lock:
-            self.counts = Counts()
+            self.counts = InputCounts()
             self.last_reason = ''
             self._arrivals_s.clear()
             self._latencies_s.clear()

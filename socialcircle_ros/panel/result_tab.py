@@ -10,7 +10,7 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 from . import markup
 from .link import ShownCloud
 from .log import Log
-from .scene import Scene
+from .scene import CloudScene
 from .view import height_picture, mask_picture, view_of
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class ResultTab:
         self._log = log
         self.shown: ShownCloud | None = None
         self._measurement = gui.add_html(markup.measurement(None))
-        self.scene = Scene(server)
+        self.scene = CloudScene(server)
         self._heights = gui.add_image(NO_PICTURE, label='heights of kept points', format='png')
         self._mask = gui.add_image(NO_PICTURE, label='outlier mask', format='png')
         self._details = gui.add_html(markup.details(None))

@@ -29,7 +29,7 @@ _STRETCH = Descriptor(
 )
 
 
-class Scene:
+class CloudScene:
     """The scene: the node's cloud, or both clouds of a comparison.
 
     Its methods are called within `update()`.

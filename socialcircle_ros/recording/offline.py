@@ -207,7 +207,7 @@ def stacks_of(reader: RecordingReader) -> tuple[str, ...]:
     return tuple(namespace for namespace in namespaces if namespace is not None)
 
 
-class _Cell:
+class _RecordedCell:
     """One namespace of the recording: its inputs, and the outputs beside them."""
 
     def __init__(self, namespace: str, clouds: Iterable[str], stack: bool, settings: PipelineSettings) -> None:
@@ -261,7 +261,7 @@ class _Cell:
 
 
 def _walk(
-    messages: Iterable[Message], cells: Sequence[_Cell]
+    messages: Iterable[Message], cells: Sequence[_RecordedCell]
 ) -> Iterator[tuple[Message | None, Iterator[SourceCloud | Refusal]]]:
     """Each message that is no output of an earlier run, with what comes of it; None at the end."""
     produced = {name for cell in cells for name in cell.replaced}
@@ -302,7 +302,7 @@ def _filter(
     return outputs
 
 
-def _cells(reader: RecordingReader, topics: tuple[str, ...], settings: PipelineSettings) -> list[_Cell]:
+def _cells(reader: RecordingReader, topics: tuple[str, ...], settings: PipelineSettings) -> list[_RecordedCell]:
     """The namespaces that hold clouds or stacks to filter.
 
     Raises:
@@ -328,7 +328,9 @@ def _cells(reader: RecordingReader, topics: tuple[str, ...], settings: PipelineS
             raise RecordingError(
                 f'{" and ".join(names)} are in one namespace, so their outputs would mix; filter one at a time.'
             )
-    return [_Cell(namespace, names, namespace in stacks, settings) for namespace, names in by_namespace.items()]
+    return [
+        _RecordedCell(namespace, names, namespace in stacks, settings) for namespace, names in by_namespace.items()
+    ]
 
 
 def _listed(reader: RecordingReader) -> str:

@@ -6,13 +6,13 @@ from datetime import datetime, timezone
 
 import numpy as np
 
-from socialcircle_ros.cloud import Cloud, Mask, measured_points
+from socialcircle_ros.cloud import Cloud, HeightMap, Mask, measured_points
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.interface import MASK, REPAIRED, MeasurementValues
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.metrics.areal import HeightMap, Texture, texture
+from socialcircle_ros.metrics.areal import Texture, texture
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pipeline.clouds import CloudOutputs
 

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.cloud import Cloud, HeightMap, Mask
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.metrics.areal import HeightMap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

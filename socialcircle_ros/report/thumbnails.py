@@ -10,9 +10,8 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Mask
+from socialcircle_ros.cloud import HeightMap, Mask
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.metrics.areal import HeightMap
 
 from .pictures import NEEDED, any_in_tile, over_tiles, thinned
 

@@ -34,7 +34,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class _Column:
+class _Declaration:
     """What is declared of a parameter beyond the name, type and default of its dataclass field."""
 
     sentence: str
@@ -69,7 +69,7 @@ def setting(
         empty: The ROS value that stands for None.
         read_only: Whether the value is fixed once the node has started.
     """
-    column = _Column(sentence, unit, Limits(minimum, maximum, odd, choices), empty, read_only)
+    column = _Declaration(sentence, unit, Limits(minimum, maximum, odd, choices), empty, read_only)
     return dataclasses.field(default=default, metadata={_OWN: column})
 
 
@@ -161,7 +161,7 @@ class Settings:
         """
         hints = typing.get_type_hints(type(self))
         for field in dataclasses.fields(self):
-            column: _Column = field.metadata[_OWN]
+            column: _Declaration = field.metadata[_OWN]
             name = f'{self.group}.{field.name}' if self.group else field.name
             value = _checked(name, getattr(self, field.name), hints[field.name], column)
             object.__setattr__(self, field.name, value)
@@ -175,7 +175,7 @@ class Settings:
         """The parameters of this group, in the order of their declaration."""
         rows = []
         for field in dataclasses.fields(cls):
-            column: _Column = field.metadata[_OWN]
+            column: _Declaration = field.metadata[_OWN]
             default = cast('RosValue | None', column.empty if field.default is None else field.default)
             if default is None:
                 raise TypeError(f'{field.name} needs a default or an empty value.')
@@ -213,7 +213,7 @@ class Settings:
 Self = TypeVar('Self', bound=Settings)
 
 
-def _checked(name: str, value: object, hint: object, column: _Column) -> object:
+def _checked(name: str, value: object, hint: object, column: _Declaration) -> object:
     """`value` in the exact Python type of the field.
 
     Raises:

@@ -81,7 +81,7 @@ CloudSource = Callable[[FocusSettings], Sequence[SweepCloud]]
 """Gives the clouds of a sweep for the focus settings with which stacks become clouds."""
 
 
-class RecordedClouds:
+class SweptRecording:
     """The clouds of a recording that a sweep filters; a `CloudSource` is its `load`.
 
     Args:

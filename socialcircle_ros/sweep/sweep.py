@@ -15,7 +15,7 @@ from socialcircle_ros.settings import (
     yaml_text,
 )
 
-from .clouds import CloudSource, RecordedClouds, cached
+from .clouds import CloudSource, SweptRecording, cached
 from .page import sweep_page, trials_table
 from .result import SweepResult
 from .search import Search
@@ -83,7 +83,7 @@ def run_sweep(
     others = [] if search else [values for values in grid(search_space) if values != as_given]
     _check_extras(search_space, search)
     prepare(output)
-    recorded = RecordedClouds(recording, base, tuple(topics), max_clouds)
+    recorded = SweptRecording(recording, base, tuple(topics), max_clouds)
     clouds = cached(recorded.load)
     fixed = {name: value for name, value in base.items() if name not in as_given}
     fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)

@@ -12,7 +12,7 @@ from socialcircle_ros.errors import MessageError, RecordingError
 from socialcircle_ros.messages import image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import RecordingWriter, ros_topic
-from socialcircle_ros.sweep.clouds import RecordedClouds, cached, evenly_spread, sweep_cloud
+from socialcircle_ros.sweep.clouds import SweptRecording, cached, evenly_spread, sweep_cloud
 
 
 def test_the_criterion_takes_the_place_of_an_unknown_truth():
@@ -67,14 +67,14 @@ class TestRecordedClouds:
         return path
 
     def test_clouds_with_a_truth_are_preferred(self, path):
-        recorded = RecordedClouds(path, BASE, (), 10)
+        recorded = SweptRecording(path, BASE, (), 10)
         (found,) = recorded.load(FocusSettings())
         assert found.name == '/points 1'
         assert found.has_truth
         assert (found.outlier == truth()[0]).all()
 
     def test_refusals_are_counted_once_per_load(self, path):
-        recorded = RecordedClouds(path, BASE, (), 10)
+        recorded = SweptRecording(path, BASE, (), 10)
         for _ in range(2):
             recorded.load(FocusSettings())
         ((reason, count),) = recorded.refused.items()
@@ -82,13 +82,13 @@ class TestRecordedClouds:
         assert count == 1
 
     def test_the_number_of_clouds_is_limited(self, path):
-        (found,) = RecordedClouds(path, BASE, (), 1).load(FocusSettings())
+        (found,) = SweptRecording(path, BASE, (), 1).load(FocusSettings())
         assert found.name == '/points 0'
 
     def test_a_recording_without_a_usable_cloud_is_an_error(self, tmp_path):
         with RecordingWriter(tmp_path / 'lines.mcap') as writer:
             writer.add_topic(ros_topic('/points', point_cloud.TYPE))
             writer.write('/points', cloud(1, 9), 0)
-        recorded = RecordedClouds(tmp_path / 'lines.mcap', BASE, (), 10)
+        recorded = SweptRecording(tmp_path / 'lines.mcap', BASE, (), 10)
         with pytest.raises(RecordingError, match='no cloud that can be filtered. The cloud is not organized'):
             recorded.load(FocusSettings())

@@ -11,7 +11,7 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 
 from .differences import Differences, Spread, normalised_differences
-from .heights import HeightMap, relative_heights, with_holes_filled
+from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
 from .optics import beside_walls, beyond_tolerance
@@ -34,7 +34,7 @@ _TILE_SIDE, _TILE_SIDE_REDUCED = 16, 10
 _SMALLEST_REDUCED = 16  # points along the shorter side
 _ROUNDS = 2
 
-_Scores = npt.NDArray[np.float32]
+_OutlierScores = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def find_outliers(
     rules = rules or Rules()
     stopwatch = Stopwatch()
     relative = relative_heights(heights)
-    search = _Search(relative)
+    search = _IslandSearch(relative)
     stopwatch.lap('heights')
 
     spread = search.remove_isolated_points()
@@ -124,7 +124,7 @@ def find_outliers(
     return AdaptiveResult(outliers, score, spread, islands_kept, stopwatch.times_ms)
 
 
-class _Search:
+class _IslandSearch:
     """The outliers that have been found so far.
 
     Attributes:
@@ -135,7 +135,7 @@ class _Search:
             belongs to, at least 0.
     """
 
-    def __init__(self, heights: HeightMap) -> None:
+    def __init__(self, heights: RelativeHeights) -> None:
         self.heights = heights
         self.measured: Mask = np.isfinite(heights)
         self.found: Mask = np.zeros(heights.shape, np.bool_)
@@ -205,7 +205,7 @@ def _required_steepness(isolated: float, depth_of_field: float | None, rules: Ru
 
 
 @kernel
-def _scale_scores(score: _Scores, outliers: Mask, measured: Mask) -> None:
+def _scale_scores(score: _OutlierScores, outliers: Mask, measured: Mask) -> None:
     """Turn steepness into the score in place: above 0.5 exactly for outliers, NaN where not measured."""
     height, width = score.shape
     for row in range(height):

@@ -16,7 +16,7 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.order_statistics import median_of_five
 
 from .blocks import BlockRows, Blocks, interpolate_columns, interpolate_row
-from .heights import HeightMap
+from .heights import RelativeHeights
 from .slopes import BlockSlopes, Slopes, load_slopes
 
 Differences = npt.NDArray[np.int8]
@@ -61,12 +61,12 @@ class Surface(NamedTuple):
         predicted: as in `Spread`.
     """
 
-    heights: HeightMap
+    heights: RelativeHeights
     slopes: Slopes
     predicted: bool
 
 
-def normalised_differences(heights: HeightMap, spread: Spread) -> Differences:
+def normalised_differences(heights: RelativeHeights, spread: Spread) -> Differences:
     """Compute the normalised differences from each point to the right, down, down right and down left.
 
     Args:

@@ -6,7 +6,7 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 
-HeightMap = npt.NDArray[np.float32]
+RelativeHeights = npt.NDArray[np.float32]
 """(H, W) float32, NaN where not measured."""
 
 _SAMPLES = 10_000
@@ -16,7 +16,7 @@ _RINGS = 6
 _LEAST_NEIGHBOURS = 3
 
 
-def relative_heights(heights: npt.NDArray[np.float32] | npt.NDArray[np.float64]) -> HeightMap:
+def relative_heights(heights: npt.NDArray[np.float32] | npt.NDArray[np.float64]) -> RelativeHeights:
     """Convert heights to float32 without losing digits to an offset.
 
     Args:
@@ -34,7 +34,7 @@ def relative_heights(heights: npt.NDArray[np.float32] | npt.NDArray[np.float64])
     return np.clip(relative, -_FURTHEST, _FURTHEST).astype(np.float32)
 
 
-def with_holes_filled(heights: HeightMap, holes: Mask) -> HeightMap:
+def with_holes_filled(heights: RelativeHeights, holes: Mask) -> RelativeHeights:
     """Fill holes ring by ring, each point with the mean of its known neighbours.
 
     The result serves to examine the remaining points; it is never published.
@@ -54,7 +54,7 @@ def with_holes_filled(heights: HeightMap, holes: Mask) -> HeightMap:
 
 
 @kernel
-def _fill(heights: HeightMap, holes: npt.NDArray[np.int64]) -> None:
+def _fill(heights: RelativeHeights, holes: npt.NDArray[np.int64]) -> None:
     """Fill in place the points `holes`, (n,), which are numbered in row order."""
     height, width = heights.shape
     left = holes.copy()

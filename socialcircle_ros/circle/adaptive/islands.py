@@ -42,7 +42,7 @@ _SMALL = 8
 
 Steepness = npt.NDArray[np.float32]
 """float32, -1 to 1: 1 where every difference across the border is clipped."""
-_Integers = npt.NDArray[np.int32]
+_Labels = npt.NDArray[np.int32]
 _Levels = npt.NDArray[np.int16]
 
 
@@ -81,10 +81,10 @@ class _Tree(NamedTuple):
         steepness: float32, of the community; undefined where the point is no node.
     """
 
-    points: _Integers
+    points: _Labels
     level: _Levels
-    parent: _Integers
-    area: _Integers
+    parent: _Labels
+    area: _Labels
     steepness: Steepness
 
 
@@ -181,7 +181,7 @@ def _interpolate(wide: BlockRows, first: int, end: int, around: Relief) -> None:
 
 
 @kernel
-def _risen(relief: Relief, around: Relief, measured: Mask, sign: int) -> tuple[_Integers, _Levels]:
+def _risen(relief: Relief, around: Relief, measured: Mask, sign: int) -> tuple[_Labels, _Levels]:
     """Points that rise from their surroundings (or sink, where `sign` is -1) in row order, and their levels."""
     height, width = relief.shape
     points, level = np.empty(relief.size, np.int32), np.empty(relief.size, np.int16)
@@ -199,8 +199,8 @@ def _risen(relief: Relief, around: Relief, measured: Mask, sign: int) -> tuple[_
 
 @kernel
 def _neighbours(
-    points: _Integers, rank: _Integers, differences: Differences, outward: int, clip: int
-) -> tuple[_Integers, _Integers, _Integers]:
+    points: _Labels, rank: _Labels, differences: Differences, outward: int, clip: int
+) -> tuple[_Labels, _Labels, _Labels]:
     """Find the neighbours of lower rank, and what each point adds to the sums of its communities.
 
     The points come in row order, because their differences then lie close together; the results are by rank.
@@ -247,7 +247,7 @@ def _neighbours(
 
 
 @kernel
-def _max_tree(level: _Levels, higher: _Integers) -> _Integers:
+def _max_tree(level: _Levels, higher: _Labels) -> _Labels:
     """Build the tree of points in descending order of level; return the parents."""
     count = level.size
     parent, joined = np.empty(count, np.int32), np.empty(count, np.int32)
@@ -270,8 +270,8 @@ def _max_tree(level: _Levels, higher: _Integers) -> _Integers:
 
 @kernel
 def _measure(
-    points: _Integers, parent: _Integers, sums: _Integers, borders: _Integers, width: int, criteria: _Criteria
-) -> tuple[_Integers, Steepness]:
+    points: _Labels, parent: _Labels, sums: _Labels, borders: _Labels, width: int, criteria: _Criteria
+) -> tuple[_Labels, Steepness]:
     """Measure the area and steepness of each node; `sums` and `borders` become those of the communities."""
     count = points.size
     area, steepness = np.ones(count, np.int32), np.empty(count, np.float32)

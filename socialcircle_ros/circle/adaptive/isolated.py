@@ -16,7 +16,7 @@ _LEAST_NEIGHBOURS = 3
 _WELL_SURROUNDED = 6
 """From this number of neighbours on, one may be in touch: two neighbouring outliers may have one height."""
 
-_Counts = npt.NDArray[np.int8]
+_TouchCounts = npt.NDArray[np.int8]
 
 
 def isolated_points(differences: Differences) -> Mask:
@@ -60,7 +60,12 @@ def _find(differences: Differences, touch: int, first: int, end: int, isolated: 
 
 @kernel
 def _count(
-    differences: Differences, touch: int, sign: np.int8, known: _Counts, touching: _Counts, side: _Counts
+    differences: Differences,
+    touch: int,
+    sign: np.int8,
+    known: _TouchCounts,
+    touching: _TouchCounts,
+    side: _TouchCounts,
 ) -> None:
     """Add a row of neighbours to the counts, all (n,) int8: so narrow numbers fill the processor's vectors best.
 

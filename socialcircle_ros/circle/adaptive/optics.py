@@ -12,7 +12,7 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .heights import HeightMap, with_holes_filled
+from .heights import RelativeHeights, with_holes_filled
 
 TOLERANCE = 0.37
 """Share of the depth of field that a height may be off: good points are within 0.25, outliers beyond 0.5."""
@@ -28,7 +28,7 @@ _BESIDE = 1
 """Points beyond the two ends of a step: their windows of the focus measure see both surfaces."""
 
 
-def beyond_tolerance(heights: HeightMap, found: Mask, depth_of_field: float) -> Mask:
+def beyond_tolerance(heights: RelativeHeights, found: Mask, depth_of_field: float) -> Mask:
     """Find the outliers, and points next to them, that differ from their surroundings by more than the tolerance.
 
     Args:
@@ -50,7 +50,7 @@ def beyond_tolerance(heights: HeightMap, found: Mask, depth_of_field: float) -> 
     return beyond
 
 
-def beside_walls(heights: HeightMap, found: Mask, depth_of_field: float) -> Mask:
+def beside_walls(heights: RelativeHeights, found: Mask, depth_of_field: float) -> Mask:
     """Find the points next to a step between two surfaces: what lies between them was not seen.
 
     Args:
@@ -84,7 +84,13 @@ def _mark_near(places: npt.NDArray[np.intp], measured: Mask, near: Mask) -> None
 
 @kernel
 def _compare(
-    heights: HeightMap, candidates: Mask, surface: HeightMap, limit: np.float32, first: int, end: int, beyond: Mask
+    heights: RelativeHeights,
+    candidates: Mask,
+    surface: RelativeHeights,
+    limit: np.float32,
+    first: int,
+    end: int,
+    beyond: Mask,
 ) -> None:
     """Compare the candidates of some rows with the median of the `surface` around them."""
     height, width = heights.shape
@@ -107,7 +113,7 @@ def _compare(
 
 
 @kernel
-def _mark_walls(surface: HeightMap, down: int, limit: np.float32, beside: Mask) -> None:
+def _mark_walls(surface: RelativeHeights, down: int, limit: np.float32, beside: Mask) -> None:
     """Mark the two ends of each step along one axis (down: 1; right: 0), and the points next to them."""
     height, width = surface.shape
     right = 1 - down

@@ -5,12 +5,12 @@ import numpy as np
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 
-from .heights import HeightMap
+from .heights import RelativeHeights
 from .islands import Steepness
 
 
 @kernel
-def halved(heights: HeightMap) -> HeightMap:
+def halved(heights: RelativeHeights) -> RelativeHeights:
     """Halve the rows and columns; an odd last row or column is dropped.
 
     Each point is the mean of the middle two of its four points, the mean of fewer where fewer are measured, and

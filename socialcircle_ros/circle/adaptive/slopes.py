@@ -11,7 +11,7 @@ from socialcircle_ros.kernels.order_statistics import median_of_sorted
 from socialcircle_ros.kernels.sorting_networks import Comparators, run_network, sort_network
 
 from .blocks import BlockRows, interpolate_columns, interpolate_row, median_of_blocks
-from .heights import HeightMap
+from .heights import RelativeHeights
 
 _BLOCK = 8
 """Side of a block in points; the median difference in a block is its slope."""
@@ -36,7 +36,7 @@ class Slopes(NamedTuple):
         return cls(interpolate_columns(slopes[0], _BLOCK, width), interpolate_columns(slopes[1], _BLOCK, width))
 
 
-def block_slopes(heights: HeightMap) -> BlockSlopes:
+def block_slopes(heights: RelativeHeights) -> BlockSlopes:
     """Median difference of neighbours in each block, then the median of 3×3 blocks.
 
     Args:
@@ -55,7 +55,7 @@ def block_slopes(heights: HeightMap) -> BlockSlopes:
 
 
 @kernel
-def _block_medians(heights: HeightMap, sort: Comparators, first: int, end: int) -> BlockSlopes:
+def _block_medians(heights: RelativeHeights, sort: Comparators, first: int, end: int) -> BlockSlopes:
     """(2, end - first, w) float32: median difference along x and along y; NaN where too few are known."""
     height, width = heights.shape
     columns = (width + _BLOCK - 1) // _BLOCK

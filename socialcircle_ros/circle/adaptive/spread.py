@@ -16,7 +16,7 @@ from socialcircle_ros.kernels.sorting_networks import Comparators, run_network, 
 
 from .blocks import Blocks, median_of_blocks
 from .differences import STEPS_PER_SPREAD, Spread, Surface, load_differences
-from .heights import HeightMap
+from .heights import RelativeHeights
 from .slopes import Slopes, block_slopes, load_slopes
 
 Sample = npt.NDArray[np.float32]
@@ -43,7 +43,7 @@ _ROW_STRIDE = 3
 """Every third row of a tile is enough."""
 
 
-def estimate_spread(heights: HeightMap, tile_side: int, *, may_predict: bool) -> Spread:
+def estimate_spread(heights: RelativeHeights, tile_side: int, *, may_predict: bool) -> Spread:
     """Estimate the spread of the differences between neighbours.
 
     Args:
@@ -94,7 +94,7 @@ def _above_zero(sizes: Sample) -> Sample:
     return sizes[np.searchsorted(sizes, 0, 'right') :]
 
 
-def _least_spread(heights: HeightMap) -> float:
+def _least_spread(heights: RelativeHeights) -> float:
     """The spread that storage alone causes, in the cloud's unit; NaN heights do not count."""
     sample = heights[np.isfinite(heights)]
     return max(_quantum(sample), _rounding(sample), _SMALLEST)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 
-from .heights import HeightMap
+from .heights import RelativeHeights
 
 LEAST_COVER = 0.015
 """Islands of one height that cover a smaller share of the measured points are outliers nonetheless."""
@@ -23,7 +23,7 @@ _LEAST_SHARE = 0.5
 """Share of the points of all such islands that those of one height must have."""
 
 
-def islands_of_one_height(heights: HeightMap, islands: Mask) -> tuple[Mask, int]:
+def islands_of_one_height(heights: RelativeHeights, islands: Mask) -> tuple[Mask, int]:
     """Find the islands that share a height above or below their surroundings.
 
     Args:
@@ -56,7 +56,7 @@ def islands_of_one_height(heights: HeightMap, islands: Mask) -> tuple[Mask, int]
 
 @kernel
 def _measure_islands(
-    heights: HeightMap, islands: Mask, points: npt.NDArray[np.intp]
+    heights: RelativeHeights, islands: Mask, points: npt.NDArray[np.intp]
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
     """Label the connected `points`, (n,) in row order.
 

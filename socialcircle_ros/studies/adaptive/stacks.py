@@ -20,7 +20,7 @@ _TUNED: tuple[type[FilterSettings], ...] = (RadiusSettings, StatisticalSettings,
 
 
 @dataclass(frozen=True)
-class _Comparison:
+class _StackComparison:
     """Scores of the adaptive mode and of the tuned filters, one for each cloud."""
 
     title: str
@@ -62,7 +62,7 @@ def simulated_stacks(study: Study) -> Evaluation:
     return Evaluation(section, [*_flat_goals(flat), *_groove_goals(groove)])
 
 
-def _compare(study: Study, specimen: str, title: str) -> _Comparison:
+def _compare(study: Study, specimen: str, title: str) -> _StackComparison:
     plan = study.plan
     study.progress(f'{specimen}: scanning {len(plan.seeds)} focus stacks')
     clouds = [scanned_cloud(specimen, plan.small_size, seed) for seed in plan.seeds]
@@ -72,10 +72,10 @@ def _compare(study: Study, specimen: str, title: str) -> _Comparison:
         study.progress(f'{specimen}: tuning on the truth, {name_of(settings_type).lower()}')
         best = method(best_settings(settings_type, clouds), 'best')
         tuned.append((best, [cloud.score(best(cloud.points).outliers) for cloud in clouds]))
-    return _Comparison(title, clouds, adaptive, tuned)
+    return _StackComparison(title, clouds, adaptive, tuned)
 
 
-def _flat_goals(flat: _Comparison) -> list[Goal]:
+def _flat_goals(flat: _StackComparison) -> list[Goal]:
     where = _where(flat)
     lost = sum(own.f1 < other.f1 for own, other in zip(flat.adaptive, flat.strongest[1], strict=True))
     return [
@@ -84,7 +84,7 @@ def _flat_goals(flat: _Comparison) -> list[Goal]:
     ]
 
 
-def _groove_goals(groove: _Comparison) -> list[Goal]:
+def _groove_goals(groove: _StackComparison) -> list[Goal]:
     where = _where(groove)
     false_positives = median(each.false_positive_rate for each in groove.adaptive)
     lead = _median_f1(groove.adaptive) - _median_f1(groove.strongest[1])
@@ -95,11 +95,11 @@ def _groove_goals(groove: _Comparison) -> list[Goal]:
     ]
 
 
-def _where(comparison: _Comparison) -> str:
+def _where(comparison: _StackComparison) -> str:
     return f'simulated stacks of the {comparison.title} (n = {len(comparison.clouds)})'
 
 
-def _picture(study: Study, specimen: str, comparison: _Comparison) -> Picture:
+def _picture(study: Study, specimen: str, comparison: _StackComparison) -> Picture:
     cloud, best = comparison.clouds[0], comparison.strongest[0]
     found = [
         ('adaptive', detect(cloud.points, cloud.depth_of_field).outliers),

@@ -10,8 +10,8 @@ from socialcircle_ros.report.pictures import any_in_tile, new_figure, thinned
 
 from .labelled_clouds import LabelledCloud
 from .plotting import (
-    Box,
     FilterMasks,
+    PlotRegion,
     as_png,
     box_extent,
     colour_range,
@@ -91,7 +91,7 @@ def measured_surface(points: Cloud, unit: str, filters: FilterMasks) -> bytes:
     return as_png(figure)
 
 
-def _decision_colours(cloud: LabelledCloud, found: Mask, box: Box) -> npt.NDArray[np.float64]:
+def _decision_colours(cloud: LabelledCloud, found: Mask, box: PlotRegion) -> npt.NDArray[np.float64]:
     """(h, w, 3): the colour of the filter's decision at each point of a part."""
     from matplotlib.colors import to_rgb  # noqa: PLC0415 - an extra
 

@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Mask
+from socialcircle_ros.cloud import HeightMap, Mask
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-HeightMap = npt.NDArray[np.float32] | npt.NDArray[np.float64]
-"""(H, W) heights, NaN where not measured."""
-Box = tuple[slice, slice]
+PlotRegion = tuple[slice, slice]
 """A rectangular part of a cloud: its rows and its columns."""
 FilterMasks = list[tuple[str, Mask]]
 """Names of filters, and the points (H, W) that each removes."""
@@ -47,13 +45,13 @@ def extent_of(shape: tuple[int, ...], pitch: float) -> tuple[float, float, float
     return 0.0, shape[1] * pitch, shape[0] * pitch, 0.0
 
 
-def box_extent(box: Box, pitch: float) -> tuple[float, float, float, float]:
+def box_extent(box: PlotRegion, pitch: float) -> tuple[float, float, float, float]:
     """Left, right, bottom and top of a part of a cloud."""
     rows, columns = box
     return columns.start * pitch, columns.stop * pitch, rows.stop * pitch, rows.start * pitch
 
 
-def outline(axis: 'Axes', box: Box, pitch: float) -> None:
+def outline(axis: 'Axes', box: PlotRegion, pitch: float) -> None:
     """Draw a rectangle round the part that is shown enlarged."""
     left, right, bottom, top = box_extent(box, pitch)
     axis.plot([left, right, right, left, left], [top, top, bottom, bottom, top], color=_MARK_COLOUR, linewidth=1.5)
@@ -66,7 +64,7 @@ def red_where(mask: Mask) -> npt.NDArray[np.float64]:
     return red
 
 
-def densest_box(outlier: Mask, share: float = 0.18) -> Box:
+def densest_box(outlier: Mask, share: float = 0.18) -> PlotRegion:
     """The part of the cloud that holds most outliers; its sides are `share` of the cloud's."""
     rows, columns = (max(24, round(share * extent)) for extent in outlier.shape)
     starts = [

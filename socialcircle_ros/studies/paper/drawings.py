@@ -8,8 +8,8 @@ import numpy as np
 from socialcircle_ros.report.pictures import new_figure
 from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud
 from socialcircle_ros.studies.comparison.plotting import (
-    Box,
     HeightMap,
+    PlotRegion,
     as_png,
     box_extent,
     colour_range,
@@ -58,7 +58,7 @@ def contamination_curves(
     return as_png(figure)
 
 
-def elections(panels: Sequence[tuple[str, LabelledCloud, Box, tuple[int, int]]]) -> bytes:
+def elections(panels: Sequence[tuple[str, LabelledCloud, PlotRegion, tuple[int, int]]]) -> bytes:
     """Draw vote regions as point clouds with the elected seed in red, as the paper's figure 4.
 
     Args:

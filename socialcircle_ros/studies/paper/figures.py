@@ -9,7 +9,7 @@ import numpy as np
 
 from socialcircle_ros.circle.region import SIDE, choose_region
 from socialcircle_ros.circle.seed import elect_seed
-from socialcircle_ros.cloud import Mask
+from socialcircle_ros.cloud import HeightMap, Mask
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.metrics.scores import rmse
 from socialcircle_ros.repair import repair_holes
@@ -23,7 +23,7 @@ from socialcircle_ros.studies.comparison.labelled_clouds import (
     synthetic_cloud,
 )
 from socialcircle_ros.studies.comparison.methods import Method
-from socialcircle_ros.studies.comparison.plotting import Box, HeightMap
+from socialcircle_ros.studies.comparison.plotting import PlotRegion
 from socialcircle_ros.studies.comparison.study import Study
 
 from . import drawings
@@ -41,7 +41,7 @@ class _Election:
     """A cloud, its vote region, and row and column of the elected seed."""
 
     cloud: LabelledCloud
-    region: Box
+    region: PlotRegion
     seed: tuple[int, int]
 
     @property
