@@ -4,10 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from socialcircle_ros.cloud import Mask
+from socialcircle_ros.cloud import HeightMap, Mask
 from socialcircle_ros.report.pictures import new_figure, thinned
 from socialcircle_ros.studies.comparison.plotting import (
-    HeightMap,
     as_png,
     box_extent,
     colour_range,

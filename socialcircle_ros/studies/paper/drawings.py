@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.report.pictures import new_figure
 from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud
 from socialcircle_ros.studies.comparison.plotting import (
-    HeightMap,
     PlotRegion,
     as_png,
     box_extent,

@@ -1,0 +1,61 @@
+"""The cache of compiled kernels."""
+
+import subprocess
+import sys
+
+import pytest
+
+MODULE = """
+from typing import NamedTuple
+
+import numpy as np
+
+from socialcircle_ros.kernels.compiled import kernel
+
+
+class {name}(NamedTuple):
+    values: np.ndarray
+
+
+@kernel
+def total(arrays):
+    return arrays.values.sum()
+
+
+print(total({name}(np.arange(4.0))), sum(total.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Runs the module, with a NamedTuple of a given name, in a process of its own and with one cache."""
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
+
+    def run(name):
+        path = tmp_path / 'sums.py'
+        path.write_text(MODULE.format(name=name))
+        program = [sys.executable, '-c', 'import sums']
+        done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.split()
+
+    return run
+
+
+def test_the_cache_is_read_by_the_next_process(run):
+    assert run('Arrays') == ['6.0', '0']
+    assert run('Arrays') == ['6.0', '1']
+
+
+def test_a_cache_that_names_a_class_of_another_version_is_compiled_anew(run):
+    run('Arrays')
+    assert run('Others') == ['6.0', '0']
+    assert run('Others') == ['6.0', '1']
+
+
+def test_a_damaged_cache_is_compiled_anew(run, tmp_path):
+    run('Arrays')
+    for path in (tmp_path / 'cache').rglob('*.nbi'):
+        path.write_bytes(path.read_bytes()[:-20])
+    assert run('Arrays') == ['6.0', '0']
+    assert run('Arrays') == ['6.0', '1']
