@@ -1,6 +1,6 @@
 """The filter (section 3.2), composed of its three steps: seed, radius, expansion."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from socialcircle_ros.settings import CircleSettings
 
 from .adaptive import TOUCH, find_outliers
 from .expansion import divide
+from .not_measured import recognise
 from .radius import circle_limit
 from .seed import elect_seed
 
@@ -39,6 +40,8 @@ class CircleResult:
     """Outlier score, (H, W), 0 to 1: above 0.5 for outliers, NaN where not measured. None in the paper's mode."""
     warnings: tuple[str, ...] = ()
     """What the method could not decide, and what it did."""
+    notes: tuple[str, ...] = ()
+    """What was done before the method: which points count as not measured."""
 
 
 def remove_outliers(xyz: npt.ArrayLike, settings: CircleSettings | None = None) -> CircleResult:
@@ -69,8 +72,20 @@ def remove_outliers(xyz: npt.ArrayLike, settings: CircleSettings | None = None) 
     """
     settings = settings or CircleSettings()
     cloud = organized(xyz)
+    unmeasured = recognise(cloud, settings.not_measured)
+    if unmeasured.points is not None:
+        cloud = np.where(unmeasured.points[..., None], cloud.dtype.type(np.nan), cloud)
     if settings.mode == 'adaptive':
-        return _remove_adaptively(cloud, settings.depth_of_field)
+        result = _remove_adaptively(cloud, settings.depth_of_field)
+    else:
+        result = _remove_as_in_the_paper(cloud, settings)
+    notes = (unmeasured.note,) if unmeasured.note else ()
+    doubts = (unmeasured.doubt,) if unmeasured.doubt else ()
+    return replace(result, notes=notes, warnings=doubts + result.warnings)
+
+
+def _remove_as_in_the_paper(cloud: Cloud, settings: CircleSettings) -> CircleResult:
+    """Separate the outliers as in section 3.2 of the paper."""
     stopwatch = Stopwatch()
     seed = elect_seed(cloud, settings.vote_region)
     stopwatch.lap('vote')

@@ -25,7 +25,7 @@ def ring_limit(xyz: Cloud, seed: tuple[int, int], window: int) -> Real:
         R², in the cloud's own dtype.
 
     Raises:
-        NoRadiusError: no point of the ring is measured.
+        NoRadiusError: no point of the ring is measured, or R is 0.
     """
     row, column = seed
     reach = 2 * (window // 2)
@@ -44,6 +44,11 @@ def ring_limit(xyz: Cloud, seed: tuple[int, int], window: int) -> Real:
         dx, dy, dz = (ring - xyz[row, column]).T
         squared = np.sort((dx * dx + dy * dy) + dz * dz)
     limit: Real = squared[len(squared) // 2]
+    if limit == 0:
+        raise NoRadiusError(
+            f'Half of the ring round the seed at row {row}, column {column} is exactly at the seed, so eq. 7 gives'
+            ' the radius 0. Such points are not measured: see circle.not_measured; or set circle.radius.'
+        )
     return limit
 
 
@@ -61,7 +66,7 @@ def circle_limit(xyz: Cloud, seed: tuple[int, int], window: int, radius: float |
         R², in the cloud's own dtype.
 
     Raises:
-        NoRadiusError: `radius` is None, and no point of the ring is measured.
+        NoRadiusError: `radius` is None, and no point of the ring is measured, or R is 0.
     """
     real = xyz.dtype.type
     with np.errstate(over='ignore'):

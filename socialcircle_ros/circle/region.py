@@ -7,7 +7,8 @@ same for each cloud:
 2. At most 64 of them, evenly spread, are compared, so that the choice takes the same time for any cloud.
 3. Candidates with less than 95 % of their points measured are dropped.
 4. The smoothest of the others is chosen: that with the lowest median of the second differences of its heights. A
-   tilt has no second difference, and a few outliers do not change a median.
+   tilt has no second difference, and a few outliers do not change a median. Candidates with one height only come
+   last, since such patches are more often a fill value than a surface.
 5. If step 3 drops more than half of them, the measured points of all candidates are counted. Candidates with at
    least 95 % of the highest count take the place of the evenly spread ones.
 """
@@ -210,6 +211,7 @@ def _find_smoothest(
     best, roughness, compared = 0, math.inf, 0
     for candidate in range(len(tops)):
         count = 0
+        first, varies = np.nan, False
         for row in range(height):
             start = (tops[candidate] + row) * row_step + lefts[candidate] * point_step
             load_row(values, start, point_step, width, line)
@@ -218,10 +220,15 @@ def _find_smoothest(
                 measured = is_measured(x[column], y[column], z[column])
                 heights[row, column] = z[column] if measured else np.nan
                 count += measured
+                if measured:
+                    first = z[column] if np.isnan(first) else first
+                    varies |= z[column] != first
         if count < least:
             continue
         best = best if compared else candidate
         compared += 1
+        if not varies:
+            continue
         n, below = _second_differences(heights, differences, roughness)
         rank = (n - 1) // 2
         if n and below > rank:

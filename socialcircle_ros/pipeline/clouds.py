@@ -224,6 +224,8 @@ def _verdict(values: MeasurementValues, result: CircleResult, circle: CircleSett
             else 'the circle may have stayed on an outlier or on one part of the surface;'
             ' raise circle.radius_scale, or move circle.vote_region to the surface.'
         )
+    for note in result.notes:
+        message += f' {note[0].upper()}{note[1:]}'
     for warning in result.warnings:
         level = diagnostics.WARN
         message += f' {warning[0].upper()}{warning[1:]}'

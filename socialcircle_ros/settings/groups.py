@@ -5,6 +5,7 @@ Each field of the frozen dataclasses below is a row of the table. The node's des
 """
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeVar
@@ -71,6 +72,12 @@ class CircleSettings(Settings):
         empty=0.0,
     )
 
+    not_measured: str = setting(
+        'auto',
+        "Which points are not measured, besides NaN: 'auto': many points at exactly one place, such as (0, 0, 0),"
+        " or one exact height far from all others; 'nan': none; a number: points of exactly this height.",
+    )
+
     def of_a_stack(self, depth_of_field: float | None) -> 'CircleSettings':
         """These settings for the cloud of a focus stack, whose depth of field is used if none is set.
 
@@ -99,8 +106,20 @@ class CircleSettings(Settings):
             )
         if self.radius == 0.0:
             raise SettingError('circle.radius must be above 0; use None to find it from the ring (eq. 7).')
+        if self.not_measured not in ('auto', 'nan') and not _is_finite_number(self.not_measured):
+            raise SettingError(
+                f"circle.not_measured is {self.not_measured!r}; use 'auto', 'nan', or the height that stands for"
+                " not measured, such as '0' or '-9999'."
+            )
         if self.depth_of_field == 0.0:
             raise SettingError('circle.depth_of_field must be above 0; use None if it is unknown.')
+
+
+def _is_finite_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 Fit = Literal['gauss', 'gauss3']

@@ -109,9 +109,20 @@ def test_the_last_possible_region_is_a_candidate(length):
 
 def test_smoother_region_is_preferred():
     heights = np.random.default_rng(0).normal(0, 1, (60, 180))
-    heights[:, 90:150] = 0.0
+    heights[:, 90:150] = np.arange(60) * 0.1
 
     assert choose_region(grid(heights)) == (0, 90, 60, 60)
+
+
+def test_a_patch_of_one_height_is_chosen_last():
+    heights = np.tile(np.arange(120.0), (60, 1))
+    heights[:, :60] = 0.0  # a fill value; the next candidate is half on the plane
+
+    assert choose_region(grid(heights)) == (0, 30, 60, 60)
+
+
+def test_a_cloud_of_one_height_has_a_region():
+    assert choose_region(grid(np.zeros((60, 120)))) == (0, 0, 60, 60)
 
 
 def test_tilt_is_not_roughness():
@@ -131,7 +142,7 @@ def test_a_smooth_region_with_less_than_95_percent_measured_is_not_chosen():
 
 def test_a_smooth_region_with_exactly_95_percent_measured_is_chosen():
     heights = np.random.default_rng(0).normal(0, 1, (60, 120))
-    heights[:, 60:] = 0.0
+    heights[:, 60:] = np.arange(60) * 0.1
     heights[:, 117:] = np.nan
 
     assert choose_region(grid(heights)) == (0, 60, 60, 60)

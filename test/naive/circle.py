@@ -102,8 +102,10 @@ def starts(length, side):
 
 
 def roughness(region):
-    """The lower median of all second differences of the heights along rows and columns."""
+    """The lower median of all second differences of the heights; infinite where all heights are equal."""
     grid = [[float(p[2]) if is_measured(p) else None for p in row] for row in region.tolist()]
+    if len({height for row in grid for height in row if height is not None}) == 1:
+        return math.inf
     differences = []
     for line in grid + [list(column) for column in zip(*grid, strict=True)]:
         for a, b, c in zip(line, line[1:], line[2:], strict=False):
@@ -190,7 +192,10 @@ def ring_limit(xyz, seed, window):
                 ring.append(squared_distance(xyz[seed], xyz[row, column]))
     if not ring:
         raise NoRadiusError(f'No point of the ring round {seed} is measured.')
-    return sorted(ring)[8 * k if len(ring) == 16 * k else len(ring) // 2]
+    limit = sorted(ring)[8 * k if len(ring) == 16 * k else len(ring) // 2]
+    if limit == 0:
+        raise NoRadiusError(f'Half of the ring round {seed} is at the seed.')
+    return limit
 
 
 def inside(xyz, row, column):
