@@ -76,7 +76,7 @@ def flattened(xyz: Cloud) -> Memory:
 
 
 def measured_points(xyz: Cloud) -> Mask:
-    """Mask (H, W) of the measured points: those whose x, y and z are all finite."""
+    """Mask (H, W) of the measured points: those with finite x, y and z."""
     height, width, _ = xyz.shape
     measured = np.empty((height, width), np.bool_)
     _measure(*flattened(xyz), np.empty((4, width + 2), xyz.dtype), measured)

@@ -53,7 +53,7 @@ class StatisticalSettings(Settings):
     )
     neighbours: int = setting(
         20,
-        'Number of nearest measured points of the window whose mean distance is compared.',
+        'Number of nearest measured points of the window; their mean distance is compared.',
         unit='points',
         minimum=1,
         maximum=224,
@@ -83,7 +83,7 @@ class MedianSettings(Settings):
     """Settings of the median residual filter, which is not in the paper."""
 
     window: int = setting(
-        11, 'Side of the window whose median height is taken.', unit='points', minimum=3, maximum=31, odd=True
+        11, 'Side of the window of the median height.', unit='points', minimum=3, maximum=31, odd=True
     )
     threshold: float | None = setting(
         None,

@@ -125,7 +125,7 @@ def _estimate_scores(points: Points, mu: Floats64) -> tuple[Floats64, float]:
     """
     x, y, z = points[0], points[1], points[2]
     n = len(x)
-    bells = np.empty((4, n))  # x, y, z and 1 / mu² of the voters whose votes are estimated
+    bells = np.empty((4, n))  # x, y, z and 1 / mu² of the voters with estimated votes
     count, total = 0, 0.0
     for p in range(n):
         if 1e-100 < mu[p] < 1e100:

@@ -43,7 +43,7 @@ class PointCloud:
     """A PointCloud2 where it lies: its description, and its bytes untouched.
 
     `message` is the whole serialized message; the points begin at `data_start` in it. `row_step` is the distance
-    of two rows; a message whose row_step is the size of the whole cloud, without padding, has rows of width ·
+    of two rows; where row_step is the size of the whole cloud without padding, rows have width ·
     point_step.
     """
 
@@ -342,8 +342,8 @@ def write_float_cloud(
 def _written(message: bytes, write: Callable[[memoryview], None]) -> bytes:
     """A message after something was written into it; the one that is given stays as it is.
 
-    A BytesIO copies what it was given only if somebody else holds it too, and gives away what it holds
-    without a copy once nobody looks at it anymore.
+    A BytesIO copies the given bytes only if another reference to them exists, and returns its memory without a
+    copy once no view of it is left.
     """
     buffer = io.BytesIO(message)
     del message

@@ -175,7 +175,7 @@ def waiting_messages(subscription: Subscription) -> Iterator[bytes]:
 
 
 class MessageInput(Protocol):
-    """A subscription whose serialized messages go to a callback."""
+    """A subscription that hands serialized messages to a callback."""
 
     subscription: Subscription
 
@@ -295,7 +295,7 @@ def refuse_invalid_transitions(node: LifecycleNode, refused: Callable[[str], Non
     """Answer an invalid transition with a refusal; rclpy raises, which ends spin() (ros2/rclpy #1209).
 
     Args:
-        node: whose service is guarded.
+        node: the node of the service.
         refused: called with the transition that is not possible.
     """
     service = getattr(node, '_service_change_state', None)

@@ -203,7 +203,7 @@ class StackAssembler:
             self._track.clear()  # its stamps are from before
 
     def _place_waiting(self) -> Iterator[StackEvent]:
-        """Take the frames whose stamps are covered by joint states."""
+        """Take the frames with stamps that joint states cover."""
         while self._waiting and self._track and self._track[-1][0] >= self._waiting[0].header.stamp:
             frame = self._waiting.popleft()
             try:

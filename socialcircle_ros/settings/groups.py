@@ -79,7 +79,7 @@ class CircleSettings(Settings):
     )
 
     def of_a_stack(self, depth_of_field: float | None) -> 'CircleSettings':
-        """These settings for the cloud of a focus stack, whose depth of field is used if none is set.
+        """These settings for the cloud of a focus stack: its depth of field is used if none is set.
 
         Args:
             depth_of_field: Of the stack, in the unit of the cloud. None: the cloud is not from a stack, or its
@@ -212,7 +212,7 @@ class StackSettings(Settings):
         unit='m',
     )
     joint: str = setting(
-        '', 'Name of the joint whose position is z, with z_source joint_states. Empty: the first joint.'
+        '', 'Name of the joint that gives z, with z_source joint_states. Empty: the first joint.'
     )
     frames: int = setting(
         0, 'Number of frames after which a stack ends. 0: no limit.', unit='frames', minimum=0, maximum=30000

@@ -18,7 +18,7 @@ from socialcircle_ros.recording import schema_text
 DECODE = generate_dynamic('sensor_msgs/PointCloud2', schema_text('sensor_msgs/msg/PointCloud2'))[
     'sensor_msgs/PointCloud2'
 ]
-"""A decoder that nobody here wrote."""
+"""A decoder of another project."""
 
 
 @dataclass

@@ -6,7 +6,7 @@ from socialcircle_ros.node.worker import LatestWorker
 
 
 class Gate:
-    """A worker whose work waits until it is let through."""
+    """A worker with work that waits until it is let through."""
 
     def __init__(self):
         self.begun, self.through = threading.Semaphore(0), threading.Semaphore(0)
