@@ -266,8 +266,8 @@ def _grow_tiles(memory: Memory, seed: tuple[int, int], limit: Real, k: int, tile
         x, y, z = values[p], values[p + _ONE], values[p + _TWO]
         top, left = row - half, column - half
         bits = _in_window(linked, top, left)
-        is_member = members[row >> _THREE, column >> _THREE] & _bit(row, column)
-        if not is_member:
+        outside = not members[row >> _THREE, column >> _THREE] & _bit(row, column)  # of the 3×3 community
+        if outside:
             bits |= _in_window(unlinked, top, left)
         bits &= window
         corner = p - half * (down + across)
@@ -279,7 +279,7 @@ def _grow_tiles(memory: Memory, seed: tuple[int, int], limit: Real, k: int, tile
                 r, c = top + (place >> _THREE), left + (place & _SEVEN)
                 others = ~_bit(r, c)
                 linked[r >> _THREE, c >> _THREE] &= others
-                if not is_member:
+                if outside:
                     unlinked[r >> _THREE, c >> _THREE] &= others
                 if not (inside >> place) & _ONE:
                     queue[last] = (r << _HALF) | c
