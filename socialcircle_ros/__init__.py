@@ -4,6 +4,7 @@ The names below load what they need on first use, so that the command line answe
 """
 
 import importlib
+import importlib.metadata
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -49,7 +50,9 @@ _ROOMS = {
 
 
 def __getattr__(name: str) -> object:
-    """Load a public name from its room."""
+    """Load a public name from its room; the version is that of the installed package."""
+    if name == '__version__':
+        return importlib.metadata.version(__name__)
     if name not in _ROOMS:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(importlib.import_module(f'.{_ROOMS[name]}', __name__), name)

@@ -26,28 +26,94 @@ Memory = tuple[Floats, int, int]
 _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 
 
-def organized(xyz: npt.ArrayLike) -> Cloud:
+Pitch = tuple[float, float]
+"""Distance of two points along x and along y, in the unit of the heights."""
+
+
+def organized(xyz: npt.ArrayLike, pitch: Pitch | None = None) -> Cloud:
     """Check that `xyz` is an organized cloud, and make it readable for the kernels.
 
     Args:
-        xyz: (H, W, 3) float32 or float64, any strides; rows are y, columns are x.
+        xyz: (H, W, 3) float32 or float64, any strides; rows are y, columns are x. Or heights (H, W), with `pitch`.
+            What a masked array masks becomes NaN. An xarray DataArray of heights with two evenly spaced
+            coordinates needs no pitch.
+        pitch: of heights (H, W).
 
     Returns:
-        The same array where its memory is native and aligned, else a copy that is.
+        The same array where it is a cloud in native and aligned memory, else a copy that is.
 
     Raises:
-        CloudError: another shape or data type, or no point at all.
+        CloudError: another shape or data type, no point at all, or heights without a pitch.
     """
-    cloud: npt.NDArray[np.generic] = np.asarray(xyz)
-    if cloud.ndim != 3 or cloud.shape[2] != 3:
-        raise CloudError(f'An organized cloud has the shape (rows, columns, 3), not {cloud.shape}.')
+    if pitch is None and np.ndim(xyz) == 2:
+        pitch = _pitch_of_coordinates(xyz)
+    cloud: npt.NDArray[np.generic] = np.ma.asanyarray(xyz) if np.ma.isMaskedArray(xyz) else np.asarray(xyz)
+    if cloud.ndim not in (2, 3) or (cloud.ndim == 3 and cloud.shape[2] != 3):
+        raise CloudError(
+            'An organized cloud has the shape (rows, columns, 3), and a height map (rows, columns),'
+            f' not {cloud.shape}.'
+        )
     if cloud.dtype.kind != 'f' or cloud.dtype.itemsize not in (4, 8):
-        raise CloudError(f'Coordinates must be float32 or float64, not {cloud.dtype}.')
+        raise CloudError(
+            f'Coordinates must be float32 or float64, not {cloud.dtype}; convert them with'
+            ' np.asarray(xyz, dtype=np.float64).'
+        )
     if cloud.size == 0:
         raise CloudError(f'The cloud has no point: its shape is {cloud.shape}.')
+    if isinstance(cloud, np.ma.MaskedArray):
+        cloud = cloud.filled(np.nan)
+    if cloud.ndim == 2:
+        return _from_heights(cast('HeightMap', cloud), pitch)
+    if pitch is not None:
+        raise CloudError('A pitch belongs to heights (rows, columns); a cloud has x and y of its own.')
     if not cloud.dtype.isnative or not cloud.flags.aligned:
         cloud = cloud.astype(cloud.dtype.newbyteorder('='), order='C')
     return cast('Cloud', cloud)
+
+
+def _from_heights(heights: HeightMap, pitch: Pitch | None) -> Cloud:
+    """The cloud of a height map, in its dtype: x and y of the point at (row, column) are column·dx and row·dy."""
+    if pitch is None:
+        raise CloudError(
+            f'Heights of the shape {heights.shape} need the pitch: remove_outliers(z, pitch=(dx, dy)), in their'
+            ' unit.'
+        )
+    try:
+        dx, dy = (float(distance) for distance in pitch)
+    except (TypeError, ValueError):
+        raise CloudError(f'The pitch is {pitch!r}; give two numbers: pitch=(dx, dy).') from None
+    if not (np.isfinite([dx, dy]).all() and dx > 0 and dy > 0):
+        raise CloudError(f'The pitch is ({dx:g}, {dy:g}); both distances must be above 0.')
+    height, width = heights.shape
+    cloud = np.empty((height, width, 3), heights.dtype.newbyteorder('='))
+    cloud[..., 0] = np.arange(width) * dx
+    cloud[..., 1] = (np.arange(height) * dy)[:, None]
+    cloud[..., 2] = heights
+    return cast('Cloud', cloud)
+
+
+def _pitch_of_coordinates(heights: npt.ArrayLike) -> Pitch | None:
+    """The pitch of an xarray DataArray with two coordinates; None: another object, or one without coordinates.
+
+    Raises:
+        CloudError: the coordinates are not evenly spaced, or their unit is not that of the heights.
+    """
+    names, coordinates = getattr(heights, 'dims', ()), getattr(heights, 'coords', None)
+    if coordinates is None or len(names) != 2 or any(name not in coordinates for name in names):
+        return None
+    units = {str(getattr(each, 'attrs', {}).get('units', '')) for each in (heights, *map(coordinates.get, names))}
+    if len(units) > 1:
+        raise CloudError(
+            f'Heights and coordinates differ in their units: {", ".join(sorted(map(repr, units)))}; convert them'
+            ' to one.'
+        )
+    distances = []
+    for name in names:
+        steps = np.diff(np.asarray(coordinates[name], float))
+        if len(steps) == 0 or not np.allclose(steps, steps[0], rtol=1e-3, atol=0) or steps[0] == 0:
+            raise CloudError(f'The coordinate {name!r} is not evenly spaced; give pitch=(dx, dy).')
+        distances.append(abs(float(steps[0])))
+    return distances[1], distances[0]
 
 
 def flattened(xyz: Cloud) -> Memory:

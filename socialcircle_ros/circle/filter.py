@@ -1,14 +1,15 @@
 """The filter (section 3.2), composed of its three steps: seed, radius, expansion."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask, measured_points, organized
-from socialcircle_ros.errors import NoSeedError
+from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organized
+from socialcircle_ros.errors import NoSeedError, SocialCircleError
 from socialcircle_ros.kernels.stopwatch import Stopwatch
-from socialcircle_ros.settings import CircleSettings
+from socialcircle_ros.settings import CircleSettings, Mode
 
 from .adaptive import TOUCH, find_outliers
 from .expansion import divide
@@ -16,11 +17,14 @@ from .not_measured import recognise
 from .radius import circle_limit
 from .seed import elect_seed
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _TOO_MANY = 0.3
 """Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CircleResult:
     """What the filter found. Each mask is (H, W) bool.
 
@@ -43,20 +47,56 @@ class CircleResult:
     notes: tuple[str, ...] = ()
     """What was done before the method: which points count as not measured."""
 
+    def __repr__(self) -> str:
+        """The counts, the seed and the radius."""
+        kept, removed = np.count_nonzero(self.inliers), np.count_nonzero(self.outliers)
+        rows, columns = self.inliers.shape
+        return (
+            f'CircleResult({rows}×{columns} points: {kept} kept, {removed} outliers,'
+            f' {rows * columns - kept - removed} not measured; seed {self.seed}, radius {self.radius:.4g})'
+        )
 
-def remove_outliers(xyz: npt.ArrayLike, settings: CircleSettings | None = None) -> CircleResult:
+    def plot(self) -> 'Figure':
+        """Draw which points were kept, removed and not measured; in a notebook, the figure is shown.
+
+        Raises:
+            SocialCircleError: matplotlib is not installed.
+        """
+        try:
+            from matplotlib.colors import ListedColormap  # noqa: PLC0415 - an extra
+            from matplotlib.figure import Figure  # noqa: PLC0415
+            from matplotlib.patches import Patch  # noqa: PLC0415
+        except ImportError:
+            raise SocialCircleError('Pictures need matplotlib: pip install matplotlib.') from None
+        classes = {'not measured': '#c8c8c8', 'kept': '#4f6d8f', 'outlier': '#e8590c'}
+        figure = Figure(figsize=(7, 5), layout='constrained')
+        axes = figure.subplots()
+        axes.imshow(
+            self.inliers + np.uint8(2) * self.outliers, ListedColormap(list(classes.values())), vmin=0, vmax=2
+        )
+        axes.set(xlabel='column', ylabel='row', title=repr(self).partition(': ')[2].partition(';')[0])
+        handles = [Patch(color=colour, label=name) for name, colour in classes.items()]
+        figure.legend(handles=handles, loc='outside lower center', ncols=3)
+        return figure
+
+
+def remove_outliers(
+    xyz: npt.ArrayLike, settings: CircleSettings | None = None, *, pitch: Pitch | None = None
+) -> CircleResult:
     """Separate the outliers of an organized cloud from its surface. The cloud is not changed.
 
     Args:
         xyz: (H, W, 3) float32 or float64; rows are y, columns are x. A point with a NaN or an infinite
             coordinate is not measured.
+            Or heights (H, W), with `pitch`. What a masked array masks is not measured.
         settings: the method's parameters; None: the defaults of `CircleSettings`.
+        pitch: (dx, dy) of heights (H, W), in their unit. A cloud has none, an xarray DataArray may have its own.
 
     Returns:
         The masks, the seed and the radius.
 
     Raises:
-        CloudError: `xyz` is not an organized cloud of float32 or float64.
+        CloudError: `xyz` is neither an organized cloud nor heights with a pitch, of float32 or float64.
         NoSeedError: no point is measured in the vote region, or in the cloud.
         NoRadiusError: no point is measured on the ring round the seed.
 
@@ -71,7 +111,7 @@ def remove_outliers(xyz: npt.ArrayLike, settings: CircleSettings | None = None) 
         [[20, 30]]
     """
     settings = settings or CircleSettings()
-    cloud = organized(xyz)
+    cloud = organized(xyz, pitch)
     unmeasured = recognise(cloud, settings.not_measured)
     if unmeasured.points is not None:
         cloud = np.where(unmeasured.points[..., None], cloud.dtype.type(np.nan), cloud)
@@ -81,7 +121,21 @@ def remove_outliers(xyz: npt.ArrayLike, settings: CircleSettings | None = None) 
         result = _remove_as_in_the_paper(cloud, settings)
     notes = (unmeasured.note,) if unmeasured.note else ()
     doubts = (unmeasured.doubt,) if unmeasured.doubt else ()
-    return replace(result, notes=notes, warnings=doubts + result.warnings)
+    warnings = _warnings_of(result, settings.mode)
+    return replace(result, notes=notes, warnings=(*doubts, *warnings, *result.warnings))
+
+
+def _warnings_of(result: CircleResult, mode: Mode) -> list[str]:
+    """Warn where most of the measured points are outliers: the seed is then likely not on the part's surface."""
+    kept, removed = np.count_nonzero(result.inliers), np.count_nonzero(result.outliers)
+    if removed <= kept:
+        return []
+    if mode == 'adaptive':
+        return ['the outliers are more than half of the points: they may be the surface; look at the mask.']
+    sentence = (
+        'the outliers are more than half of the points: the circle may have stayed on one part of the surface;'
+    )
+    return [f'{sentence} raise circle.radius_scale, or move circle.vote_region to the surface.']
 
 
 def _remove_as_in_the_paper(cloud: Cloud, settings: CircleSettings) -> CircleResult:

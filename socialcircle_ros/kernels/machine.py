@@ -4,6 +4,7 @@ import contextlib
 import math
 import os
 import platform
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ def usable_cores(cgroup: Path = _CGROUP) -> int:
     return cores if quota is None else max(1, min(cores, math.ceil(quota)))
 
 
+@cache
 def _quota(cgroup: Path) -> float | None:
     """Cores that the control group allows; None where it sets no limit."""
     with contextlib.suppress(OSError, ValueError):

@@ -25,7 +25,7 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import encode_image, mask_pixels
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.repair import repair_holes
-from socialcircle_ros.settings import CircleSettings, PipelineSettings
+from socialcircle_ros.settings import PipelineSettings
 
 STATUS_NAME = 'social_circle: measurement'
 
@@ -184,7 +184,7 @@ def process_cloud(
         radius=result.radius,
         stack_depth_of_field=depth_of_field,
     )
-    level, sentences = _verdict(values, result, circle)
+    level, sentences = _sentences(values, result)
     return Measurement(
         level=level,
         message=sentences,
@@ -206,24 +206,11 @@ def _filtered(
     return memory
 
 
-def _verdict(values: MeasurementValues, result: CircleResult, circle: CircleSettings) -> tuple[int, str]:
-    """Level and sentences of a measurement.
-
-    Where most of the measured points are outliers, the seed is likely not on the part's surface. The method cannot
-    know that, so the measurement warns.
-    """
+def _sentences(values: MeasurementValues, result: CircleResult) -> tuple[int, str]:
+    """Level and sentences of a measurement."""
     share = values.outliers / values.measured
     message = f'{values.outliers} of {values.measured} measured points are outliers ({100 * share:.2f} %).'
     level = diagnostics.OK
-    if share > 0.5:
-        level = diagnostics.WARN
-        message += ' That is more than half: '
-        message += (
-            'what was removed may be the surface; look at the mask.'
-            if circle.mode == 'adaptive'
-            else 'the circle may have stayed on an outlier or on one part of the surface;'
-            ' raise circle.radius_scale, or move circle.vote_region to the surface.'
-        )
     for note in result.notes:
         message += f' {note[0].upper()}{note[1:]}'
     for warning in result.warnings:

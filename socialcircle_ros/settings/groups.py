@@ -211,9 +211,7 @@ class StackSettings(Settings):
         'Change of z from frame to frame, negative for a downward scan. It must be set with z_source step.',
         unit='m',
     )
-    joint: str = setting(
-        '', 'Name of the joint that gives z, with z_source joint_states. Empty: the first joint.'
-    )
+    joint: str = setting('', 'Name of the joint that gives z, with z_source joint_states. Empty: the first joint.')
     frames: int = setting(
         0, 'Number of frames after which a stack ends. 0: no limit.', unit='frames', minimum=0, maximum=30000
     )

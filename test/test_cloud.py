@@ -1,0 +1,140 @@
+"""What is taken as an organized cloud."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
+from socialcircle_ros.cloud import organized
+from socialcircle_ros.errors import CloudError
+
+HEIGHTS = np.random.default_rng(0).normal(0, 1, (64, 70))
+
+
+class Coordinate(np.ndarray):
+    """An array with attributes, as an xarray coordinate has them."""
+
+
+def coordinate(values, unit=None):
+    array = np.asarray(values, float).view(Coordinate)
+    array.attrs = {} if unit is None else {'units': unit}
+    return array
+
+
+class DataArray(np.ndarray):
+    """What xarray's DataArray offers, as far as it is read here."""
+
+
+def data_array(heights, y, x, unit=None, coordinate_unit=None):
+    array = np.asarray(heights).view(DataArray)
+    array.dims = ('y', 'x')
+    array.coords = {'y': coordinate(y, coordinate_unit), 'x': coordinate(x, coordinate_unit)}
+    array.attrs = {} if unit is None else {'units': unit}
+    return array
+
+
+@pytest.mark.parametrize('kind', [np.float32, np.float64, '>f4', '>f8'])
+def test_heights_with_a_pitch_are_a_cloud(kind):
+    z = HEIGHTS.astype(kind)
+    cloud = organized(z, (0.5, 2.0))
+    assert cloud.dtype == np.dtype(kind).newbyteorder('=')
+    assert cloud[3, 5].tolist() == [2.5, 6.0, z[3, 5]]
+    np.testing.assert_array_equal(cloud[..., 2], z)
+
+
+def test_heights_give_the_result_of_their_cloud():
+    y, x = np.mgrid[:64, :70].astype(float)
+    cloud = np.dstack([0.5 * x, 2.0 * y, HEIGHTS])
+    found, expected = remove_outliers(HEIGHTS, pitch=(0.5, 2.0)), remove_outliers(cloud)
+    np.testing.assert_array_equal(found.outliers, expected.outliers)
+    assert (found.seed, found.radius) == (expected.seed, expected.radius)
+
+
+def test_what_is_masked_is_not_measured():
+    masked = np.ma.masked_array(HEIGHTS.copy(), np.zeros(HEIGHTS.shape, bool))
+    masked[10:20, 5:9] = np.ma.masked
+    masked.data[10:20, 5:9] = 1e20
+    result = remove_outliers(masked, pitch=(1, 1))
+    assert not (result.inliers | result.outliers)[10:20, 5:9].any()
+    with_nan = np.where(masked.mask, np.nan, HEIGHTS)
+    np.testing.assert_array_equal(result.outliers, remove_outliers(with_nan, pitch=(1, 1)).outliers)
+
+
+def test_a_masked_coordinate_makes_its_point_not_measured():
+    y, x = np.mgrid[:64, :70].astype(float)
+    cloud = np.ma.masked_array(np.dstack([x, y, HEIGHTS]), False)
+    cloud[4, 6, 0] = np.ma.masked
+    result = remove_outliers(cloud)
+    assert not result.inliers[4, 6]
+    assert not result.outliers[4, 6]
+
+
+def test_a_data_array_brings_its_pitch():
+    z = data_array(HEIGHTS, np.arange(64) * 2.0 + 7, np.arange(70) * 0.5, 'µm', 'µm')
+    np.testing.assert_allclose(organized(z)[3, 5], [2.5, 6.0, HEIGHTS[3, 5]])
+
+
+@pytest.mark.parametrize(
+    ('value', 'sentence'),
+    [
+        (HEIGHTS, r'need the pitch: remove_outliers\(z, pitch=\(dx, dy\)\)'),
+        (data_array(HEIGHTS, np.arange(64) ** 2, np.arange(70)), "'y' is not evenly spaced; give pitch"),
+        (data_array(HEIGHTS, np.arange(64), np.arange(70), 'µm', 'mm'), "units: 'mm', 'µm'; convert them to one"),
+        (np.zeros((4, 5, 3), int), r'convert them with np.asarray\(xyz, dtype=np.float64\)'),
+        ([[[1, 2, 3]]], 'must be float32 or float64, not int64'),
+        (np.zeros((4, 5, 2)), r'not \(4, 5, 2\)'),
+        (np.zeros(4), r'not \(4,\)'),
+        (np.zeros((0, 5, 3)), 'has no point'),
+    ],
+)
+def test_what_is_no_cloud_is_refused_with_what_to_do(value, sentence):
+    with pytest.raises(CloudError, match=sentence):
+        remove_outliers(value)
+
+
+@pytest.mark.parametrize(
+    ('pitch', 'sentence'),
+    [
+        ((0, 1), 'both distances must be above 0'),
+        ((1, -1), 'both distances must be above 0'),
+        ((1, float('nan')), 'both distances must be above 0'),
+        (3.0, 'give two numbers'),
+        (('a', 'b'), 'give two numbers'),
+    ],
+)
+def test_another_pitch_is_refused(pitch, sentence):
+    with pytest.raises(CloudError, match=sentence):
+        remove_outliers(HEIGHTS, pitch=pitch)
+
+
+def test_a_cloud_with_a_pitch_is_refused():
+    with pytest.raises(CloudError, match='has x and y of its own'):
+        remove_outliers(np.zeros((4, 5, 3)), pitch=(1, 1))
+
+
+def test_a_list_of_numbers_is_a_cloud():
+    assert organized([[[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]]).shape == (1, 2, 3)
+
+
+def spiked():
+    z = HEIGHTS.copy()
+    z[20, 30] = 99.0
+    z[:2, :3] = np.nan
+    return remove_outliers(z, CircleSettings(mode='adaptive'), pitch=(1, 1))
+
+
+def test_a_result_says_its_counts():
+    assert '64×70 points: 4473 kept, 1 outliers, 6 not measured; seed (32, 35)' in repr(spiked())
+
+
+def test_a_result_can_be_drawn():
+    pytest.importorskip('matplotlib')
+    figure = spiked().plot()
+    drawn = figure.axes[0].images[0].get_array()
+    assert (drawn[20, 30], drawn[0, 0], drawn[40, 40]) == (2, 0, 1)
+
+
+def test_the_version_is_that_of_the_package():
+    import socialcircle_ros
+
+    assert socialcircle_ros.__version__ == '0.1.0'
+    assert issubclass(CloudError, SocialCircleError)
