@@ -13,15 +13,15 @@ TIMEOUT_MS = 60_000  # far longer than any step takes, even with rendering in so
 
 
 @contextlib.contextmanager
-def browser():
-    """Chromium, or a skip that says what is missing."""
+def browser(*switches):
+    """Chromium with further switches, or a skip that says what is missing."""
     playwright = pytest.importorskip(
         'playwright.sync_api', reason='browser tests need playwright: pip install ".[test]"'
     )
     pytest.importorskip('viser', reason='the page needs viser: pip install ".[panel]"')
     if CHROMIUM is None:
         pytest.skip('browser tests need Chromium: apt-get install chromium')
-    chromium = _driver(playwright).chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
+    chromium = _driver(playwright).chromium.launch(executable_path=CHROMIUM, args=[*SWITCHES, *switches])
     yield chromium
     chromium.close()
 
@@ -37,13 +37,14 @@ def _driver(playwright):
 class Visitor:
     """A visitor of the page: reads its texts and uses its controls."""
 
-    def __init__(self, chromium, address, width=1280, height=800):
+    def __init__(self, chromium, address, width=1280, height=800, tab='Tune'):
         self.page = chromium.new_page(viewport={'width': width, 'height': height})
         self.page.set_default_timeout(TIMEOUT_MS)
         self.errors = []
         self.page.on('pageerror', lambda error: self.errors.append(str(error)))
         self.page.goto(address)
-        self.page.get_by_role('tab', name='Tune').wait_for()
+        if tab is not None:
+            self.page.get_by_role('tab', name=tab).wait_for()
 
     def sees(self, text):
         """Wait until the page shows a text; return True so that it can be asserted."""

@@ -30,19 +30,20 @@ def tune(
         presets: the folder of the presets.
         recording: a recording to open at the start.
         arguments: of ROS, as on the command line (--ros-args ...).
-        serving: called once with the full name of the node and the address of the page.
+        serving: called once with the full name of the node and the address of the page. The address holds a
+            secret token: every other address is refused.
 
     Raises:
-        SocialCircleError: viser is not installed.
+        SocialCircleError: viser is not installed, or this machine has no such address.
         SettingError: no node can have the name `target`.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with RemoteNode(target, arguments) as node:
-        server, page = page_of(node, Presets(presets), host, port)
+        server, page, address = page_of(node, Presets(presets), host, port)
         try:
-            serving(node.name, f'http://{host}:{server.get_port()}')
+            serving(node.name, address)
             if recording is not None:
                 page.open_recording(recording)
             page.run(stop.is_set)

@@ -16,11 +16,12 @@ from .options import require_ros
 @click.argument('arguments', nargs=-1, type=click.UNPROCESSED, metavar='[RECORDING] [--ros-args ...]')
 @click.option('--node', default='social_circle', show_default=True, help='Name of the node to tune.')
 @click.option(
-    '--port', default=8080, show_default=True, help='Port of the page; the next free one if it is in use.'
-)
+    '--port', type=click.IntRange(0, 65535), default=8080, show_default=True,
+    help='Port of the page; the next free one if it is in use.',
+)  # fmt: skip
 @click.option(
     '--host', default='127.0.0.1', show_default=True,
-    help='Address to listen on; with 0.0.0.0 everyone on the network can change the parameters.',
+    help='Address or name to listen on; with 0.0.0.0 the page can be opened from the network, not encrypted.',
 )  # fmt: skip
 @click.option(
     '--presets', type=click.Path(path_type=Path, file_okay=False),
@@ -29,7 +30,8 @@ from .options import require_ros
 def command(arguments: tuple[str, ...], node: str, port: int, host: str, presets: Path | None) -> None:
     """Tune a running node on a page in the browser, and see how each setting changes the outliers.
 
-    By default, only this machine can open the page. With a RECORDING, the page steps through its clouds and sends
+    The printed address holds a secret token; without it, nobody can open the page. By default, only this machine
+    can. With a RECORDING, the page steps through its clouds and sends
     each to the node. The page waits while the node is not running, and continues when the node is started again.
     """
     recording, ros_arguments = _split(arguments)
@@ -47,7 +49,10 @@ def command(arguments: tuple[str, ...], node: str, port: int, host: str, presets
     def serving(name: str, address: str) -> None:
         click.echo(f'Tuning {name} at {address}; press Ctrl-C to stop.')
         if host not in ('127.0.0.1', 'localhost', '::1'):
-            click.echo(f'Warning: everyone who can open {address} can change the parameters of {name}.', err=True)
+            click.echo(
+                f'Warning: whoever has this address can change the parameters of {name}, and the connection is not'
+                ' encrypted.', err=True,
+            )  # fmt: skip
 
     try:
         tune(

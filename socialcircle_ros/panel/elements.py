@@ -8,6 +8,9 @@ from socialcircle_ros.settings import RosValue
 if TYPE_CHECKING:
     import viser
 
+PRODUCT = 'Social circle'
+"""Title of the page in the browser, of its panel and of its notifications."""
+
 Value = TypeVar('Value', bool, int, float, str)
 
 

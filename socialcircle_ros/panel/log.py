@@ -5,6 +5,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from . import markup
+from .elements import PRODUCT
 from .link import LogEntry, Snapshot
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Log:
         self.add(text, bad=bad)
         for client in self._server.get_clients().values():
             client.add_notification(
-                'Social circle', text, auto_close_seconds=_NOTIFICATION_S, color='orange' if bad else 'teal'
+                PRODUCT, text, auto_close_seconds=_NOTIFICATION_S, color='orange' if bad else 'teal'
             )
 
     def _show(self) -> None:

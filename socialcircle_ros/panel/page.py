@@ -1,10 +1,7 @@
 """The page of one node: a scene between two docks, updated from the snapshots of the link."""
 
-import io
-import socket
 import time
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +10,7 @@ from socialcircle_ros.errors import SocialCircleError
 from . import markup
 from .changes import Changes
 from .controls import Controls
-from .elements import icon
+from .elements import PRODUCT, icon
 from .link import Link, Presence, Snapshot
 from .log import Log
 from .preset_tab import PresetTab
@@ -43,7 +40,7 @@ class Page:
         self._changes = Changes(link, lambda: self._snapshot.values, self._refused, self._accepted)
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(29, 145, 192))
-        gui.set_panel_label('Social circle')
+        gui.set_panel_label(PRODUCT)
         gui.add_html(markup.STYLE)
         self._build_right_dock()
         self._build_left_dock(presets)
@@ -153,7 +150,7 @@ def require_viser() -> None:
         raise SocialCircleError('The page needs viser: pip install "socialcircle_ros[panel]".') from None
 
 
-def page_of(link: Link, presets: Presets, host: str, port: int) -> 'tuple[viser.ViserServer, Page]':
+def page_of(link: Link, presets: Presets, host: str, port: int) -> 'tuple[viser.ViserServer, Page, str]':
     """Serve the page.
 
     Args:
@@ -162,27 +159,14 @@ def page_of(link: Link, presets: Presets, host: str, port: int) -> 'tuple[viser.
         host: the address to listen on; 127.0.0.1 keeps the page on this machine.
         port: the port; where it is in use, the next free one is taken. 0: any free port.
 
+    Returns:
+        viser's server, the page, and the address with the token that opens it.
+
     Raises:
         SocialCircleError: viser is not installed, or this machine has no such address.
     """
     require_viser()
-    import viser  # noqa: PLC0415 - an extra
+    from .server import open_server  # noqa: PLC0415 - needs an extra
 
-    _check_address(host)
-    with redirect_stdout(io.StringIO()):  # viser prints a banner
-        server = viser.ViserServer(host=host, port=port, label='Social circle', verbose=False)
-    return server, Page(server, link, presets)
-
-
-def _check_address(host: str) -> None:
-    """Check that this machine has an address: viser would try one port after the other without end.
-
-    Raises:
-        SocialCircleError: it has not.
-    """
-    try:
-        family, kind, *_, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, kind) as trial:
-            trial.bind(address)
-    except OSError as error:
-        raise SocialCircleError(f'The page cannot listen on {host}: {error.strerror}.') from None
+    server, address = open_server(host, port)
+    return server, Page(server, link, presets), address

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from browser import Visitor, browser
@@ -67,7 +68,7 @@ def start_tuning(tmp_path):
 def test_the_page_listens_on_the_loopback_interface_only(start_tuning):
     pytest.importorskip('viser', reason='the page needs viser')
     tuning = start_tuning('--node', '/nowhere/social_circle')
-    port = int(tuning.address.rpartition(':')[2])
+    port = urlsplit(tuning.address).port
     assert tuning.greeting.startswith('Tuning /nowhere/social_circle at http://127.0.0.1:')
     assert tuning.listening() == [f'0100007F:{port:04X}']
 

@@ -76,6 +76,7 @@ def test_tune_says_how_to_install_viser(tmp_path):
         (['--ros-args', '-r', 'no_rule'], 'The page cannot start'),
         (['--node', 'a name'], "'a name' cannot be the name of a node"),
         (['--host', 'nowhere.invalid'], 'cannot listen on nowhere.invalid'),
+        (['--port', '70000'], '70000 is not in the range'),
     ],
 )
 def test_tune_says_what_is_wrong_with_its_arguments(run, arguments, sentence):

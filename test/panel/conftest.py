@@ -19,11 +19,11 @@ def tuning(chromium, tmp_path):
     from socialcircle_ros.panel.presets import Presets
 
     link, presets, stop = FakeLink(), Presets(tmp_path / 'presets'), threading.Event()
-    server, page = page_of(link, presets, '127.0.0.1', 0)
+    server, page, address = page_of(link, presets, '127.0.0.1', 0)
     thread = threading.Thread(target=page.run, args=(stop.is_set,))
     thread.start()
-    visitor = Visitor(chromium, f'http://127.0.0.1:{server.get_port()}')
-    yield SimpleNamespace(link=link, presets=presets, server=server, page=page, visitor=visitor)
+    visitor = Visitor(chromium, address)
+    yield SimpleNamespace(link=link, presets=presets, server=server, page=page, address=address, visitor=visitor)
     visitor.leave()
     stop.set()
     thread.join()
