@@ -16,6 +16,7 @@ from .settings import Mode, OutputSettings, markdown_table
 NODE_NAME = 'social_circle'
 
 _COLUMN = 'socialcircle'
+_MOST_COUNTED = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -291,12 +292,22 @@ class MeasurementValues(StatusValues):
                     continue
                 if text is None:
                     raise KeyError(each.name)  # noqa: TRY301 - one message for both
-                found[each.name] = text if each.type is str else int(text) if each.type is int else float(text)
+                found[each.name] = text if each.type is str else _number(text, whole=each.type is int)
             except (KeyError, ValueError):
                 raise MessageError(
                     f'The message is not a measurement of the node: its key {each.name!r} is {text!r}.'
                 ) from None
         return cls(**found)  # type: ignore[arg-type]
+
+
+def _number(text: str, *, whole: bool) -> int | float:
+    """Read a number; a count or an index of more than 64 bits is none."""
+    if not whole:
+        return float(text)
+    number = int(text)
+    if not -_MOST_COUNTED <= number <= _MOST_COUNTED:
+        raise ValueError(text)
+    return number
 
 
 @dataclass(frozen=True)

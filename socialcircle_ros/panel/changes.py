@@ -118,7 +118,10 @@ class Changes:
         self._thread.join()
 
     def _ask_node(self, values: Mapping[str, RosValue]) -> str:
-        reason = self._link.change(values)
+        try:
+            reason = self._link.change(values)
+        except Exception as error:  # noqa: BLE001 - a value that cannot be sent ends neither this thread nor the page
+            reason = f'The change cannot be sent: {type(error).__name__}: {error}.'
         if reason:
             self._refused(tuple(values), reason)
         else:

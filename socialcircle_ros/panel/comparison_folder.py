@@ -1,7 +1,7 @@
 """The folder in which two settings are compared on the cloud that is shown."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.settings import RosValue
@@ -10,6 +10,7 @@ from . import markup
 from .comparison import compare
 from .elements import icon
 from .link import Snapshot
+from .log import Log
 from .presets import Presets
 from .result_tab import NO_PICTURE, ResultTab
 
@@ -17,13 +18,6 @@ if TYPE_CHECKING:
     import viser
 
 _CURRENT = 'current settings'
-
-
-class Say(Protocol):
-    """Shows a sentence to the visitor."""
-
-    def __call__(self, text: str, *, bad: bool = False) -> None:
-        """Show it."""
 
 
 class ComparisonFolder:
@@ -34,7 +28,7 @@ class ComparisonFolder:
         presets: the settings to choose from, beside those of the node.
         result: the cloud, and the scene that shows the comparison.
         snapshot: gives the last snapshot of the node.
-        say: shows why there is no comparison.
+        log: gets the reason where a comparison fails.
     """
 
     def __init__(
@@ -43,9 +37,9 @@ class ComparisonFolder:
         presets: Presets,
         result: ResultTab,
         snapshot: Callable[[], Snapshot],
-        say: Say,
+        log: Log,
     ) -> None:
-        self._presets, self._result, self._snapshot, self._say = presets, result, snapshot, say
+        self._presets, self._result, self._snapshot = presets, result, snapshot
         with gui.add_folder('Compare two settings'):
             self._a = gui.add_dropdown('A', [_CURRENT])
             self._b = gui.add_dropdown('B', [_CURRENT])
@@ -53,9 +47,9 @@ class ComparisonFolder:
                 'Compare on this cloud', icon=icon('columns-2'),
                 hint='Filters the cloud that is shown with both settings, on this machine and not in the node.',
             )  # fmt: skip
-            start.on_click(lambda _: self._compare())
+            start.on_click(lambda _: log.guarded('Comparing', self._compare))
             self._close = gui.add_button('Close the comparison', icon=icon('x'), visible=False)
-            self._close.on_click(lambda _: self._end())
+            self._close.on_click(lambda _: log.guarded('Closing the comparison', self._end))
             self._table = gui.add_html('', visible=False)
             self._picture = gui.add_image(
                 NO_PICTURE, label='outliers of A, of B and of both', format='png', visible=False
@@ -69,7 +63,8 @@ class ComparisonFolder:
     def _compare(self) -> None:
         shown = self._result.shown
         if shown is None:
-            self._say('There is no cloud to compare on yet.', bad=True)
+            self._table.content = markup.note('There is no cloud to compare on yet.', bad=True)
+            self._table.visible = True
             return
         self._table.content = markup.note('Filtering … The first comparison also compiles the filter.')
         self._table.visible = True

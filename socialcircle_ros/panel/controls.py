@@ -9,6 +9,7 @@ from socialcircle_ros.settings import RosValue
 from . import markup
 from .changes import Changes
 from .link import Descriptor
+from .log import Log
 from .widgets import Widget, widget_of
 
 if TYPE_CHECKING:
@@ -23,11 +24,13 @@ class Controls:
     Args:
         gui: of the page.
         changes: takes the values that a visitor chooses.
+        log: gets the reason where a parameter cannot be shown.
     """
 
-    def __init__(self, gui: 'viser.GuiApi', changes: Changes) -> None:
+    def __init__(self, gui: 'viser.GuiApi', changes: Changes, log: Log) -> None:
         self._gui = gui
         self._changes = changes
+        self._log = log
         self._descriptors: tuple[Descriptor, ...] = ()
         self._folders: list[viser.GuiFolderHandle] = []
         self._widgets: dict[str, Widget] = {}
@@ -50,14 +53,17 @@ class Controls:
             self._folders.append(folder)
             with folder:
                 for row in rows:
-                    self._add(row, values[row.name])
+                    self._log.guarded(f'Making the control of {row.name}', self._add, row, values[row.name])
 
     def show(self, values: Mapping[str, RosValue], enabled: bool) -> None:
         """Show the current values, except in controls that a visitor is moving."""
         for row in self._descriptors:
+            widget = self._widgets.get(row.name)
+            if widget is None:
+                continue
             if row.name in values and not self._changes.settling(row.name):
-                self._widgets[row.name].show(values[row.name])
-            self._widgets[row.name].enable(enabled and not row.read_only)
+                self._log.guarded(f'Showing {row.name}', widget.show, values[row.name])
+            widget.enable(enabled and not row.read_only)
 
     def refused(self, names: Sequence[str], reason: str) -> None:
         """Show below its control why a value was refused."""

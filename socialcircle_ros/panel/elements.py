@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar, cast
 
+from socialcircle_ros.errors import printable
 from socialcircle_ros.settings import RosValue
 
 if TYPE_CHECKING:
@@ -26,8 +27,9 @@ def on_choice(element: 'viser.GuiInputHandle[Value]', call: Callable[[Value], No
 
 def set_value(element: 'viser.GuiInputHandle[Value]', value: RosValue) -> None:
     """Show a value in every browser; viser converts it to the type of the element."""
+    # printable: a text with surrogates, such as a file name that is not UTF-8, would end each connection.
     # viser defines a method between getter and setter, so that mypy takes the property for read-only.
-    element.value = value  # type: ignore[misc, assignment]
+    element.value = printable(value) if isinstance(value, str) else value  # type: ignore[misc, assignment]
 
 
 def icon(name: str) -> 'viser.IconName':

@@ -1,11 +1,12 @@
-"""The texts and tables of the page as HTML. Text from outside this module is escaped."""
+"""The texts and tables of the page as HTML. Text from outside this module is escaped and shortened."""
 
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from html import escape
+from html import escape as html_escape
 from pathlib import Path
 
+from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import STAGE_TIME
 from socialcircle_ros.messages.diagnostics import Status
 
@@ -16,6 +17,9 @@ from .view import View
 
 STYLE = f'<style>{Path(__file__).with_name("page.css").read_text(encoding="utf-8")}</style>'
 
+_MOST_CHARACTERS = 2000
+_MOST_STAGES = 50
+
 _LEVELS = ('good', 'warn', 'bad')
 _PRESENCE = {
     Presence.ABSENT: 'not found',
@@ -23,6 +27,17 @@ _PRESENCE = {
     Presence.INACTIVE: 'inactive',
     Presence.ACTIVE: 'active',
 }
+
+
+def plain(text: str) -> str:
+    """A text from outside that every browser can be sent: without surrogates, and not too long."""
+    short = text if len(text) <= _MOST_CHARACTERS else f'{text[:_MOST_CHARACTERS]} …'
+    return printable(short)
+
+
+def escape(text: str) -> str:
+    """A text from outside as HTML."""
+    return html_escape(plain(text))
 
 
 def _box(content: str, kind: str = '') -> str:
@@ -149,9 +164,11 @@ def comparison(compared: Comparison) -> str:
 
 def _stage_times_ms(status: Status) -> dict[str, float]:
     """Times in ms by stage, in the order of the stages; a time that is no number is left out."""
-    found = {}
+    found: dict[str, float] = {}
     prefix, suffix = STAGE_TIME.split('{stage}')
     for key, text in status.values.items():
+        if len(found) == _MOST_STAGES:
+            break
         if key.startswith(prefix) and key.endswith(suffix):
             with suppress(ValueError):
                 found[key.removeprefix(prefix).removesuffix(suffix)] = float(text)

@@ -37,7 +37,12 @@ class Page:
     def __init__(self, server: 'viser.ViserServer', link: Link, presets: Presets) -> None:
         self._server, self._link = server, link
         self._snapshot = Snapshot()
-        self._changes = Changes(link, lambda: self._snapshot.values, self._refused, self._accepted)
+        self._changes = Changes(
+            link,
+            lambda: self._snapshot.values,
+            lambda *refusal: self._log.guarded('Showing a refusal', self._refused, *refusal),
+            lambda names: self._log.guarded('Showing a change', self._accepted, names),
+        )
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(29, 145, 192))
         gui.set_panel_label(PRODUCT)
@@ -50,31 +55,40 @@ class Page:
         try:
             while not stop():
                 start = time.monotonic()
-                self.follow(self._link.wait(self._snapshot.revision, _UPDATE_S))
+                self._log.guarded('Updating the page', self._update)
                 time.sleep(max(0.0, _UPDATE_S - (time.monotonic() - start)))
         finally:
             self._changes.stop()
             self._recording_tab.close()
 
     def follow(self, snapshot: Snapshot) -> None:
-        """Show what has changed since the last snapshot."""
+        """Show what has changed since the last snapshot; each part alone, so that none keeps the others back."""
         before, self._snapshot = self._snapshot, snapshot
-        self._node.content = markup.node_card(self._link.name, snapshot)
-        self._log.take(snapshot)
-        if snapshot.values:
-            self._show_parameters(snapshot)
-        self._undo.disabled = not self._changes.undoable
-        shown = snapshot.shown_cloud
-        if shown is not None and shown is not self._result_tab.shown and self._server.get_clients():
-            self._result_tab.show(shown)
+        guarded = self._log.guarded
+        guarded('Showing the state of the node', self._show_node, snapshot)
+        guarded('Showing the log', self._log.take, snapshot)
+        guarded('Showing the parameters', self._show_parameters, snapshot)
+        guarded('Showing the cloud', self._show_cloud, snapshot)
         if before.values.keys() != snapshot.values.keys():
-            self._preset_tab.refresh()
+            guarded('Listing the presets', self._preset_tab.refresh)
         if snapshot.presence is Presence.ACTIVE and before.presence is not Presence.ACTIVE:
-            self._recording_tab.send_again()  # a node that has just started holds no cloud
+            # A node that has just started holds no cloud.
+            guarded('Sending the cloud again', self._recording_tab.send_again)
 
     def open_recording(self, path: Path) -> None:
         """Open a recording and show its first cloud."""
-        self._recording_tab.open(path)
+        self._log.guarded(f'Opening {path}', self._recording_tab.open, path)
+
+    def _update(self) -> None:
+        self.follow(self._link.wait(self._snapshot.revision, _UPDATE_S))
+
+    def _show_node(self, snapshot: Snapshot) -> None:
+        self._node.content = markup.node_card(self._link.name, snapshot)
+
+    def _show_cloud(self, snapshot: Snapshot) -> None:
+        shown = snapshot.shown_cloud
+        if shown is not None and shown is not self._result_tab.shown and self._server.get_clients():
+            self._result_tab.show(shown)
 
     def _build_right_dock(self) -> None:
         dock = self._server.gui.add_panel()
@@ -112,13 +126,16 @@ class Page:
             disabled=True,
             hint='Undo the last change that was made on this page.',
         )
-        self._undo.on_click(lambda _: self._undo_last())
+        self._undo.on_click(lambda _: self._log.guarded('Undoing', self._undo_last))
         command = gui.add_command('Undo', hotkey='Z', modifier='cmd/ctrl', icon=icon('arrow-back-up'))
-        command.on_trigger(lambda _: self._undo_last())
+        command.on_trigger(lambda _: self._log.guarded('Undoing', self._undo_last))
         self._waiting = gui.add_html(markup.note('The controls appear when the node has sent its parameters.'))
-        self._controls = Controls(gui, self._changes)
+        self._controls = Controls(gui, self._changes, self._log)
 
     def _show_parameters(self, snapshot: Snapshot) -> None:
+        self._undo.disabled = not self._changes.undoable
+        if not snapshot.values:
+            return
         with self._tune_tab:
             self._controls.build(snapshot.descriptors, snapshot.values)
         present = snapshot.presence in (Presence.ACTIVE, Presence.INACTIVE)

@@ -49,17 +49,17 @@ class PresetTab:
             'Save current settings', icon=icon('device-floppy'),
             hint=f'Writes a parameter file to {presets.folder}. A node can also start from it.',
         )  # fmt: skip
-        save.on_click(lambda _: self._save())
+        save.on_click(lambda _: log.guarded('Saving the preset', self._save))
         self._preset = gui.add_dropdown('preset', [_NO_PRESET])
         load = gui.add_button('Load preset into the node', icon=icon('upload'))
-        load.on_click(lambda _: self._load())
+        load.on_click(lambda _: log.guarded('Loading the preset', self._load))
         keep = gui.add_button(
             'Save parameters at the node', icon=icon('file-check'),
             hint='Calls ~/save_parameters: the node writes its parameters_file.',
         )  # fmt: skip
-        keep.on_click(lambda _: log.notify(link.save()))
+        keep.on_click(lambda _: log.guarded('Saving at the node', lambda: log.notify(link.save())))
         self._note = gui.add_html('', visible=False)
-        self._comparison = ComparisonFolder(gui, presets, result, snapshot, self._say)
+        self._comparison = ComparisonFolder(gui, presets, result, snapshot, log)
         self.refresh()
 
     def refresh(self) -> None:

@@ -2,12 +2,16 @@
 
 import os
 import re
+import secrets
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.settings import RosValue, yaml_text
 from socialcircle_ros.settings.files import read_parameter_file
+
+_NAME = re.compile(r'\w[\w .+-]{0,99}')
 
 
 class Presets:
@@ -21,8 +25,9 @@ class Presets:
         self.folder = folder
 
     def names(self) -> list[str]:
-        """The names of all presets, sorted."""
-        return sorted(path.stem for path in self.folder.glob('*.yaml') if path.is_file())
+        """The names of all presets, sorted; files whose names cannot be those of presets are left out."""
+        found = (path.stem for path in self.folder.glob('*.yaml') if path.is_file())
+        return sorted(name for name in found if _NAME.fullmatch(name))
 
     def save(self, name: str, values: Mapping[str, RosValue]) -> Path:
         """Write a preset; one of the same name is replaced.
@@ -35,12 +40,17 @@ class Presets:
             SocialCircleError: the file cannot be written.
         """
         path = self._path(name)
-        partial = path.with_name(path.name + '.partial')
+        text = yaml_text(values, whole=False)
+        # Mode x opens a new file only, so that nobody can have placed a link or a pipe under this name.
+        partial = path.with_name(f'.{secrets.token_hex(8)}.partial')
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            partial.write_text(yaml_text(values, whole=False), encoding='utf-8')
+            with partial.open('x', encoding='utf-8') as file:
+                file.write(text)
             partial.replace(path)
         except OSError as error:
+            with suppress(OSError):
+                partial.unlink()
             raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
         return path
 
@@ -50,10 +60,13 @@ class Presets:
         Raises:
             SocialCircleError: there is no such preset, or its file is no parameter file.
         """
-        return read_parameter_file(self._path(name))
+        path = self._path(name)
+        if path.exists() and not path.is_file():
+            raise SocialCircleError(f'{path} cannot be read: it is not a regular file.')
+        return read_parameter_file(path)
 
     def _path(self, name: str) -> Path:
-        if not re.fullmatch(r'\w[\w .+-]{0,99}', name):
+        if not _NAME.fullmatch(name):
             raise SettingError(
                 f'{name!r} cannot be the name of a preset; begin with a letter or a digit, and use letters,'
                 ' digits, spaces and - _ . + only.'

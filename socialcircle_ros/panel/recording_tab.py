@@ -39,15 +39,13 @@ class RecordingTab:
             'path', '', hint='An MCAP file or a rosbag2 directory on the machine that serves this page.'
         )
         open_button = gui.add_button('Open', icon=icon('folder-open'))
-        open_button.on_click(lambda _: self.open(Path(self._path.value.strip()).expanduser()))
+        open_button.on_click(lambda _: log.guarded('Opening the recording', self._open_typed))
         self._number = gui.add_slider('cloud', 1, 2, 1, 1, visible=False)
-        on_choice(self._number, self._go)
+        on_choice(self._number, lambda number: log.guarded('Sending the cloud', self._go, number))
         self._steps = gui.add_button_group('step', (_PREVIOUS, _NEXT), visible=False)
-        self._steps.on_click(
-            lambda event: self._go(self._number.value + (1 if event.target.value == _NEXT else -1))
-        )
+        self._steps.on_click(lambda event: log.guarded('Sending the cloud', self._step, event.target.value))
         self._again = gui.add_button('Send again', icon=icon('refresh'), visible=False)
-        self._again.on_click(lambda _: self._go(self._number.value))
+        self._again.on_click(lambda _: log.guarded('Sending the cloud', self._go, self._number.value))
         self._note = gui.add_html(
             markup.note(
                 'Open a recording to step through its clouds. Each cloud is sent to the node, and the page'
@@ -82,6 +80,12 @@ class RecordingTab:
         """Close the recording."""
         if self._clouds is not None:
             self._clouds.close()
+
+    def _open_typed(self) -> None:
+        self.open(Path(self._path.value.strip()).expanduser())
+
+    def _step(self, choice: str) -> None:
+        self._go(self._number.value + (1 if choice == _NEXT else -1))
 
     def _go(self, number: int) -> None:
         """Send a cloud to the node, unless another one is asked for meanwhile.

@@ -37,7 +37,7 @@ class ResultTab:
         self._log = log
         self.shown: ShownCloud | None = None
         self._measurement = gui.add_html(markup.measurement(None))
-        self.scene = CloudScene(server)
+        self.scene = CloudScene(server, log)
         self._heights = gui.add_image(NO_PICTURE, label='heights of kept points', format='png')
         self._mask = gui.add_image(NO_PICTURE, label='outlier mask', format='png')
         self._details = gui.add_html(markup.details(None))

@@ -17,6 +17,7 @@ from . import colours, markup
 from .comparison import Comparison
 from .elements import on_choice, set_value
 from .link import Descriptor, ParameterKind
+from .log import Log
 from .view import SIDE, View, stretched, view_of
 from .widgets import NumberWidget
 
@@ -36,10 +37,11 @@ class CloudScene:
 
     Args:
         server: of the page. The legend and the switches are made in its current container.
+        log: gets the reason where the scene cannot be drawn.
     """
 
-    def __init__(self, server: 'viser.ViserServer') -> None:
-        self._server = server
+    def __init__(self, server: 'viser.ViserServer', log: Log) -> None:
+        self._server, self._log = server, log
         self._drawing = threading.RLock()
         self._view: View | None = None
         self._comparison: Comparison | None = None
@@ -55,7 +57,7 @@ class CloudScene:
             )
             self._scale = NumberWidget(gui, _STRETCH, 'z scale', _STRETCH.sentence, 1.0, self._stretch_chosen)
         for switch in (self._show_kept, self._show_outliers, self._fit_stretch):
-            on_choice(switch, lambda _: self._redraw())
+            on_choice(switch, lambda _: log.guarded('Drawing the scene', self._redraw))
 
     @contextmanager
     def update(self) -> Iterator[None]:
@@ -105,7 +107,7 @@ class CloudScene:
         set_value(self._fit_stretch, False)
         self._stretch = min(stretch, _MOST_STRETCH)
         self._scale.show(self._stretch)
-        self._redraw()
+        self._log.guarded('Drawing the scene', self._redraw)
 
     def _draw_node_cloud(self, view: View) -> None:
         self._place_floor(view)

@@ -20,6 +20,7 @@ _DRAG_PAUSE_S, _TYPING_PAUSE_S = 0.05, 0.7  # in which a newer value replaces on
 _MOST_SLIDER_STEPS = 200  # a parameter with more values is typed
 _LOGARITHMIC_DECADES = 3  # a range at least this wide has a logarithmic slider
 _MOST_LABELLED_MARKS = 5
+_INTEGERS = 2**63  # a whole number of ROS is less than this, and at least its negative
 
 Choose = Callable[[RosValue | SettingError, float], None]
 """Takes a value, or the error in a text that was typed, and the time in s in which a newer one replaces it."""
@@ -185,7 +186,7 @@ class _SliderScale:
         """The scale for a parameter; None where a slider does not suit it."""
         if row.kind is not ParameterKind.REAL or row.unit or row.low is None or row.high is None:
             return None
-        return cls(row.low, row.high) if row.high > row.low else None
+        return cls(row.low, row.high) if 0 < row.high - row.low < math.inf else None
 
     @property
     def logarithmic(self) -> bool:
@@ -224,11 +225,12 @@ def value_of(text: str, row: Descriptor) -> RosValue:
     try:
         if row.kind is ParameterKind.REAL:
             return float(text)
-        if row.kind is ParameterKind.INTEGER:
-            return int(text)
-        items = yaml.safe_load(f'[{text.strip().strip("[]")}]')
-    except (ValueError, yaml.YAMLError):
+        whole = row.kind is ParameterKind.INTEGER
+        items = [int(text)] if whole else yaml.safe_load(f'[{text.strip().strip("[]")}]')
+    except (ValueError, RecursionError, yaml.YAMLError):
         items = [None]
-    if row.kind is ParameterKind.INTEGERS and all(type(item) is int for item in items):
-        return list(items)
-    raise SettingError(f'{row.name} must be {row.kind.value}, not {text!r}.')
+    if any(type(item) is not int for item in items):
+        raise SettingError(f'{row.name} must be {row.kind.value}, not {text!r}.')
+    if any(not -_INTEGERS <= item < _INTEGERS for item in items):
+        raise SettingError(f'{row.name} cannot be {text!r}: ROS holds whole numbers of at most 64 bits.')
+    return items[0] if whole else items

@@ -28,7 +28,13 @@ def test_the_depth_of_field_is_the_one_of_the_stack_and_not_the_parameter():
     assert shown(of_a_stack.to_text() | parameter).depth_of_field == 6e-6
 
 
-@pytest.mark.parametrize('broken', [{'outliers': 'many'}, {'stack_depth_of_field': 'x'}, {'radius': ''}])
+@pytest.mark.parametrize(
+    'broken',
+    [
+        {'outliers': 'many'}, {'stack_depth_of_field': 'x'}, {'radius': ''}, {'measured': '9' * 5000},
+        {'measured': str(2**63)}, {'seed_row': str(-(2**63) - 1)},
+    ],
+)  # fmt: skip
 def test_a_measurement_that_cannot_be_read_has_no_numbers(broken):
     read = shown(NUMBERS.to_text() | broken)
     assert read.numbers is None

@@ -54,3 +54,9 @@ def test_before_the_first_measurement_there_are_no_numbers():
 def test_text_from_outside_is_escaped():
     for html in (markup.note('<b>'), markup.refusal('<b>'), markup.log([LogEntry(0.0, '<b>')])):
         assert '&lt;b&gt;' in html
+
+
+def test_text_from_outside_can_be_sent_to_every_browser():
+    html = markup.note('\udcff' + 'long ' * 100_000)
+    assert html.encode().startswith(b'<div class="sc "><div class="sc-card sc-idle">\\udcfflong')
+    assert len(html) < 3000

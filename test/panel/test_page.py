@@ -1,10 +1,12 @@
 """The page in a real browser, with a node that needs no ROS."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import Visitor
 from examples import cloud, surface
 from panel.fake import descriptors
 
@@ -14,6 +16,7 @@ from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.panel.clouds import RecordedClouds
 from socialcircle_ros.panel.link import Descriptor, ParameterKind, Presence
 from socialcircle_ros.panel.result_tab import ResultTab
+from socialcircle_ros.panel.widgets import widget_of
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 SCALE = 'circle.radius_scale'
@@ -39,6 +42,108 @@ def test_a_measurement_that_cannot_be_read_does_not_end_the_page(tuning):
     assert tuning.visitor.no_longer_sees('0.46 %')
     tuning.link.publish(cloud())
     assert tuning.visitor.sees('0.46 %')
+
+
+FORGED = {
+    'more digits than Python converts': {'measured': '9' * 5000},
+    'as many digits as Python converts': {'measured': '9' * 4000},
+    'a share that is no float': {'measured': '1', 'outliers': '9' * 400},
+    'infinite': {'radius': 'inf', 'time_vote_ms': '1e999', 'time_total_ms': 'nan'},
+    'negative': {'measured': '-5', 'points': '-1', 'time_vote_ms': '-1'},
+    'bytes that are no text': {'stamp': '\udcff\udc80', 'time_\udcff_ms': '1'},
+    'long': {'stamp': '9' * 1_000_000} | {f'time_{number}_ms': '1' for number in range(100_000)},
+}
+
+
+def test_no_forged_measurement_ends_the_page(tuning):
+    for number, (kind, values) in enumerate(FORGED.items(), 1):
+        tuning.link.publish(cloud(stamp=number))
+        assert tuning.visitor.sees(f'0.00000000{number}')
+        shown = tuning.link.snapshot.shown_cloud
+        forged = dataclasses.replace(
+            shown.measurement, level=2, message=f'{kind} \udcff', hardware_id='\udcff' * 5000,
+            values={**shown.measurement.values, **values},
+        )  # fmt: skip
+        tuning.link.update(shown_cloud=dataclasses.replace(shown, measurement=forged), sentence=f'Sent: {kind}.')
+        assert tuning.visitor.sees(f'Sent: {kind}.')
+        assert tuning.visitor.sees(re.compile(rf'{kind} \\udcff|cannot be read'))
+    tuning.link.publish(cloud(stamp=9))
+    later = Visitor(tuning.visitor.page.context.browser, tuning.address)
+    for visitor in (tuning.visitor, later):
+        assert visitor.sees('0.46 %')
+        assert visitor.sees('0.000000009')
+    later.leave()
+
+
+def test_what_an_update_raises_is_shown_once_and_the_page_goes_on(tuning, monkeypatch, caplog):
+    def broken(*_):
+        raise ZeroDivisionError('nobody expected this')
+
+    monkeypatch.setattr(ResultTab, 'show', broken)
+    for number in range(3):
+        tuning.link.publish(cloud(stamp=number + 1))
+        tuning.link.update(sentence=f'Update {number}.')
+        assert tuning.visitor.sees(f'Update {number}.')
+    tuning.visitor.open_tab('Log')
+    failure = 'Showing the cloud failed: ZeroDivisionError: nobody expected this.'
+    assert tuning.visitor.sees(failure)
+    assert tuning.visitor.page.locator('.sc-log').get_by_text(failure).count() == 1
+    assert [record.getMessage() for record in caplog.records] == [failure]
+    monkeypatch.undo()
+    tuning.link.publish(cloud())
+    tuning.visitor.open_tab('Result')
+    assert tuning.visitor.sees('all 26 outliers')
+
+
+def test_a_link_that_fails_does_not_end_the_page(tuning, monkeypatch):
+    def broken(*_):
+        raise RuntimeError('the graph is gone')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tuning.link, 'wait', broken)
+        tuning.visitor.open_tab('Log')
+        assert tuning.visitor.sees('Updating the page failed: RuntimeError: the graph is gone.')
+    tuning.link.update(sentence='It is back.')
+    assert tuning.visitor.sees('It is back.')
+
+
+def test_a_click_that_fails_says_why(tuning):
+    tuning.visitor.open_tab('Recording')
+    tuning.visitor.field('path').fill('~nobody-of-this-name/night.mcap')
+    tuning.visitor.press('Open')
+    tuning.visitor.open_tab('Log')
+    assert tuning.visitor.sees('Opening the recording failed: RuntimeError: Could not determine home directory.')
+
+
+def test_a_parameter_that_cannot_be_shown_does_not_hide_the_others(tuning, monkeypatch):
+    def breaking(gui, row, *rest):
+        if row.name == 'first.broken':
+            raise ValueError('no control fits')
+        return widget_of(gui, row, *rest)
+
+    monkeypatch.setattr('socialcircle_ros.panel.controls.widget_of', breaking)
+    rows = [Descriptor(f'first.{name}', ParameterKind.INTEGER, '', low=1, high=9) for name in ('broken', 'odd')]
+    values = {**tuning.link.snapshot.values, 'first.broken': 5, 'first.odd': 5}
+    tuning.link.update(descriptors=(*rows, *descriptors()), values=values)
+    visitor = tuning.visitor
+    visitor.open_tab('Log')
+    assert visitor.sees('Making the control of first.broken failed: ValueError: no control fits.')
+    visitor.page.get_by_text('circle', exact=True).locator('visible=true').first.click()
+    tuning.link.update(values={**values, 'first.odd': 'no number', SCALE: 3.5})
+    assert visitor.wait_until('radius scale', '3.5')
+    assert visitor.sees('Showing first.odd failed: ValueError')
+
+
+def test_a_value_that_cannot_be_sent_is_refused_and_the_next_one_is_sent(tuning, monkeypatch):
+    def broken(_):
+        raise OverflowError('too large for ROS')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tuning.link, 'change', broken)
+        tuning.visitor.field('radius scale').fill('3')
+        assert tuning.visitor.sees('The change cannot be sent: OverflowError: too large for ROS.')
+    tuning.visitor.field('radius scale').fill('4')
+    tuning.link.wait_for(lambda values: values[SCALE] == 4.0)
 
 
 def test_controls_follow_the_node_s_descriptions_of_its_parameters(tuning):

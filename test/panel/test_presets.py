@@ -1,5 +1,8 @@
 """Presets: files that are read back unchanged, and from which a node can start."""
 
+import os
+from pathlib import Path
+
 import pytest
 import yaml
 
@@ -30,6 +33,42 @@ def test_a_name_that_is_not_suitable_for_a_file_is_refused(tmp_path, name):
     with pytest.raises(SettingError, match='cannot be the name of a preset'):
         Presets(tmp_path).save(name, {'circle.window': 3})
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('place', ['a.yaml', 'a.yaml.partial', '.partial'])
+def test_saving_writes_to_no_file_that_a_link_or_a_pipe_in_the_folder_leads_to(tmp_path, place):
+    folder, private = tmp_path / 'presets', tmp_path / 'private'
+    folder.mkdir()
+    private.write_text('mine')
+    (folder / place).symlink_to(private)
+    Presets(folder).save('a', {'circle.window': 5})
+    (folder / place).unlink()
+    os.mkfifo(folder / place)
+    Presets(folder).save('a', {'circle.window': 7})
+    assert private.read_text() == 'mine'
+    assert Presets(folder).load('a') == {'circle.window': 7}
+    assert not (folder / 'a.yaml').is_symlink()
+
+
+def test_a_save_that_fails_leaves_nothing_behind(tmp_path):
+    (tmp_path / 'a.yaml').mkdir()
+    with pytest.raises(SocialCircleError, match='cannot be written'):
+        Presets(tmp_path).save('a', {'circle.window': 3})
+    assert [path.name for path in tmp_path.iterdir()] == ['a.yaml']
+
+
+def test_what_is_no_regular_file_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / 'a.yaml')
+    assert Presets(tmp_path).names() == []
+    with pytest.raises(SocialCircleError, match='not a regular file'):
+        Presets(tmp_path).load('a')
+
+
+def test_files_with_names_that_no_preset_can_have_are_not_offered(tmp_path):
+    Presets(tmp_path).save('a', {'circle.window': 3})
+    for name in (b'\xff\xfe', b'.hidden', b'a\nb', b'b' * 150):
+        Path(os.fsdecode(os.fsencode(tmp_path) + b'/' + name + b'.yaml')).write_text('')
+    assert Presets(tmp_path).names() == ['a']
 
 
 def test_a_missing_preset_is_reported(tmp_path):

@@ -1,6 +1,7 @@
 """Widgets: values as text and as places on a slider."""
 
 import dataclasses
+import math
 import re
 
 import pytest
@@ -14,7 +15,10 @@ from socialcircle_ros.panel.widgets import _SliderScale, text_of, value_of
 ROWS = {kind: Descriptor('some.name', kind, 'A sentence.') for kind in ParameterKind}
 
 
-@given(value=st.one_of(st.floats(allow_nan=False), st.integers(), st.lists(st.integers(), min_size=1)))
+INTEGERS = st.integers(-(2**63), 2**63 - 1)
+
+
+@given(value=st.one_of(st.floats(allow_nan=False), INTEGERS, st.lists(INTEGERS, min_size=1)))
 def test_a_shown_value_can_be_typed(value):
     kind = {float: ParameterKind.REAL, int: ParameterKind.INTEGER, list: ParameterKind.INTEGERS}[type(value)]
     typed = value_of(text_of(value), ROWS[kind])
@@ -53,6 +57,20 @@ def test_a_text_that_is_no_number_is_refused(kind, text, wanted):
         value_of(text, ROWS[kind])
 
 
+@pytest.mark.parametrize('text', ['1' * 20, '-9223372036854775809'])
+@pytest.mark.parametrize('kind', [ParameterKind.INTEGER, ParameterKind.INTEGERS])
+def test_a_whole_number_that_ros_cannot_hold_is_refused(kind, text):
+    with pytest.raises(SettingError, match='at most 64 bits'):
+        value_of(text, ROWS[kind])
+
+
+@pytest.mark.parametrize('kind', [ParameterKind.REAL, ParameterKind.INTEGER, ParameterKind.INTEGERS])
+@pytest.mark.parametrize('text', ['{' * 5000, '1' * 5000 + 'x', '*a', '&a [*a]'])
+def test_a_text_that_is_made_to_break_the_page_is_refused(kind, text):
+    with pytest.raises(SettingError, match='some.name must be'):
+        value_of(text, ROWS[kind])
+
+
 @given(place=st.floats(0, 1), low=st.floats(-5, 5), width=st.floats(1e-3, 1e6))
 def test_a_place_on_a_slider_has_the_value_that_has_this_place(place, low, width):
     scale = _SliderScale(low, low + width)
@@ -71,5 +89,11 @@ def test_a_wide_range_has_marks_at_powers_of_ten_and_a_narrow_one_at_its_ends():
 def test_only_real_numbers_in_a_range_and_without_a_unit_have_a_slider():
     real = Descriptor('some.name', ParameterKind.REAL, 'A sentence.', low=0.0, high=1.0)
     assert _SliderScale.of(real) == _SliderScale(0.0, 1.0)
-    for other in ({'unit': 'µm'}, {'low': None}, {'high': 0.0}, {'kind': ParameterKind.INTEGER}):
+    for other in (
+        {'unit': 'µm'},
+        {'low': None},
+        {'high': 0.0},
+        {'high': math.inf},
+        {'kind': ParameterKind.INTEGER},
+    ):
         assert _SliderScale.of(dataclasses.replace(real, **other)) is None
