@@ -43,7 +43,15 @@ def health_of(node: str, array: DiagnosticArray) -> NodeHealth | None:
                 level=int.from_bytes(status.level, 'little'),
                 message=status.message,
                 state=values.get('state', ''),
-                refusals=sum(int(values.get(key, 0)) for key in _REFUSAL_KEYS),
+                refusals=sum(_count(values.get(key, '')) for key in _REFUSAL_KEYS),
                 last_reason=values.get('last_reason', ''),
             )
     return None
+
+
+def _count(text: str) -> int:
+    """A count; 0 for a text that is none, because any participant of the graph can send diagnostics."""
+    try:
+        return int(text)
+    except ValueError:
+        return 0

@@ -13,6 +13,13 @@ _KINDS = {
     ParameterType.PARAMETER_STRING: ParameterKind.TEXT,
     ParameterType.PARAMETER_INTEGER_ARRAY: ParameterKind.INTEGERS,
 }
+_TYPES: dict[ParameterKind, type] = {
+    ParameterKind.BOOLEAN: bool,
+    ParameterKind.INTEGER: int,
+    ParameterKind.REAL: float,
+    ParameterKind.TEXT: str,
+    ParameterKind.INTEGERS: list,
+}
 _NUMBERS = (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE)
 
 
@@ -63,3 +70,8 @@ def python_value(value: ParameterValue) -> RosValue | None:
 def as_kind(value: RosValue, kind: ParameterKind | None) -> RosValue:
     """The value, as a float if the parameter is a real number and the value an integer."""
     return float(value) if kind is ParameterKind.REAL and type(value) is int else value
+
+
+def is_of_kind(value: RosValue, kind: ParameterKind) -> bool:
+    """Whether a parameter of a kind can have this value, which any participant of the graph may have sent."""
+    return type(value) is _TYPES[kind]

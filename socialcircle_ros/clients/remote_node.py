@@ -35,7 +35,7 @@ from .connection import Connection
 from .health import NodeHealth, health_of
 from .matching import CloudMatcher, MatchedCloud
 from .message_types import message_class
-from .parameters import as_kind, descriptor_of, python_value
+from .parameters import as_kind, descriptor_of, is_of_kind, python_value
 from .qos import reliable
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class RemoteNode:
                 f'{target!r} cannot be the name of a node; use a name such as /cell1/social_circle.'
             ) from None
         namespace = target.rpartition('/')[0] if is_absolute else ''
-        self._connection = Connection('socialcircle_tune', namespace, arguments)
+        self._connection = Connection('socialcircle_tune', namespace, arguments, self._on_failure)
         self._node = self._connection.node
         self._name = target if is_absolute else f'{self._node.get_namespace().rstrip("/")}/{target}'
         self._namespace, _, self._base_name = self._name.rpartition('/')
@@ -215,22 +215,21 @@ class RemoteNode:
                 self._heartbeat_at, self._health = time.monotonic(), health
 
     def _on_parameter_event(self, event: ParameterEvent) -> None:
+        # New parameters are those that a node declares when it starts; the watcher reads them.
         if event.node == self._name:
-            changed = {item.name: item.value for item in [*event.new_parameters, *event.changed_parameters]}
-            values = {name: python_value(value) for name, value in changed.items()}
+            values = {item.name: python_value(item.value) for item in event.changed_parameters}
             self._take_values({name: value for name, value in values.items() if value is not None})
+
+    def _on_failure(self, text: str) -> None:
+        self._add_to_log(text, bad=True)
 
     # The watcher
 
     def _watch(self) -> None:
         """Check the node until the connection is closed."""
-        try:
-            while not self._stopping.wait(_WATCH_PERIOD_S):
-                self._retire_idle_publisher()
-                self._check_node()
-        except Exception:
-            if self._connection.context.ok():  # else the connection was closed meanwhile
-                raise
+        while not self._stopping.wait(_WATCH_PERIOD_S):
+            self._connection.guarded(self._retire_idle_publisher)
+            self._connection.guarded(self._check_node)
 
     def _check_node(self) -> None:
         """Note whether the node runs, and read the parameters of a node that has started."""
@@ -284,7 +283,8 @@ class RemoteNode:
                 values[descriptor.name] = as_kind(plain, descriptor.kind)
         with self._changed:
             is_first = not self._snapshot.values
-            self._show(dataclasses.replace(self._snapshot, descriptors=tuple(descriptors)))
+            starts = self._snapshot.starts + 1
+            self._show(dataclasses.replace(self._snapshot, descriptors=tuple(descriptors), starts=starts))
             if is_first:
                 self._show(dataclasses.replace(self._snapshot, values=values))
             else:
@@ -348,7 +348,7 @@ class RemoteNode:
             known = dict(self._snapshot.values)
             for name, value in values.items():
                 new = as_kind(value, kinds.get(name))
-                if name in kinds and known.get(name) != new:
+                if name in kinds and is_of_kind(new, kinds[name]) and known.get(name) != new:
                     origin = 'this page' if self._requested.get(name) == value else 'elsewhere'
                     self._add_to_log(f'{name}: {known.get(name)} → {new} ({origin})')
                     known[name] = new

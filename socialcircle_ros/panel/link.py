@@ -115,6 +115,7 @@ class Snapshot:
     Attributes:
         revision: higher than that of every earlier snapshot.
         presence: whether the node can be reached.
+        starts: how often the node was seen to start; a node that is started again has other values.
         sentence: the state of the node, or what the link waits for.
         level: 0 good, 1 warning, 2 error, as in diagnostics.
         descriptors: of all parameters, in the order of the node; kept while the node is away.
@@ -126,6 +127,7 @@ class Snapshot:
 
     revision: int = 0
     presence: Presence = Presence.ABSENT
+    starts: int = 0
     sentence: str = ''
     level: int = 0
     descriptors: tuple[Descriptor, ...] = ()

@@ -41,3 +41,10 @@ def test_diagnostics_of_other_nodes_say_nothing():
 
 def test_refusals_are_counted_by_keys_of_the_interface():
     assert set(_REFUSAL_KEYS) <= {each.name for each in dataclasses.fields(HealthValues)}
+
+
+def test_counts_that_are_no_numbers_do_not_end_the_client():
+    forged = status('/cell/social_circle')
+    for pair in forged.values:
+        pair.value = '9' * 5000
+    assert health_of('/cell/social_circle', DiagnosticArray(status=[forged])).refusals == 0

@@ -1,7 +1,15 @@
 """A remote node beside a live one: what the tuning page learns of a node over ROS."""
 
 import pytest
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from examples import cloud
+from live import RELIABLE
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_parameter_events
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
 
 from socialcircle_ros import interface
 from socialcircle_ros.clients.process import NodeProcess
@@ -20,9 +28,9 @@ SCALE = 'circle.radius_scale'
 class Pair:
     """A node, and a connection to it."""
 
-    def __init__(self, cell):
+    def __init__(self, cell, *arguments):
         self.cell = cell
-        self.link = RemoteNode(cell.name)
+        self.link = RemoteNode(cell.name, arguments)
 
     def until(self, condition):
         """Wait for a snapshot that meets a condition."""
@@ -165,8 +173,62 @@ def test_a_restarted_node_is_found_again_with_its_new_values(start_cell, tmp_pat
         restarted = pair.until(
             lambda snapshot: snapshot.presence is Presence.ACTIVE and snapshot.values[SCALE] == 3.0
         )
+        assert restarted.starts == absent.starts + 1 == 2
         assert 'The node no longer answers.' in texts(restarted)
         pair.until(lambda snapshot: 'The node was started again.' in texts(snapshot))
+    finally:
+        pair.link.close()
+
+
+def test_the_values_before_a_restart_and_those_after_it_come_with_different_starts(start_cell, tmp_path):
+    pair = Pair(start_cell())
+    try:
+        pair.until_active()
+        pair.cell.set(circle__radius_scale=4)
+        pair.until(lambda snapshot: snapshot.values[SCALE] == 4.0)
+        seen = []
+
+        def watch(snapshot):
+            seen.append((snapshot.starts, snapshot.values[SCALE]))
+            return snapshot.starts == 2
+
+        pair.cell.kill()
+        pair.start_again(tmp_path, {})
+        pair.until(watch)
+        assert set(seen) == {(1, 4.0), (2, 1.0)}
+    finally:
+        pair.link.close()
+
+
+def test_forged_and_illegal_messages_do_not_end_the_link(cell):
+    pair = Pair(cell, '--ros-args', '-p', 'use_sim_time:=true')
+    try:
+        pair.until_active()
+        clocks = cell.peer.create_publisher(Clock, '/clock', 10)
+        events = cell.peer.create_publisher(ParameterEvent, '/parameter_events', qos_profile_parameter_events)
+        health = cell.peer.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        results = cell.peer.create_publisher(DiagnosticStatus, f'{cell.name}/measurement', RELIABLE)
+        publishers = (clocks, events, health, results)
+        cell.wait_for(lambda: all(publisher.get_subscription_count() for publisher in publishers))
+        clocks.publish(Clock(clock=Time(sec=-1)))
+        pair.until(lambda snapshot: any('A message or a call failed' in text for text in texts(snapshot)))
+        wrong = [Parameter(SCALE, value='wide'), Parameter('circle.window', value=[1, 2]), Parameter('x', value=1)]
+        events.publish(
+            ParameterEvent(
+                node=cell.name, changed_parameters=[parameter.to_parameter_msg() for parameter in wrong]
+            )
+        )
+        forged = [KeyValue(key=key, value='9' * 5000) for key in ('clouds_refused', 'measured', 'stamp', 'state')]
+        status = DiagnosticStatus(hardware_id=cell.name, message='forged', values=forged)
+        health.publish(DiagnosticArray(status=[status]))
+        results.publish(status)
+        results.publish(serialize_message(status).replace(b'forged', b'\xff' * 6))
+        cell.set(circle__radius_scale=4)
+        snapshot = pair.until(lambda snapshot: snapshot.values[SCALE] == 4.0)
+        assert snapshot.values['circle.window'] == 3
+        assert pair.link.publish(cloud()) == ''
+        assert outliers_of(pair.until(lambda snapshot: snapshot.shown_cloud).shown_cloud) == 26
+        assert pair.link.change({SCALE: 2.0}) == ''
     finally:
         pair.link.close()
 
