@@ -9,6 +9,7 @@ from pathlib import Path
 from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import STAGE_TIME
 from socialcircle_ros.messages.diagnostics import Status
+from socialcircle_ros.settings import RosValue
 
 from . import colours
 from .comparison import Comparison
@@ -63,6 +64,23 @@ def refusal(reason: str) -> str:
 def note(text: str, *, bad: bool = False) -> str:
     """One sentence."""
     return _box(f'<div class="sc-card sc-{"bad" if bad else "idle"}">{escape(text)}</div>')
+
+
+def restart(lost: Mapping[str, tuple[RosValue, RosValue]]) -> str:
+    """The settings that a node has lost by a restart.
+
+    Args:
+        lost: the value before and the value after the restart, by name.
+    """
+    rows = ''.join(
+        f'<tr><td>{escape(name)}</td><td class="sc-num">{escape(str(before))}</td>'
+        f'<td class="sc-num">{escape(str(after))}</td></tr>'
+        for name, (before, after) in lost.items()
+    )
+    return _box(
+        '<div class="sc-card sc-warn">The node was started again with other settings than it had.'
+        f'<table><tr><td></td><td class="sc-num">before</td><td class="sc-num">now</td></tr>{rows}</table></div>'
+    )
 
 
 def measurement(shown: ShownCloud | None) -> str:

@@ -16,6 +16,7 @@ from .log import Log
 from .preset_tab import PresetTab
 from .presets import Presets
 from .recording_tab import RecordingTab
+from .restart_offer import RestartOffer
 from .result_tab import ResultTab
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ class Page:
         guarded('Showing the state of the node', self._show_node, snapshot)
         guarded('Showing the log', self._log.take, snapshot)
         guarded('Showing the parameters', self._show_parameters, snapshot)
+        guarded('Offering the settings before a restart', self._restart_offer.follow, before, snapshot)
         guarded('Showing the cloud', self._show_cloud, snapshot)
         if before.values.keys() != snapshot.values.keys():
             guarded('Listing the presets', self._preset_tab.refresh)
@@ -129,6 +131,7 @@ class Page:
         self._undo.on_click(lambda _: self._log.guarded('Undoing', self._undo_last))
         command = gui.add_command('Undo', hotkey='Z', modifier='cmd/ctrl', icon=icon('arrow-back-up'))
         command.on_trigger(lambda _: self._log.guarded('Undoing', self._undo_last))
+        self._restart_offer = RestartOffer(gui, self._changes, self._log)
         self._waiting = gui.add_html(markup.note('The controls appear when the node has sent its parameters.'))
         self._controls = Controls(gui, self._changes, self._log)
 

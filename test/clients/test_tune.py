@@ -103,6 +103,10 @@ def test_an_operator_tunes_a_node_that_is_killed_and_started_again(start_cell, s
         assert visitor.sees('the node has stopped answering')
         cell.node_process = NodeProcess(cell.namespace, tmp_path / 'again.log', {SCALE: '2.5'})
         assert visitor.wait_until('radius scale', '2.5')
+        # The settings that the node had are restored.
+        visitor.press('Restore these settings')
+        assert visitor.wait_until('radius scale', '1.5')
+        cell.wait_for(lambda: cell.get(SCALE) == 1.5)
         visitor.open_tab('Recording')
         visitor.press('next ▶')
         assert visitor.sees('Cloud 2 of 8')

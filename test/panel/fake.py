@@ -41,7 +41,7 @@ class FakeLink:
         self.asked = []
         self.entries = []
         self.snapshot = Snapshot(
-            revision=1, presence=Presence.ACTIVE, sentence='Clouds are filtered as they come.',
+            revision=1, presence=Presence.ACTIVE, starts=1, sentence='Clouds are filtered as they come.',
             descriptors=descriptors(), values={name: row.default for name, row in PARAMETERS.items()},
         )  # fmt: skip
 

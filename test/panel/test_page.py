@@ -215,6 +215,25 @@ def test_the_page_says_what_it_waits_for_and_continues(tuning):
     visitor.page.wait_for_function('input => !input.disabled', arg=visitor.field('radius scale').element_handle())
 
 
+def test_after_a_restart_the_page_offers_the_settings_that_the_node_had(tuning):
+    visitor, link = tuning.visitor, tuning.link
+    defaults = dict(link.snapshot.values)
+    link.update(values={**defaults, SCALE: 2.5, 'circle.window': 7})
+    assert visitor.wait_until('radius scale', '2.5')
+    assert visitor.page.get_by_role('button', name='Restore these settings').locator('visible=true').count() == 0
+    link.update(starts=2, values=defaults)
+    assert visitor.sees('The node was started again with other settings than it had.')
+    assert visitor.wait_until('radius scale', '1.0')
+    visitor.press('Restore these settings')
+    assert visitor.wait_until('radius scale', '2.5')
+    assert link.asked == [{SCALE: 2.5, 'circle.window': 7}]
+    assert visitor.no_longer_sees('The node was started again with other settings than it had.')
+    link.update(starts=3, values=defaults)
+    visitor.press('Keep the new settings')
+    assert visitor.no_longer_sees('The node was started again with other settings than it had.')
+    assert link.snapshot.values == defaults
+
+
 def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
     visitor, link = tuning.visitor, tuning.link
     visitor.field('radius scale').fill('3')
