@@ -16,7 +16,10 @@ from browser import Visitor, browser
 
 viser = pytest.importorskip('viser', reason='the page needs viser')
 
-from websockets.asyncio import server as websocket_server  # noqa: E402 - comes with viser
+import msgspec  # noqa: E402 - these come with viser
+import zstandard  # noqa: E402
+from websockets.asyncio import server as websocket_server  # noqa: E402
+from websockets.exceptions import ConnectionClosed  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
 from socialcircle_ros.errors import SocialCircleError  # noqa: E402
@@ -35,6 +38,10 @@ def served():
         server=server, address=address, host=parts.netloc, port=parts.port, token=parts.path.removeprefix('/')
     )
     server.stop()
+
+
+def visit(served):
+    return connect(f'ws://{served.host}/{served.token}', subprotocols=[PROTOCOL], max_size=None)
 
 
 def status_of(served, path, headers, *, websocket):
@@ -92,7 +99,7 @@ def test_a_server_of_the_network_wants_the_token_too():
 
 
 def test_a_websocket_with_the_token_receives_the_page(served):
-    with connect(f'ws://{served.host}/{served.token}', subprotocols=[PROTOCOL], max_size=None) as connection:
+    with visit(served) as connection:
         assert connection.recv(timeout=60)
 
 
@@ -173,6 +180,24 @@ def test_dns_rebinding_is_refused(served):
 def test_a_visitor_opens_no_tunnel_from_the_internet(served, monkeypatch):
     monkeypatch.setattr('viser._viser.ViserTunnel', lambda *_: pytest.fail('a tunnel was opened'))
     assert served.server.request_share_url() is None
+    requested = threading.Event()
+    monkeypatch.setattr(served.server, 'request_share_url', requested.set)
+    with visit(served) as connection:
+        connection.send(msgspec.msgpack.encode({'type': 'ShareUrlRequest'}))
+        assert requested.wait(60)
+
+
+def test_a_visitor_that_sends_nonsense_does_not_end_the_page_of_the_others(served):
+    with visit(served) as other:
+        other.recv(timeout=60)
+        for nonsense in (b'\xff' * 1000, 'a text', msgspec.msgpack.encode({'type': 'Nonsense'})):
+            with visit(served) as connection, pytest.raises(ConnectionClosed):
+                connection.send(nonsense)
+                while True:
+                    connection.recv(timeout=60)
+        served.server.gui.add_markdown('news')
+        while b'news' not in zstandard.decompress(other.recv(timeout=60)[16:], max_output_size=1 << 20):
+            pass
 
 
 def test_no_page_is_served_if_viser_does_not_use_the_guarded_server(monkeypatch):
