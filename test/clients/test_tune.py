@@ -5,7 +5,9 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from urllib.error import HTTPError
 from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import pytest
 from browser import Visitor, browser
@@ -71,6 +73,10 @@ def test_the_page_listens_on_the_loopback_interface_only(start_tuning):
     port = urlsplit(tuning.address).port
     assert tuning.greeting.startswith('Tuning /nowhere/social_circle at http://127.0.0.1:')
     assert tuning.listening() == [f'0100007F:{port:04X}']
+    with pytest.raises(HTTPError, match='403'):
+        urlopen(f'http://127.0.0.1:{port}/')
+    with urlopen(tuning.address) as page:  # noqa: S310 - the command printed it
+        assert b'<title>Social circle</title>' in page.read()
 
 
 def test_an_operator_tunes_a_node_that_is_killed_and_started_again(start_cell, start_tuning, tmp_path):
