@@ -330,6 +330,7 @@ class HealthValues(StatusValues):
     frames_dropped: int = field(
         metadata=_key('Frames that arrived faster than the node can process them.', 'frames')
     )
+    joint_states_dropped: int = field(metadata=_key('Joint states that came faster than they could be taken.'))
     stack_refusals: int = field(metadata=_key('Frames, joint states and stacks that cannot be used.'))
     stacks_finished: int = field(metadata=_key('Stacks that gave a cloud.', 'stacks'))
     last_reason: str = field(metadata=_key('Reason of the last drop, refusal or error.'))

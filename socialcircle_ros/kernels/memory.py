@@ -34,3 +34,10 @@ def reserve_memory(size: int) -> None:
     """
     pieces = [b'\1' * _PIECE for _ in range(-(-size // _PIECE))]
     del pieces
+
+
+def give_back_freed_memory() -> None:
+    """Give the memory that is freed back to the system, which `keep_freed_memory` prevents otherwise."""
+    trim = getattr(ctypes.CDLL(None), 'malloc_trim', None)  # glibc has it
+    if trim is not None:
+        trim(0)

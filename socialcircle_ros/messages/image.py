@@ -74,7 +74,8 @@ class Image:
             A view of the message: (H, W) uint8 or uint16, or (H, W, 3) uint8 for colour.
 
         Raises:
-            MessageError: the encoding is not supported, or the image contradicts itself.
+            MessageError: the encoding is not supported, the image contradicts itself, or a Bayer image is smaller
+                than 2×2.
         """
         channels = 3 if self.encoding in _COLOUR else 1
         size = _MONO.get(self.encoding, 1)
@@ -84,6 +85,8 @@ class Image:
             )
         if self.height == 0 or self.width == 0:
             raise MessageError(f'The image is empty: height {self.height}, width {self.width}.')
+        if self.encoding in _MOSAIC and min(self.height, self.width) < 2:
+            raise MessageError(f'A Bayer image needs at least 2×2 pixels, not {(self.height, self.width)}.')
         if self.step < self.width * channels * size:
             raise MessageError(
                 f'The image contradicts itself: step is {self.step}, but {self.width} pixels of {self.encoding}'
@@ -106,14 +109,12 @@ class Image:
             (H, W) uint8 or uint16 in native byte order; a view of the message if the pixels are gray already.
 
         Raises:
-            MessageError: as `pixels`, or a Bayer image is smaller than 2×2.
+            MessageError: as `pixels`.
         """
         pixels = self.pixels()
         if self.encoding in _COLOUR:
             return gray_of_colour(cast('npt.NDArray[np.uint8]', pixels), blue_first=_COLOUR[self.encoding])
         if self.encoding in _MOSAIC:
-            if min(pixels.shape) < 2:
-                raise MessageError(f'A Bayer image needs at least 2×2 pixels, not {pixels.shape}.')
             return gray_of_mosaic(cast('npt.NDArray[np.uint8]', pixels))
         # Only 16-bit pixels can be unaligned or in foreign byte order.
         return pixels if pixels.flags.aligned and pixels.dtype.isnative else pixels.astype(np.uint16)

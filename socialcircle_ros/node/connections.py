@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, QoSReliabilityPolicy, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -53,3 +54,15 @@ def _mend(topic: str, publisher: TopicEndpointInfo, reason: str) -> str:
             ' best_effort.'
         )
     return f'{reason.rstrip("; ")}; set qos_overrides.{topic}.subscription to what the publisher offers.'
+
+
+def namesakes(node: Node) -> str:
+    """A sentence where the graph holds several nodes with the full name of this one; else ''."""
+    found = [(space, name) for name, space in node.get_node_names_and_namespaces()]
+    count = found.count((node.get_namespace(), node.get_name()))
+    if count < 2:
+        return ''
+    return (
+        f'{count} nodes are named {node.get_fully_qualified_name()}: each filters the clouds and answers services;'
+        ' end all but one, or start them in different namespaces.'
+    )

@@ -26,6 +26,7 @@ class InputCounts:
     failed: int = 0
     frames_received: int = 0
     frames_dropped: int = 0
+    joint_states_dropped: int = 0
     stack_refusals: int = 0
     stacks: int = 0
 
@@ -86,6 +87,12 @@ class Health:
         with self._lock:
             self.counts.frames_dropped += 1
             self._trouble('A frame was dropped: frames come faster than their focus is measured.')
+
+    def joint_state_dropped(self) -> None:
+        """A joint state was dropped, because too many others waited."""
+        with self._lock:
+            self.counts.joint_states_dropped += 1
+            self._trouble('A joint state was dropped: joint states come faster than they are taken.')
 
     def frame_refused(self, reason: str) -> None:
         """A frame, a joint state or a whole stack could not be used."""
@@ -159,6 +166,7 @@ class Health:
                 clouds_failed=self.counts.failed,
                 frames_received=self.counts.frames_received,
                 frames_dropped=self.counts.frames_dropped,
+                joint_states_dropped=self.counts.joint_states_dropped,
                 stack_refusals=self.counts.stack_refusals,
                 stacks_finished=self.counts.stacks,
                 last_reason=self.last_reason,

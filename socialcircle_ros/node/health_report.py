@@ -9,7 +9,7 @@ from rclpy.subscription import Subscription
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.diagnostics import Status
 
-from .connections import SILENT, complaints, node_of
+from .connections import SILENT, complaints, namesakes, node_of
 from .health import Health
 from .transport import PROFILE
 
@@ -55,11 +55,14 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
         connections=' '.join(unheard) if listening else None,
         differences=now.differences or None,
     )
+    several = namesakes(node)
     silent_s = min(health.seconds_silent(), time.monotonic() - now.active_since_s)
     if not listening and now.failure:
         level, message = diagnostics.ERROR, now.failure
     elif not listening:
         level, message = diagnostics.OK, f'The node is {now.state}; it filters once it is active.'
+    elif several:
+        level, message = diagnostics.WARN, several
     elif unheard:
         level, message = diagnostics.ERROR, unheard[0]
     elif health.in_trouble():

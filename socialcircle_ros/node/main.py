@@ -14,6 +14,8 @@ import yaml
 from .transport import prepare_process
 
 if TYPE_CHECKING:
+    from rclpy.executors import SingleThreadedExecutor
+
     from .social_circle_node import SocialCircleNode
 
 _SWITCH_S = 1e-4  # interval at which threads switch; 5 ms is the default of Python
@@ -65,7 +67,8 @@ def _run(arguments: list[str] | None) -> int:
         sys.setswitchinterval(_SWITCH_S)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        executor.spin()
+        while rclpy.ok():
+            _spin(executor, node)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     except (ParameterException, SocialCircleError, RuntimeError) as error:
@@ -79,6 +82,21 @@ def _run(arguments: list[str] | None) -> int:
     finally:
         _end(node)
     return 0
+
+
+def _spin(executor: 'SingleThreadedExecutor', node: 'SocialCircleNode') -> None:
+    """Run the executor until the context ends or one of rclpy's own callbacks raises; the node reports that.
+
+    rclpy raises for legal messages too, such as a `/clock` before 0 (with use_sim_time).
+    """
+    from rclpy.executors import ExternalShutdownException  # noqa: PLC0415 - as in _run
+
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever it is, the node goes on
+        node.executor_failed(error)
 
 
 def _file_without_parameters(arguments: Sequence[str]) -> str | None:

@@ -181,6 +181,13 @@ class SocialCircleNode(LifecycleNode):
             self._filter.close()
             self._filter = None
 
+    def executor_failed(self, error: Exception) -> None:
+        """Log and count an exception of rclpy's own callbacks; the node goes on."""
+        if self.context.ok():
+            reason = printable(f'A message could not be handled by rclpy: {type(error).__name__}: {error}')
+            self._health.failed(reason)
+            self.get_logger().error(reason, throttle_duration_sec=LOG_PERIOD_S)
+
     # Parameters
 
     def _configuration(self) -> Configuration:

@@ -34,11 +34,16 @@ from .worker import QueueWorker
 MOST_WAITING = 100
 """Frames that may wait for the worker: two seconds at 50 frames per second."""
 
+MOST_STATES_WAITING = 2000
+"""Items, frames and joint states, that may wait when a joint state comes: two seconds at 1 kHz."""
+
 PAUSE_S = 0.02
 """Time between two checks whether a stack has timed out."""
 
 _CLOUDS_AT_ONCE = 4
 """Memory that finishing and publishing needs, in sizes of the cloud: the depth, and the message three times."""
+
+_KEEPING_S = 60.0  # how long the memory of the last stack is kept for the next one
 
 _FINISHING_S = 30.0  # how long a caller of `finish` waits; the fit takes a hundredth of it
 
@@ -82,7 +87,7 @@ class StackInput:
         self._closing_arrival_s = float('-inf')
         self._subscriptions: list[tuple[Subscription, str]] = []
         self._publishers = Publishers(node, (*STACK_OUTPUTS, STACK_PREVIEW))
-        self._worker = QueueWorker[_Task](self._work, self._check_timeout, MOST_WAITING, PAUSE_S)
+        self._worker = QueueWorker[_Task](self._work, self._check_timeout, PAUSE_S)
 
     def listen(self) -> None:
         """Subscribe to frames and joint states."""
@@ -137,13 +142,14 @@ class StackInput:
     def _frame_arrived(self, message: bytes) -> None:
         self._health.frame_received()
         self._last_arrival_s = time.monotonic()
-        if not self._worker.put_if_room(
-            _Task(lambda assembler: assembler.add_frame(message), self._last_arrival_s)
-        ):
+        task = _Task(lambda assembler: assembler.add_frame(message), self._last_arrival_s)
+        if not self._worker.put_if_room(task, MOST_WAITING):
             self._health.frame_dropped()
 
     def _joint_state_arrived(self, message: bytes) -> None:
-        self._worker.put(_Task(lambda assembler: assembler.add_joint_state(message), time.monotonic()))
+        task = _Task(lambda assembler: assembler.add_joint_state(message), time.monotonic())
+        if not self._worker.put_if_room(task, MOST_STATES_WAITING):
+            self._health.joint_state_dropped()
 
     def _ask(self, act: Callable[[StackAssembler], Iterator[StackEvent]]) -> list[StackEvent]:
         """Let the worker do something after all that waits, and wait for it.
@@ -188,9 +194,13 @@ class StackInput:
             self._reserved = size
 
     def _check_timeout(self) -> None:
-        timeout = self._assembler.timeout
-        if self._assembler.running and timeout and time.monotonic() - self._last_arrival_s > timeout:
-            self._work(_Task(StackAssembler.finish, time.monotonic()))
+        timeout_s, silent_s = self._assembler.timeout, time.monotonic() - self._last_arrival_s
+        if self._assembler.running:
+            if timeout_s and silent_s > timeout_s:
+                self._work(_Task(StackAssembler.finish, time.monotonic()))
+        elif self._reserved and silent_s > _KEEPING_S:
+            self._assembler.release_memory()
+            self._reserved = 0
 
     def _handle(self, event: StackEvent) -> None:
         if isinstance(event, Refusal):

@@ -1,5 +1,6 @@
 """Compilation before the first cloud, on a thread that a signal does not wait for. No rclpy."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -88,7 +89,10 @@ def _compile_common(mode: Mode) -> None:
     On the first start a helper process compiles for the stack meanwhile, because Numba compiles one kernel at a
     time. This process then loads its kernels from the cache.
     """
-    helper = _helper() if _is_cold() else None
+    helper = None
+    if _is_cold():
+        with contextlib.suppress(OSError):  # no process can be started: this one compiles everything
+            helper = _helper()
     for kind in (np.float32, np.float64):
         filter_cloud(_cloud(kind), PipelineSettings(circle=CircleSettings(mode=mode)), depth_of_field=1.0)
     if helper is not None:

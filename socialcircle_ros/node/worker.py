@@ -101,15 +101,13 @@ class QueueWorker(Generic[Item]):
     Args:
         work: called with each item on the worker's thread.
         idle: called on the worker's thread while nothing waits: after an item, and every `pause_s`.
-        most: how many items may wait, of those that may be refused.
         pause_s: in s.
     """
 
-    def __init__(self, work: Callable[[Item], None], idle: Callable[[], None], most: int, pause_s: float) -> None:
+    def __init__(self, work: Callable[[Item], None], idle: Callable[[], None], pause_s: float) -> None:
         self._work = work
         self._idle = idle
         self._pause_s = pause_s
-        self._most = most
         self._items: queue.Queue[Item | None] = queue.Queue()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='stack_worker')
@@ -119,9 +117,9 @@ class QueueWorker(Generic[Item]):
         """Hand over an item."""
         self._items.put(item)
 
-    def put_if_room(self, item: Item) -> bool:
-        """Hand over an item; False: too many wait, and it is dropped."""
-        if self._items.qsize() >= self._most:
+    def put_if_room(self, item: Item, most: int) -> bool:
+        """Hand over an item; False: `most` items wait already, and it is dropped."""
+        if self._items.qsize() >= most:
             return False
         self._items.put(item)
         return True

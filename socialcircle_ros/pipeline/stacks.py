@@ -16,6 +16,7 @@ from socialcircle_ros.errors import MessageError, SocialCircleError, StackError,
 from socialcircle_ros.focus import FocusStack
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.memory import give_back_freed_memory
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, encode_image
 from socialcircle_ros.messages.joint_state import JointState
@@ -24,6 +25,12 @@ from socialcircle_ros.settings import FocusSettings, StackSettings
 
 MOST_WAITING = 64
 """Frames that may wait for a joint state; when more wait, the first one is refused."""
+
+MOST_STATES = 10_000
+"""Joint states that are kept; frames before the oldest one are refused."""
+
+BYTES_PER_PIXEL = 62
+"""Memory that a stack needs for each of its pixels, the cloud not counted."""
 
 FIELDS = ('x', 'y', 'z', 'intensity', 'quality')
 """Fields of the cloud of a stack."""
@@ -98,7 +105,8 @@ class StackAssembler:
         # frames.
         self._memory: tuple[tuple[FocusSettings, tuple[int, ...], str], FocusStack] | None = None
         self._waiting: deque[Image] = deque()
-        self._track: deque[tuple[int, float]] = deque()  # stamp in ns, z of the stage in m; ascending stamps
+        # Stamp in ns, z of the stage in m; ascending stamps.
+        self._track: deque[tuple[int, float]] = deque(maxlen=MOST_STATES)
         self._track_is_new = False  # whether it began again since the last frame
         self._last_stamp = -(2**63)
 
@@ -120,8 +128,8 @@ class StackAssembler:
         """Take in a serialized Image."""
         try:
             frame = Image.decode(message)
-            frame.pixels()
-        except MessageError as error:
+            self._check(frame)
+        except SocialCircleError as error:
             yield Refusal(f'A frame was refused: {error}')
             return
         stamp = frame.header.stamp
@@ -155,6 +163,8 @@ class StackAssembler:
         if self._track and stamp < self._track[-1][0]:
             self._track.clear()  # a replay that began again, or a stage that was switched on again
             self._track_is_new = True
+        if self._track and stamp == self._track[-1][0]:
+            self._track.pop()
         self._track.append((stamp, z))
         # Of the states before the first waiting frame, only the nearest is needed.
         oldest = self._waiting[0].header.stamp if self._waiting else stamp - 10 * GAP_NS
@@ -220,11 +230,7 @@ class StackAssembler:
             frame: the frame.
             z: position of the stage in m; None: counted from z_start by z_step.
         """
-        try:
-            pixels = frame.gray()
-        except MessageError as error:
-            yield Refusal(f'A frame was refused: {error}')
-            return
+        pixels = frame.gray()
         stack = self._stack
         if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):
             yield Refusal(
@@ -236,11 +242,7 @@ class StackAssembler:
             yield from self._close()
             stack = None
         if stack is None:
-            try:
-                stack = self._begin(frame, pixels.shape)
-            except SocialCircleError as error:
-                yield Refusal(f'A frame was refused: {error}')
-                return
+            stack = self._begin(frame, pixels.shape)
         settings = stack.settings
         if z is None:
             z = settings.z_start + settings.z_step * stack.offered
@@ -258,20 +260,46 @@ class StackAssembler:
         elif settings.preview and stack.frames % settings.preview == 0 and stack.focus.places >= 3:
             yield _cloud(stack, preview=True)
 
-    def _begin(self, frame: Image, shape: tuple[int, ...]) -> _Stack:
+    def _check(self, frame: Image) -> None:
+        """Check that a frame can join the running stack or begin one. A refused frame changes nothing.
+
+        Raises:
+            MessageError: the message is no image that can be measured.
+            StackError: the image is too large, or the settings allow no stack.
+        """
+        frame.pixels()
+        stack = self._stack
+        if stack is not None and stack.shape == (frame.height, frame.width) and stack.encoding == frame.encoding:
+            return
         settings = self._settings
+        pixels = frame.height * frame.width
+        if pixels > settings.max_pixels:
+            raise StackError(
+                f'it has {pixels:,} pixels, more than stack.max_pixels ({settings.max_pixels:,}); a stack of such'
+                f' frames needs about {pixels * BYTES_PER_PIXEL / 1e9:.1f} GB of memory.'
+            )
         if settings.pitch_x == 0:
             raise StackError(
                 'stack.pitch_x is not set; set it to the distance of two pixels on the part, in metres.'
             )
         if settings.z_source == 'step' and settings.z_step == 0:
             raise StackError('stack.z_step is not set; set it to the distance of two frames, in metres.')
-        if self._memory is None or self._memory[0] != (self._focus, shape, frame.encoding):
-            self._memory = (self._focus, shape, frame.encoding), FocusStack(self._focus)
+
+    def _begin(self, frame: Image, shape: tuple[int, ...]) -> _Stack:
+        kind = self._focus, shape, frame.encoding
+        if self._memory is None or self._memory[0] != kind:
+            self.release_memory()
+            self._memory = kind, FocusStack(self._focus)
         _, focus = self._memory
         focus.reset()
-        self._stack = _Stack(focus, settings, shape, frame.encoding, frame.header)
+        self._stack = _Stack(focus, self._settings, shape, frame.encoding, frame.header)
         return self._stack
+
+    def release_memory(self) -> None:
+        """Give the memory of the last stack back to the system; the running stack keeps its own."""
+        if self._memory is not None:
+            self._memory = None
+            give_back_freed_memory()
 
 
 def _frames(count: int) -> str:

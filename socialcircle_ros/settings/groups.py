@@ -215,6 +215,13 @@ class StackSettings(Settings):
     frames: int = setting(
         0, 'Number of frames after which a stack ends. 0: no limit.', unit='frames', minimum=0, maximum=30000
     )
+    max_pixels: int = setting(
+        25_000_000,
+        'Largest frame. A larger one is refused: a stack needs 62 bytes per pixel.',
+        unit='pixels',
+        minimum=1,
+        maximum=1_000_000_000,
+    )
     timeout: float = setting(
         1.0, 'Time without a frame after which a stack ends. 0: no limit.', unit='s', minimum=0.0, maximum=3600.0
     )

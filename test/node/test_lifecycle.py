@@ -9,7 +9,10 @@ from examples import cloud
 from lifecycle_msgs.msg import Transition
 from live import RESULTS, mapped_by
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
+
+from socialcircle_ros.clients.process import NodeProcess
 
 pytestmark = pytest.mark.live
 
@@ -154,3 +157,28 @@ def test_a_bad_qos_override_is_told_and_leaves_the_node_unconfigured(start_cell)
                       arguments=('-r', 'points_filtered:=/odd'))  # fmt: skip
     cell.wait_for_state('unconfigured')
     assert cell.wait_for(lambda: 'on_configure failed' in cell.node_process.log.read_text())
+
+
+def test_a_clock_before_zero_does_not_end_the_node(start_cell):
+    cell = start_cell({'use_sim_time': 'true'})
+    clock = cell.peer.create_publisher(Clock, '/clock', 10)
+    cell.wait_for(lambda: clock.get_subscription_count() >= 1)
+    before = Clock()
+    before.clock.sec = -1
+
+    def reported():
+        clock.publish(before)
+        return any(
+            'could not be handled by rclpy' in found.values['last_reason'] for found in cell.inbox['diagnostics']
+        )
+
+    cell.wait_for(reported)
+    assert cell.clean(cloud())[2].values['outliers'] == '26'
+
+
+def test_two_nodes_of_one_name_are_reported(start_cell, tmp_path):
+    cell = start_cell()
+    with NodeProcess(cell.namespace, tmp_path / 'second.log'):
+        found = cell.diagnosis(lambda found: 'nodes are named' in found.status.message)
+    assert found.status.level == b'\1'
+    assert f'2 nodes are named {cell.name}' in found.status.message

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from socialcircle_ros import FocusSettings, depth_from_focus
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, encode_image
 from socialcircle_ros.messages.joint_state import JointState
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.pipeline.stacks import MOST_WAITING, Refusal, StackAssembler, StackCloud
+from socialcircle_ros.pipeline.stacks import MOST_STATES, MOST_WAITING, Refusal, StackAssembler, StackCloud
 from socialcircle_ros.settings import StackSettings
 
 PERIOD = 20_000_000  # ns between frames
@@ -300,3 +302,86 @@ def test_the_size_of_the_cloud_is_known_while_the_stack_runs():
     assert made.cloud_size == 24 * 30 * 20
     (cloud,) = clouds(made.finish())
     assert PointCloud.decode(cloud.points).data_length == 24 * 30 * 20
+
+
+# What is refused leaves no trace
+
+
+def cut_short(number):
+    return image(np.zeros((24, 30), np.uint8), number)[:-7]
+
+
+def unknown_encoding(number):
+    return image(np.zeros((24, 30), np.uint8), number).replace(b'mono8', b'mono9')
+
+
+def tiny_mosaic(number):
+    frame = Image.decode(image(np.zeros((1, 30), np.uint8), number))
+    return frame.message.replace(b'mono8\0', b'bayer\0')
+
+
+def too_large(number):
+    return image(np.zeros((40, 60), np.uint8), number)
+
+
+REFUSED = (cut_short, unknown_encoding, tiny_mosaic, too_large)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 8), st.sampled_from(REFUSED), st.integers(-50, 10**9)), max_size=6),
+    st.sampled_from(['step', 'joint_states']),
+)
+def test_refused_frames_change_nothing(refused, z_source):
+    def run(extra):
+        made = assembler(z_source=z_source, max_pixels=1000, frames=9)
+        events = []
+        for number, frame in enumerate(frames()):
+            for at, make, stamp in extra:
+                if at == number:
+                    events += made.add_frame(make(stamp))
+            events += made.add_frame(image(frame, number))
+            events += made.add_joint_state(joint((number + 1) * PERIOD, number * STEP))
+        return events
+
+    events, expected = run(refused), run([])
+    assert len(reasons(events)) == len(refused)
+    assert [cloud.points for cloud in clouds(events)] == [cloud.points for cloud in clouds(expected)]
+    assert len(clouds(events)) == 1
+
+
+def test_a_frame_that_is_too_large_is_refused_with_the_memory_that_it_needs():
+    (event,) = assembler(max_pixels=700).add_frame(image(frames()[0], 0))
+    assert '720 pixels, more than stack.max_pixels (700)' in event.reason
+    assert 'GB of memory' in event.reason
+
+
+def test_joint_states_without_a_new_stamp_are_not_kept():
+    made = assembler(z_source='joint_states')
+    for z in range(20_000):
+        assert not list(made.add_joint_state(joint(0, z * STEP)))
+    assert len(made._track) == 1
+
+
+def test_joint_states_without_frames_are_bounded():
+    made = assembler(z_source='joint_states')
+    for number in range(MOST_STATES + 500):
+        list(made.add_joint_state(joint(1000 + number, 0.0)))
+    assert len(made._track) <= MOST_STATES
+
+
+def test_memory_can_be_released_between_stacks():
+    made = assembler(frames=9)
+    (first,) = feed(made, frames())
+    made.release_memory()
+    assert made._memory is None
+    (second,) = feed(made, frames(), 9)
+    assert PointCloud.decode(second.points).xyz().tobytes() == PointCloud.decode(first.points).xyz().tobytes()
+
+
+def test_the_running_stack_keeps_its_memory():
+    made = assembler(frames=9)
+    feed(made, frames()[:4])
+    made.release_memory()
+    (cloud,) = feed(made, frames()[4:], 4)
+    assert cloud.frames == 9
