@@ -25,7 +25,7 @@ LEVELS = [
     {'simulation', 'messages'},
     {'circle', 'focus', 'repair', 'baselines', 'metrics'},
     {'cloud'},
-    {'settings', 'kernels'},
+    {'settings', 'kernels', 'storage'},
     {'errors'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}

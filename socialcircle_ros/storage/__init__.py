@@ -1,0 +1,20 @@
+"""Writing files safely: whole or not at all, in spite of signals and full disks.
+
+Nothing here knows what a file holds; the rooms above write their recordings, reports and parameters with it.
+"""
+
+from .signals import SignalExit, noted_signals
+from .space import Reserve, free_bytes, is_full
+from .unfinished import Unfinished, kind_of_target, remove_leftovers, write_file
+
+__all__ = [
+    'Reserve',
+    'SignalExit',
+    'Unfinished',
+    'free_bytes',
+    'is_full',
+    'kind_of_target',
+    'noted_signals',
+    'remove_leftovers',
+    'write_file',
+]

@@ -1,0 +1,30 @@
+"""Small disks for tests."""
+
+import contextlib
+import os
+import subprocess
+
+import pytest
+
+
+@contextlib.contextmanager
+def small_disk(folder, size):
+    """A disk of `size` bytes at `folder`; the test is skipped where none can be mounted."""
+    folder.mkdir()
+    command = ['mount', '-t', 'tmpfs', '-o', f'size={size}', 'small_disk', str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip(f'no small disk can be mounted: {done.stderr.strip()}')
+    try:
+        yield folder
+    finally:
+        subprocess.run(['umount', '--lazy', str(folder)], check=True)  # noqa: S607
+
+
+def fill(folder, left=0):
+    """Fill a disk until `left` bytes are free."""
+    with (folder / 'ballast').open('wb') as file:
+        with contextlib.suppress(OSError):
+            while True:
+                os.write(file.fileno(), bytes(4096))
+        file.truncate(max(0, os.fstat(file.fileno()).st_size - left))
