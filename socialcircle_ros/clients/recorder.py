@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.recording import Message, RecordingWriter, ros_topic
-from socialcircle_ros.recording.writer import Compression
+from socialcircle_ros.recording.mcap_output import Compression
 
 from .message_types import message_class
 from .qos import recorded_text, recording_qos

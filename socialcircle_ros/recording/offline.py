@@ -25,10 +25,11 @@ from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
 
+from .mcap_output import Compression
 from .overlap import WriterBehind, read_ahead
 from .reader import RecordingReader, open_recording
 from .topics import Message, ros_topic
-from .writer import Compression, RecordingWriter
+from .writer import RecordingWriter
 
 
 @dataclass

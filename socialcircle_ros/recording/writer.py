@@ -1,52 +1,30 @@
-"""Writing recordings as rosbag2 of Jazzy does: an MCAP file, or a directory with one and a metadata.yaml."""
+"""Writing recordings as rosbag2 of Jazzy does: an MCAP file, or a directory with several and a metadata.yaml."""
 
+import errno
 import os
-import shutil
-from contextlib import ExitStack, suppress
+from contextlib import suppress
+from datetime import datetime, timezone
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, cast
+from typing import cast
 
-import yaml
-from mcap.writer import CompressionType, IndexType, Writer
+from socialcircle_ros.errors import RecordingError, SocialCircleError
+from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_target, remove_leftovers
 
-from socialcircle_ros.errors import RecordingError
+from .mcap_output import LAST_TIME, Compression, McapOutput
+from .metadata import FileContents, bag_information, to_yaml
+from .topics import Message, Topic
 
-from .topics import Topic
-
-Compression = Literal['none', 'lz4', 'zstd']
-
-QosProfile = dict[str, object]
-"""One profile of `offered_qos_profiles`."""
-
-# The default of rosbag2. A larger message is a chunk of its own.
-_CHUNK_SIZE = 768 * 1024
-# Other tools take an empty attachment index for damage, and rosbag2 writes no attachments.
-_INDEXES = IndexType.ALL & ~IndexType.ATTACHMENT
-_LAST_TIME = 2**63 - 1  # rosbag2 holds times in signed 64 bits
 _LAST_SEQUENCE = 2**32 - 1
-
-# Metadata before version 9 (Jazzy) holds QoS policies as numbers: the places of these words.
-_POLICY_NAMES = {
-    'history': ['system_default', 'keep_last', 'keep_all', 'unknown'],
-    'reliability': ['system_default', 'reliable', 'best_effort', 'unknown', 'best_available'],
-    'durability': ['system_default', 'transient_local', 'volatile', 'unknown', 'best_available'],
-    'liveliness': [
-        'system_default',
-        'automatic',
-        'manual_by_node',
-        'manual_by_topic',
-        'unknown',
-        'best_available',
-    ],
-}
+_NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
 
 
 class RecordingWriter:
     """Writes a recording; a context manager.
 
-    The recording gets its name when the `with` block ends without an error. Until then its name ends in
-    `.partial`. An error or Ctrl-C removes it, and after a crash no file looks complete.
+    The recording gets its name when the `with` block ends. Until then another name stands beside the target, and
+    no file looks complete. What becomes of the recording after an error, Ctrl-C, SIGTERM or SIGHUP depends on
+    `keep`: by default it is removed; with `keep`, what was written is completed and gets its name.
 
     Attributes:
         path: of the recording, as given.
@@ -59,6 +37,9 @@ class RecordingWriter:
         compression: Compression = 'none',
         overwrite: bool = False,
         source: str | Path | None = None,
+        keep: bool = False,
+        max_bytes: int = 0,
+        max_duration_s: float = 0.0,
     ) -> None:
         """Begin a recording.
 
@@ -67,37 +48,45 @@ class RecordingWriter:
             compression: of the chunks.
             overwrite: whether to replace an existing recording. Other files and folders are never replaced.
             source: the recording that is read at the same time; it is protected from being written into.
+            keep: whether an error leaves a recording with all messages before it, also on a full disk: space for
+                the index and the pending messages is reserved.
+            max_bytes: in a directory, begin the next file when a file has this size; 0: one file.
+            max_duration_s: in a directory, begin the next file after this time by the log times; 0: one file.
 
         Raises:
-            RecordingError: the path exists already, or cannot be written.
+            RecordingError: the path exists already, cannot be written, or is a file that would have to be split.
         """
         self.path = Path(path)
         self._is_file = self.path.suffix == '.mcap'
+        if self._is_file and (max_bytes or max_duration_s):
+            raise RecordingError(f'{self.path} is one file and cannot be split: give a name without .mcap.')
         self._overwrite = overwrite
         self._compression = compression
-        self._check_target(source)
-        # Absolute, because the working directory may change while a long recording is written.
-        target = self.path.absolute()
-        self._target = target
-        self._partial = target.with_name(f'{target.name}.{os.getpid()}.partial')
-        self._replaced = target.with_name(f'{target.name}.{os.getpid()}.replaced')
-        self._file_name = target.name if self._is_file else f'{target.name}_0.mcap'
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[tuple[str, str, bytes], int] = {}
+        self._keep = keep
+        self._max_bytes = max_bytes or float('inf')
+        self._max_duration = max_duration_s * 1e9 or float('inf')
         self._topics: dict[str, Topic] = {}
         self._waiting: list[Topic] = []  # to be written before the next message
-        self._counts: dict[str, int] = {}
-        self._start = _LAST_TIME
-        self._end = 0
-        self._closing = ExitStack()
+        self._finished: list[FileContents] = []
+        self._closed = False
+        self._reserve: Reserve | None = None
+        self._descriptor = -1  # of the current file in a directory
+        remove_leftovers(self.path.absolute())
+        self._check_target(source)
         try:
-            if not self._is_file:
-                self._partial.mkdir()
-            self._stream = (self._partial if self._is_file else self._partial / self._file_name).open('wb')
-            self._closing.callback(self._stream.close)
-            self._writer = self._begin(chunked=True)
+            self._unfinished = Unfinished(self.path, folder=not self._is_file, kept=keep)
+            self._reserve = Reserve(self._unfinished.path.parent) if keep else None
+            self._file = self._begin_file()
         except OSError as error:
-            raise self._failure(error) from error
+            self.discard()
+            raise self._error(error) from error
+        except SocialCircleError as error:
+            raise RecordingError(str(error)) from None
+
+    @property
+    def message_count(self) -> int:
+        """The number of messages that have been written so far."""
+        return self._file.message_count + sum(file.message_count for file in self._finished)
 
     def add_topic(self, topic: Topic) -> None:
         """Add a topic, made by `ros_topic` or taken from a reader.
@@ -106,7 +95,7 @@ class RecordingWriter:
         become words, because rosbag2 of Jazzy reads only words.
 
         Raises:
-            RecordingError: a different topic with this name was added before.
+            RecordingError: a different topic with this name was added before, or the disk is full.
         """
         if topic.name in self._topics:
             if topic != self._topics[topic.name]:
@@ -114,9 +103,12 @@ class RecordingWriter:
                     f'{self.path} cannot hold two different topics named {topic.name}: rename one.'
                 )
             return
+        try:
+            self._file.expect([topic])
+        except OSError as error:
+            raise self._failure(error) from error
         self._waiting.append(topic)
         self._topics[topic.name] = topic
-        self._counts[topic.name] = 0
 
     def write(
         self,
@@ -136,12 +128,15 @@ class RecordingWriter:
             sequence: the number that the publisher gave it; 0 if unknown.
 
         Raises:
-            RecordingError: the topic was not added, a number is out of range, or the disk is full.
+            RecordingError: the topic was not added, a number is out of range, or the disk is full. With `keep`, a
+                full disk ends the recording: it is complete then, and the message says what it holds.
         """
         publish_time = log_time if publish_time is None else publish_time
+        if self._closed:
+            raise RecordingError(f'{self.path} is closed: nothing can be written any more.')
         if topic not in self._topics:
             raise RecordingError(f'{self.path} has no topic {topic}: add the topic before its messages.')
-        if not (0 <= log_time <= _LAST_TIME and 0 <= publish_time <= _LAST_TIME):
+        if not (0 <= log_time <= LAST_TIME and 0 <= publish_time <= LAST_TIME):
             raise RecordingError(
                 f'{self.path} cannot hold the times {log_time} and {publish_time} of a message on {topic}: '
                 'they must be ns since 1970.'
@@ -149,55 +144,48 @@ class RecordingWriter:
         if not 0 <= sequence <= _LAST_SEQUENCE:
             raise RecordingError(f'{self.path} cannot hold the sequence number {sequence}: it must fit 32 bits.')
         try:
-            self._register_waiting()
+            if self._is_file_full(log_time):
+                self._begin_next_file()
+            # mcap drops topics at the end of a file that no message follows, but its index still names them. So
+            # topics are written just before a message; one that is added after the last is in the metadata only.
+            waiting, self._waiting = self._waiting, []
             # mcap's annotation says bytes, but it copies any buffer.
             payload = cast('bytes', data)
-            self._writer.add_message(self._channels[topic], log_time, payload, publish_time, sequence)
+            self._file.write(Message(topic, payload, log_time, publish_time, sequence), waiting)
         except OSError as error:
             raise self._failure(error) from error
-        self._counts[topic] += 1
-        self._start = min(self._start, log_time)
-        self._end = max(self._end, log_time)
+        if self._reserve is not None and self._reserve.used:
+            raise self._failure(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+
+    def contents(self) -> str:
+        """One sentence: how many messages there are, and until when."""
+        files = [file for file in (*self._finished, self._file.contents) if file.message_count]
+        if not files:
+            return 'It holds no message.'
+        last = datetime.fromtimestamp(max(file.end for file in files) / 1e9, timezone.utc).astimezone()
+        count = self.message_count
+        return f'It holds {count} message{"s" if count > 1 else ""}, the last of {last:%Y-%m-%d %H:%M:%S}.'
 
     def close(self) -> None:
-        """Complete the recording and give it its name.
+        """Complete the recording and give it its name; nothing if that was done.
 
         Raises:
-            RecordingError: the recording cannot be completed; it is removed then.
+            RecordingError: the recording cannot be completed. It is removed then; with `keep`, what is on the
+                disk gets its name.
         """
-        information = self._information()
+        if self._closed:
+            return
         try:
-            if information['message_count'] == 0:
-                # mcap writes topics into chunks. Without a message it writes no chunk, and the topics would be
-                # lost.
-                self._stream.seek(0)
-                self._stream.truncate()
-                self._writer = self._begin(chunked=False)
-                self._register_waiting()
-            self._writer.add_metadata(
-                'rosbag2', {'serialized_metadata': yaml.safe_dump(information, sort_keys=False)}
-            )
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._stream.close()
-            if not self._is_file:
-                text = yaml.safe_dump({'rosbag2_bagfile_information': information}, sort_keys=False)
-                (self._partial / 'metadata.yaml').write_text(text, encoding='utf-8')
-                if self._target.exists():
-                    self._target.rename(self._replaced)
-            self._partial.replace(self._target)
-            shutil.rmtree(self._replaced, ignore_errors=True)
+            self._complete()
         except OSError as error:
             raise self._failure(error) from error
 
     def discard(self) -> None:
         """Remove the unfinished recording."""
-        with suppress(OSError):  # on a full disk the last buffer cannot be written
-            self._closing.close()
-        with suppress(OSError):
-            if self._is_file:
-                self._partial.unlink()
-            else:
-                shutil.rmtree(self._partial)
+        self._closed = True
+        self._release()
+        if hasattr(self, '_unfinished'):
+            self._unfinished.discard()
 
     def __enter__(self) -> 'RecordingWriter':  # noqa: PYI034 - Self is not in Python 3.10
         return self
@@ -208,7 +196,7 @@ class RecordingWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if kind is None:
+        if kind is None or (self._keep and self.message_count):
             self.close()
         else:
             self.discard()
@@ -229,87 +217,139 @@ class RecordingWriter:
             raise RecordingError(
                 f'{self.path} exists already: give another name, or overwrite it with --overwrite.'
             )
-        if self._is_file != self.path.is_file() or not (self._is_file or _is_only_a_recording(self.path)):
+        kind = kind_of_target(self.path)
+        if kind not in ('a file', 'a directory'):
+            raise RecordingError(f'{self.path} is {kind}, and is not overwritten: give another name.')
+        if self._is_file != (kind == 'a file') or not (self._is_file or _is_only_a_recording(self.path)):
             raise RecordingError(f'{self.path} is not a recording, and is not overwritten: give another name.')
 
-    def _begin(self, *, chunked: bool) -> Writer:
-        writer = Writer(
-            self._stream,
-            chunk_size=_CHUNK_SIZE,
-            compression=CompressionType[self._compression.upper()],
-            index_types=_INDEXES if chunked else IndexType.METADATA,
-            use_chunking=chunked,
-        )
-        writer.start(profile='ros2', library='socialcircle_ros')
-        return writer
+    def _begin_file(self) -> McapOutput:
+        """Begin a file of the recording.
 
-    def _register_waiting(self) -> None:
-        """Write the topics that were added since the last message.
-
-        mcap drops topics at the end of a file that no message follows, but its index still names them. So topics
-        are written just before a message, and a topic that is added after the last message is in metadata.yaml
-        only.
+        Raises:
+            OSError: it cannot be made.
         """
-        for topic in self._waiting:
-            schema = (topic.type, topic.schema_encoding, topic.schema)
-            metadata = dict(topic.metadata)
-            if (profiles := _qos_in_words(topic.qos)) != _load_qos(topic.qos):
-                metadata['offered_qos_profiles'] = yaml.safe_dump(profiles, sort_keys=False)
-            if topic.type and schema not in self._schemas:
-                self._schemas[schema] = self._writer.register_schema(*schema)
-            self._channels[topic.name] = self._writer.register_channel(
-                topic.name, topic.encoding, self._schemas.get(schema, 0), metadata
-            )
-        self._waiting.clear()
+        name = self.path.absolute().name
+        if self._is_file:
+            descriptor = self._unfinished.descriptor
+        else:
+            name = f'{name}_{len(self._finished)}.mcap'
+            descriptor = self._descriptor = os.open(self._unfinished.path / name, _NEW_FILE, 0o666)
+        topics = list(self._topics.values())
+        return McapOutput(name, descriptor, self._compression, self._reserve, topics, len(self._finished))
+
+    def _is_file_full(self, log_time: int) -> bool:
+        """Whether a message belongs to the next file."""
+        return self._file.message_count > 0 and (
+            self._file.size >= self._max_bytes or log_time - self._file.start >= self._max_duration
+        )
+
+    def _begin_next_file(self) -> None:
+        topics = list(self._topics.values())
+        self._file.finish(topics)
+        if self._reserve is not None and self._reserve.used:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self._finished.append(self._file.contents)
+        os.close(self._descriptor)
+        self._descriptor = -1
+        self._file = self._begin_file()
+        self._waiting = topics
+
+    def _complete(self) -> None:
+        """Write the index and the metadata, and give the recording its name.
+
+        Raises:
+            OSError: this cannot be done.
+            RecordingError: the name is taken; with `keep`, the recording has another name.
+        """
+        self._file.finish(list(self._topics.values()))
+        self._release()
+        if not self._is_file:
+            self._write_metadata()
+        self._give_name()
+        self._closed = True
+
+    def _write_metadata(self) -> None:
+        files = [*self._finished, self._file.contents]
+        if self._finished and not self._file.message_count:
+            files.pop()  # the disk was full when this file had begun
+            (self._unfinished.path / self._file.name).unlink()
+        information = bag_information(list(self._topics.values()), files)
+        text = to_yaml({'rosbag2_bagfile_information': information})
+        with os.fdopen(os.open(self._unfinished.path / 'metadata.yaml', _NEW_FILE, 0o666), 'wb') as stream:
+            stream.write(text.encode())
+            stream.flush()
+            os.fsync(stream.fileno())
+
+    def _give_name(self) -> None:
+        try:
+            self._unfinished.complete(replace=self._overwrite)
+        except (FileExistsError, SocialCircleError) as error:
+            if not self._keep:
+                self.discard()
+                raise RecordingError(
+                    f'{self.path} has been made by another program meanwhile: give another name.'
+                ) from error
+            self._closed = True
+            raise RecordingError(
+                f'{self.path} has been made by another program meanwhile: the recording is '
+                f'{self._unfinished.keep()}. {self.contents()}'
+            ) from error
 
     def _failure(self, error: OSError) -> RecordingError:
-        """Remove the recording; the error to raise."""
-        self.discard()
+        """End the recording after an error: keep what is written, or remove it.
+
+        Returns:
+            The error to raise.
+        """
+        if not (self._keep and self.message_count):
+            self.discard()
+            return self._error(error)
+        lost = ''
+        try:
+            self._complete()
+        except OSError:
+            lost = self._save_what_is_written()
+        except RecordingError as taken:
+            return taken
+        why = 'the disk is full' if is_full(error) else error.strerror
+        return RecordingError(
+            f'{self.path} has ended early, because {why}. {self.contents()} All later messages are missing{lost}.'
+        )
+
+    def _save_what_is_written(self) -> str:
+        """Give the recording its name, without the index and the metadata that cannot be written.
+
+        Returns:
+            What is missing and where the recording is, for the end of a sentence.
+        """
+        lost = 0
+        with suppress(OSError):
+            lost = self._file.cut()
+        self._release()
+        with suppress(OSError):
+            if not self._is_file:
+                self._write_metadata()
+        self._closed = True
+        missing = f', and so are the index and {lost} that had come' if lost else ', and so is the index'
+        try:
+            self._unfinished.complete(replace=self._overwrite)
+        except (OSError, SocialCircleError):
+            return f'{missing}; it is {self._unfinished.leave()}'
+        return missing
+
+    def _release(self) -> None:
+        """Close what is open, except the unfinished recording itself."""
+        if self._reserve is not None:
+            self._reserve.close()
+        with suppress(OSError):
+            os.close(self._descriptor)
+        self._descriptor = -1
+
+    def _error(self, error: OSError) -> RecordingError:
         return RecordingError(
             f'{self.path} cannot be written ({error.strerror}): check the space and the permissions there.'
         )
-
-    def _information(self) -> dict[str, object]:
-        """The metadata of rosbag2, version 9, with its keys in its order."""
-        count = sum(self._counts.values())
-        start = self._start if count else 0
-        starting_time = {'nanoseconds_since_epoch': start}
-        duration = {'nanoseconds': self._end - start}
-        # Copies, because YAML would write an alias for the second use of an object.
-        return {
-            'version': 9,
-            'storage_identifier': 'mcap',
-            'duration': dict(duration),
-            'starting_time': dict(starting_time),
-            'message_count': count,
-            'topics_with_message_count': [
-                {'topic_metadata': _topic_metadata(topic), 'message_count': self._counts[topic.name]}
-                for topic in self._topics.values()
-            ],
-            'compression_format': '',
-            'compression_mode': '',
-            'relative_file_paths': [self._file_name],
-            'files': [
-                {
-                    'path': self._file_name,
-                    'starting_time': dict(starting_time),
-                    'duration': dict(duration),
-                    'message_count': count,
-                }
-            ],
-            'custom_data': None,
-            'ros_distro': 'jazzy',
-        }
-
-
-def _topic_metadata(topic: Topic) -> dict[str, object]:
-    return {
-        'name': topic.name,
-        'type': topic.type,
-        'serialization_format': topic.encoding,
-        'offered_qos_profiles': _qos_in_words(topic.qos),
-        'type_description_hash': topic.type_hash,
-    }
 
 
 def _is_only_a_recording(folder: Path) -> bool:
@@ -318,22 +358,3 @@ def _is_only_a_recording(folder: Path) -> bool:
         entry.is_file() and (entry.suffix == '.mcap' or entry.name == 'metadata.yaml')
         for entry in folder.iterdir()
     )
-
-
-def _load_qos(text: str) -> list[QosProfile]:
-    """Parse QoS profiles from the YAML of rosbag2; none if it is invalid."""
-    try:
-        profiles = yaml.safe_load(text)
-    except yaml.YAMLError:
-        return []
-    return [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
-
-
-def _qos_in_words(text: str) -> list[QosProfile]:
-    """Parse QoS profiles, and replace the numbers of policies by words."""
-    return [{key: _policy_name(key, value) for key, value in profile.items()} for profile in _load_qos(text)]
-
-
-def _policy_name(key: str, value: object) -> object:
-    names = _POLICY_NAMES.get(key, [])
-    return names[value] if isinstance(value, int) and 0 <= value < len(names) else value

@@ -1,6 +1,8 @@
 """Files and folders that get their name only when they are complete."""
 
+import errno
 import fcntl
+import itertools
 import logging
 import os
 import re
@@ -203,8 +205,18 @@ class Unfinished:
             OSError: it cannot be done.
         """
         with postponed_signals():
-            path = _rescue(self.path, self._target)
+            path = _rename_like(self.path, self._target)
             self._has_its_name()
+        self._cleaner()
+        return path
+
+    def leave(self) -> Path:
+        """Leave it as it is, where it cannot be given a name.
+
+        Returns:
+            Where it is.
+        """
+        path, self._entry.path = self.path, None
         self._cleaner()
         return path
 
@@ -231,7 +243,7 @@ class Unfinished:
 
     def _take_folders_place(self, *, replace: bool) -> None:
         if not replace or not self._target.exists():
-            self.path.rename(self._target)  # fails if the target is a folder with content
+            _rename_to_free_name(self.path, self._target)
             return
         replaced = self._target.with_name(f'{self._target.name}.{secrets.token_hex(4)}.{_REPLACED}')
         old = os.open(self._target, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
@@ -283,24 +295,23 @@ def _remove_leftover(path: Path, target: Path) -> None:
         path.rename(target)
         _LOG.warning('%s had lost its name when a process was killed; it has its name again.', target)
     elif suffix == _UNFINISHED:
-        rescued = _rescue(path, target)
+        rescued = _rename_like(path, target, _UNFINISHED)
         _LOG.warning('%s was left by a process that was killed; it is kept as %s.', path, rescued)
     else:
         shutil.rmtree(path) if path.is_dir() else path.unlink()
         _LOG.warning('%s was left by a process that was killed; it is removed.', path)
 
 
-def _rescue(path: Path, target: Path) -> Path:
-    """Give a file or folder a free name like the target's, with the same suffix."""
-    number = 1
-    while True:
-        count = '' if number == 1 else f'_{number}'
-        free = target.with_name(f'{target.stem}_{_UNFINISHED}{count}{target.suffix}')
+def _rename_like(path: Path, target: Path, word: str = '') -> Path:
+    """Give a file or folder a free name: the target's with a word or a number, and with the same suffix."""
+    for number in itertools.count(1):
+        counts = [word] * bool(word) + [str(number)] * (number > 1)
+        free = target.with_name(f'{"_".join([target.stem, *counts])}{target.suffix}')
         if not os.path.lexists(free):
             with suppress(FileExistsError):
                 _rename_to_free_name(path, free)
                 return free
-        number += 1
+    raise AssertionError
 
 
 def _rename_to_free_name(path: Path, free: Path) -> None:
@@ -310,7 +321,12 @@ def _rename_to_free_name(path: Path, free: Path) -> None:
         FileExistsError: the name is taken.
     """
     if path.is_dir():
-        path.rename(free)
+        try:
+            path.rename(free)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.ENOTDIR):
+                raise
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(free)) from None
         return
     try:
         os.link(path, free, follow_symlinks=False)
@@ -318,7 +334,7 @@ def _rename_to_free_name(path: Path, free: Path) -> None:
         raise
     except OSError:  # a file system without hard links
         if os.path.lexists(free):
-            raise FileExistsError(f'{free} exists already') from None
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(free)) from None
         path.rename(free)
     else:
         path.unlink()

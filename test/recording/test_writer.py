@@ -264,7 +264,7 @@ def test_a_full_disk_is_reported_and_leaves_nothing_behind(target, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(writer._writer, 'add_message', full)
+    monkeypatch.setattr(writer._file._writer, 'add_message', full)
     with pytest.raises(RecordingError, match=r'cannot be written \(No space left on device\)'), writer:
         writer.write('/points', b'x', 1)
     assert list(target.parent.iterdir()) == []
@@ -278,7 +278,7 @@ def test_a_disk_that_is_full_at_the_end_is_reported_and_leaves_nothing_behind(ta
     def full():
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(writer._writer, 'finish', full)
+    monkeypatch.setattr(writer._file._writer, 'finish', full)
     with pytest.raises(RecordingError, match='check the space'):
         writer.close()
     assert list(target.parent.iterdir()) == []
@@ -305,3 +305,70 @@ def test_two_topics_of_one_name_are_refused(tmp_path):
         writer.add_topic(POINTS)
         with pytest.raises(RecordingError, match=r'two different topics named /points'):
             writer.add_topic(small_topic('/points'))
+
+
+def test_a_split_recording_lists_its_files(tmp_path):
+    messages = some_messages(40)
+    with RecordingWriter(tmp_path / 'bag', max_duration_s=100e-9) as writer:
+        for topic in (POINTS, CLOCK, IMAGE):
+            writer.add_topic(topic)
+        for message in messages:
+            writer.write(*message)
+    information = yaml.safe_load((tmp_path / 'bag' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+    assert information['relative_file_paths'] == [f'bag_{number}.mcap' for number in range(4)]
+    assert [file['message_count'] for file in information['files']] == [10] * 4
+    assert [file['starting_time']['nanoseconds_since_epoch'] for file in information['files']] == [
+        1000, 1100, 1200, 1300,
+    ]  # fmt: skip
+    assert information['message_count'] == 40
+    assert read(tmp_path / 'bag') == (messages, None)
+    with Reader(tmp_path / 'bag') as reader:
+        assert [bytes(data) for _, _, data in reader.messages()] == [message.data for message in messages]
+    for number in range(4):
+        with open_recording(tmp_path / 'bag' / f'bag_{number}.mcap') as part:
+            assert list(part.messages()) == messages[10 * number : 10 * number + 10]
+            assert part.damage is None
+
+
+def test_a_file_is_split_when_it_has_its_size(tmp_path):
+    messages = some_messages(30, size=300_000)
+    write(tmp_path / 'bag', messages, max_bytes=1_000_000)
+    files = sorted((tmp_path / 'bag').glob('*.mcap'), key=lambda path: int(path.stem.removeprefix('bag_')))
+    assert [path.name for path in files] == [f'bag_{number}.mcap' for number in range(8)]
+    assert all(1_000_000 < path.stat().st_size < 1_300_000 for path in files[:-1])
+    assert read(tmp_path / 'bag') == (messages, None)
+
+
+def test_topics_of_a_split_recording_are_in_each_file(tmp_path):
+    messages = [Message('/points', b'', time, time, 0) for time in range(1, 10)]
+    write(tmp_path / 'bag', messages, (POINTS, CLOCK, IMAGE), max_duration_s=3e-9)
+    for path in (tmp_path / 'bag').glob('*.mcap'):
+        with open_recording(path) as part:
+            assert part.topics == {'/points': POINTS, '/clock': CLOCK, '/image': IMAGE}
+
+
+def test_one_file_cannot_be_split(tmp_path):
+    with pytest.raises(RecordingError, match=r'is one file and cannot be split: give a name without \.mcap'):
+        RecordingWriter(tmp_path / 'a.mcap', max_bytes=1000)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_can_be_written_after_the_end(target):
+    with RecordingWriter(target) as writer:
+        writer.add_topic(POINTS)
+    with pytest.raises(RecordingError, match='is closed'):
+        writer.write('/points', b'', 1)
+
+
+def test_links_devices_and_pipes_are_never_overwritten(tmp_path):
+    write(tmp_path / 'true.mcap', some_messages(4))
+    (tmp_path / 'link.mcap').symlink_to('true.mcap')
+    (tmp_path / 'dangling.mcap').symlink_to('nowhere')
+    os.mkfifo(tmp_path / 'pipe.mcap')
+    write(tmp_path / 'true', some_messages(4))
+    (tmp_path / 'link').symlink_to('true')
+    for name, kind in [('link.mcap', 'a symbolic link'), ('dangling.mcap', 'a symbolic link'),
+                       ('pipe.mcap', 'a named pipe'), ('link', 'a symbolic link')]:  # fmt: skip
+        with pytest.raises(RecordingError, match=f'{name} is {kind}, and is not overwritten'):
+            RecordingWriter(tmp_path / name, overwrite=True)
+    assert read(tmp_path / 'true.mcap') == read(tmp_path / 'true') == (some_messages(4), None)
