@@ -1,8 +1,10 @@
 """The recorder: writes the messages of topics to a recording, byte for byte."""
 
+import signal
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
@@ -10,15 +12,18 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
-from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.recording import Message, RecordingWriter, ros_topic
-from socialcircle_ros.recording.mcap_output import Compression
+from socialcircle_ros.recording.mcap_output import LAST_TIME, Compression
+from socialcircle_ros.storage import free_bytes, noted_signals
 
 from .message_types import message_class
 from .qos import recorded_text, recording_qos
 
 _LOOK_PERIOD_S = 0.2  # between two looks at the graph for new topics
+_DISK_PERIOD_S = 0.2  # between two looks at the free space
 _NOT_RECORDED = '/_action/status'
 
 
@@ -85,11 +90,26 @@ class Recorder(Node):
 
         def write(data: bytes, info: _MessageInfo) -> None:
             now = time.time_ns()
-            message = Message(topic, data, now, info.get('source_timestamp') or now, 0)
+            published = info.get('source_timestamp', 0)
+            # A publisher with a wrong clock may send any number, which must not end the recording.
+            message = Message(topic, data, now, published if 0 < published <= LAST_TIME else now, 0)
             self._writer.write(*message)
             self._received(message)
 
         return write
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What `record_topics` has recorded.
+
+    Attributes:
+        counts: the number of messages for each topic that had one.
+        ended_by: the signal that ended the recording; None: its duration, or the end of the context.
+    """
+
+    counts: Counter[str]
+    ended_by: signal.Signals | None
 
 
 def record_topics(
@@ -99,11 +119,15 @@ def record_topics(
     compression: Compression = 'none',
     overwrite: bool = False,
     duration_s: float | None = None,
+    max_bytes: int = 0,
+    max_duration_s: float = 0.0,
+    min_free_bytes: int = 0,
     progress: Callable[[int, int], None] = lambda messages, topics: None,
-) -> Counter[str]:
+) -> Recorded:
     """Record topics from a node of its own, until Ctrl-C or for a given time.
 
-    The node uses the default context of rclpy, which must not be in use.
+    Whatever ends it, the recording is complete and holds all messages before: Ctrl-C, SIGTERM, SIGHUP, a full
+    disk, an error. The node uses the default context of rclpy, which must not be in use.
 
     Args:
         path: an MCAP file if its name ends in `.mcap`, else a rosbag2 directory.
@@ -111,28 +135,90 @@ def record_topics(
         compression: of the chunks.
         overwrite: whether to replace an existing recording.
         duration_s: how long to record; None: until Ctrl-C.
+        max_bytes: in a directory, begin the next file when a file has this size; 0: one file.
+        max_duration_s: in a directory, begin the next file after this time; 0: one file.
+        min_free_bytes: warn in the log of the node when the disk has less free space than this; 0: never.
         progress: called some times per second with the numbers of messages and of topics recorded so far.
 
-    Returns:
-        The number of messages for each topic that had one.
-
     Raises:
-        RecordingError: the path exists already, or cannot be written.
+        RecordingError: the path exists already, cannot be written, or the recording ended early; then the message
+            says what it holds.
     """
     counts: Counter[str] = Counter()
-    with RecordingWriter(path, compression=compression, overwrite=overwrite) as writer:
-        rclpy.init()
-        recorder = Recorder(writer, topics, lambda message: counts.update([message.topic]))
+    end = time.monotonic() + duration_s if duration_s is not None else float('inf')
+    # The signals are noted, so that none interrupts a message that is being written.
+    with noted_signals(signal.SIGINT, signal.SIGTERM, signal.SIGHUP) as noted:
+        writer = RecordingWriter(
+            path,
+            compression=compression,
+            overwrite=overwrite,
+            keep=True,
+            max_bytes=max_bytes,
+            max_duration_s=max_duration_s,
+        )
+        watch = _DiskWatch(path.absolute().parent, min_free_bytes)
+
+        def goes_on(recorder: Recorder) -> bool:
+            progress(counts.total(), len(counts))
+            watch.look(recorder.get_logger().warning)
+            return noted.first is None and time.monotonic() < end
+
+        try:
+            with writer:
+                _record(writer, topics, lambda message: counts.update([message.topic]), goes_on)
+        except SocialCircleError:
+            raise
+        except Exception as error:
+            raise RecordingError(
+                f'{path} has ended early ({type(error).__name__}: {error}). {writer.contents()} '
+                'All later messages are missing.'
+            ) from error
+    return Recorded(counts, noted.first)
+
+
+def _record(
+    writer: RecordingWriter,
+    topics: Collection[str],
+    received: Callable[[Message], None],
+    goes_on: Callable[[Recorder], bool],
+) -> None:
+    """Record while `goes_on` says so; it is called some times per second."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        recorder = Recorder(writer, topics, received)
         executor = SingleThreadedExecutor()
         executor.add_node(recorder)
-        end = time.monotonic() + duration_s if duration_s is not None else float('inf')
         try:
-            while time.monotonic() < end:
+            while goes_on(recorder):
                 executor.spin_once(timeout_sec=_LOOK_PERIOD_S)
-                progress(counts.total(), len(counts))
-        except (KeyboardInterrupt, ExternalShutdownException):
+        except ExternalShutdownException:
             pass
         finally:
             recorder.destroy_node()
-            rclpy.try_shutdown()
-    return counts
+    finally:
+        rclpy.try_shutdown()
+
+
+class _DiskWatch:
+    """Warns once when a disk has little free space, and again after it had more.
+
+    Args:
+        folder: on the disk.
+        least: the free bytes below which to warn; 0: never.
+    """
+
+    def __init__(self, folder: Path, least: int) -> None:
+        self._folder = folder
+        self._least = least
+        self._next = 0.0
+        self._warned = False
+
+    def look(self, warn: Callable[[str], object]) -> None:
+        """Look at the disk, at most some times per second, and warn with a sentence."""
+        if time.monotonic() < self._next or not self._least:
+            return
+        self._next = time.monotonic() + _DISK_PERIOD_S
+        free = free_bytes(self._folder)
+        if free < self._least and not self._warned:
+            warn(f'{self._folder} has only {free / 1e6:.0f} MB of free space; the recording ends when it is full.')
+        self._warned = free < self._least

@@ -6,6 +6,7 @@ import sys
 import click
 
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.storage import SignalExit
 
 COMMANDS = {
     'demo': 'demo',
@@ -69,6 +70,9 @@ def main(arguments: list[str] | None = None) -> int:
     except SocialCircleError as error:
         click.echo(f'Error: {error}', err=True)
         return 1
+    except SignalExit as ended:
+        click.echo(f'Ended by {ended.signal.name}.', err=True)
+        return 128 + ended.signal
     except (KeyboardInterrupt, click.Abort):
         click.echo('Stopped.', err=True)
         return 130

@@ -1,6 +1,7 @@
 """Options, progress and messages that several commands share."""
 
 import contextlib
+import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -82,6 +83,20 @@ def progress_bar(description: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(description, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def size_in_bytes(ctx: click.Context, param: click.Parameter, value: str) -> int:
+    """The number of bytes of an option such as 500M: a number alone, or with k, M, G or T for 10³ to 10¹².
+
+    Raises:
+        click.BadParameter: the value is no size.
+    """
+    found = re.fullmatch(r'(\d+(?:\.\d+)?)([kKMGT]?)', value.strip())
+    if found is None:
+        raise click.BadParameter(
+            f'{value!r} is no size; give bytes, or a number with k, M, G or T: 500M.', ctx, param
+        )
+    return int(float(found[1]) * 1000 ** ' KMGT'.index(found[2].upper() or ' '))
 
 
 def quantity(count: int, noun: str) -> str:

@@ -1,10 +1,11 @@
 """`socialcircle record`."""
 
+import signal
 from pathlib import Path
 
 import click
 
-from .options import quantity, require_ros
+from .options import quantity, require_ros, size_in_bytes
 
 
 @click.command('record', epilog='Example: socialcircle record /cell1/points /cell1/outlier_mask -o night.mcap')
@@ -14,15 +15,50 @@ from .options import quantity, require_ros
 )
 @click.option('--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='none', show_default=True)
 @click.option('--duration', type=float, help='Stop after this many seconds; default: at Ctrl-C.')
+@click.option(
+    '-b',
+    '--max-bag-size',
+    callback=size_in_bytes,
+    metavar='SIZE',
+    default='0',
+    help='In a directory, begin the next file when a file has this size; 0: one file.',
+)
+@click.option(
+    '-d',
+    '--max-bag-duration',
+    type=click.FloatRange(min=0),
+    default=0,
+    metavar='SECONDS',
+    help='In a directory, begin the next file after this time; 0: one file.',
+)
+@click.option(
+    '--min-free',
+    callback=size_in_bytes,
+    metavar='SIZE',
+    default='1G',
+    show_default=True,
+    help='Warn when the disk has less free space than this; 0: never.',
+)
 @click.option('--overwrite', is_flag=True, help='Replace an existing recording.')
 def command(
-    topics: tuple[str, ...], output: Path, compression: str, duration: float | None, overwrite: bool
+    topics: tuple[str, ...],
+    output: Path,
+    compression: str,
+    duration: float | None,
+    max_bag_size: int,
+    max_bag_duration: float,
+    min_free: int,
+    overwrite: bool,
 ) -> None:
     """Record TOPICS until Ctrl-C; without any, record every topic that is published.
 
-    Topics that appear later are recorded from then on. The recording is complete when this command has ended.
+    Topics that appear later are recorded from then on. The recording is complete when this command has ended, also
+    after SIGTERM, SIGHUP, an error or on a full disk. Then the exit code is not 0, and a message says what the
+    recording holds. Sizes are in bytes, or with k, M, G or T: 4G.
     """
     require_ros()
+    if output.suffix == '.mcap' and (max_bag_size or max_bag_duration):
+        raise click.BadParameter(f'{output} is one file and cannot be split: give a name without .mcap.')
     from socialcircle_ros.node.transport import prepare_process
 
     prepare_process()
@@ -31,19 +67,26 @@ def command(
     from socialcircle_ros.clients.recorder import record_topics
 
     with Console(stderr=True).status('recording; Ctrl-C ends it') as status:
-        counts = record_topics(
+        recorded = record_topics(
             output,
             topics,
             compression=compression,  # type: ignore[arg-type]
             overwrite=overwrite,
             duration_s=duration,
-            progress=lambda messages, recorded: status.update(
-                f'recording {messages} messages of {recorded} topics; Ctrl-C ends it'
+            max_bytes=max_bag_size,
+            max_duration_s=max_bag_duration,
+            min_free_bytes=min_free,
+            progress=lambda messages, count: status.update(
+                f'recording {messages} messages of {count} topics; Ctrl-C ends it'
             ),
         )
+    counts = recorded.counts
     for name, count in sorted(counts.items()):
         click.echo(f'{name}: {count}')
     click.echo(f'{quantity(counts.total(), "message")} written to {output}.')
     for name in topics:
         if name not in counts and f'/{name}' not in counts:
             click.echo(f'No message came on {name}.', err=True)
+    if recorded.ended_by in (signal.SIGTERM, signal.SIGHUP):
+        click.echo(f'Ended by {recorded.ended_by.name}; all later messages are missing.', err=True)
+        raise click.exceptions.Exit(128 + recorded.ended_by)

@@ -1,11 +1,19 @@
 """`socialcircle filter`."""
 
+import contextlib
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
+from examples import cloud
+from storage.disks import small_disk
 
 from socialcircle_ros import interface
-from socialcircle_ros.recording import open_recording
+from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
+from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
 from socialcircle_ros.settings import OutputSettings
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
@@ -99,3 +107,59 @@ def test_a_damaged_recording_is_filtered_up_to_the_damage_with_a_warning(run, tm
     assert 'clouds filtered' in done.out
     assert 'Warning: ' in done.err
     assert 'cut.mcap' in done.err
+
+
+def long_recording(path):
+    """A recording that takes some seconds to filter."""
+    with RecordingWriter(path) as writer:
+        writer.add_topic(ros_topic('/points', CLOUD))
+        message = cloud(300, 300)
+        for number in range(200):
+            writer.write('/points', message, number + 1)
+
+
+@contextlib.contextmanager
+def filtering(folder):
+    """A process that filters a long recording and has begun to write."""
+    long_recording(folder / 'long.mcap')
+    command = [sys.executable, '-m', 'socialcircle_ros.commands.main', 'filter', 'long.mcap', '-o', 'x.mcap']
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        while not list(folder.glob('x.mcap.*.partial')):
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.01)
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize('ending', [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_signal_ends_it_and_leaves_nothing_behind(tmp_path, ending):
+    with filtering(tmp_path) as process:
+        process.send_signal(ending)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 128 + ending
+    assert err.strip() == ('Stopped.' if ending == signal.SIGINT else f'Ended by {ending.name}.')
+    assert [path.name for path in tmp_path.iterdir()] == ['long.mcap']
+
+
+def test_what_a_killed_run_left_is_removed_by_the_next_with_a_word(run, tmp_path):
+    with filtering(tmp_path) as process:
+        process.kill()
+        process.wait()
+    (left,) = tmp_path.glob('x.mcap.*.partial')
+    done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap')
+    assert done.code == 0
+    assert f'{left} was left by a process that was killed; it is removed.' in done.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['long.mcap', 'x.mcap']
+
+
+def test_a_full_disk_is_told_and_leaves_nothing_behind(run, tmp_path):
+    with small_disk(tmp_path / 'disk', 1 << 20) as disk:
+        for name in ('x.mcap', 'x'):
+            done = run('filter', BAGS / 'parts.mcap', '-o', disk / name)
+            assert done.code == 1
+            assert f'{disk / name} cannot be written (No space left on device): check the space' in done.err
+            assert 'Traceback' not in done.err
+            assert list(disk.iterdir()) == []

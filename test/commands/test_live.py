@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip('rclpy', reason='live tests need ROS 2')
 
 from examples import cloud
+from storage.disks import small_disk
 
 from socialcircle_ros.messages.image import TYPE as IMAGE
 from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
@@ -74,9 +75,65 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
     assert len(ticks) > 5
 
 
+@pytest.mark.parametrize('ending', [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize('name', ['night.mcap', 'night'])
+def test_a_recording_that_a_signal_ends_holds_all_messages_before(run, tmp_path, ending, name):
+    with started(tmp_path, 'record', '/ended/points', '-o', name) as recorder:
+        done = run('play', BAGS / 'parts.mcap', '--namespace', '/ended', '--rate', '8', '--wait', '60')
+        assert done.code == 0, done.err
+        recorder.send_signal(ending)
+        recorder.wait(60)
+    out, err = recorder.output
+    assert recorder.returncode == 128 + ending
+    assert f'Ended by {ending.name}; all later messages are missing.' in err
+    assert f'8 messages written to {name}' in out
+    with open_recording(tmp_path / name) as reader:
+        assert len(list(reader.messages())) == 8
+        assert reader.damage is None
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize('options', [('night.mcap',), ('night', '--max-bag-size', '1M')])
+def test_a_full_disk_ends_a_recording_that_can_be_read(tmp_path, options):
+    with small_disk(tmp_path / 'disk', 6 << 20) as disk:
+        name, *more = options
+        played = ['play', BAGS / 'parts.mcap', '--loop', '--namespace', '/full', '--rate', '20', '--wait', '60']
+        recorded = ['record', '/full/points', '-o', disk / name, *more]
+        with started(tmp_path, *recorded) as recorder, started(tmp_path, *played):
+            recorder.wait(60)
+        err = recorder.output[1]
+        assert recorder.returncode == 1, err
+        assert f'{disk} has only ' in err
+        assert f'Error: {disk / name} has ended early, because the disk is full. It holds ' in err
+        assert 'Traceback' not in err
+        with open_recording(disk / name) as reader:
+            messages = list(reader.messages())
+            assert len(messages) > 8
+            assert f'It holds {len(messages)} messages, the last of ' in err
+            assert reader.damage is None
+        assert [path.name for path in disk.iterdir()] == [name]
+
+
+def test_the_recording_of_a_killed_recorder_gets_a_name_from_the_next(run, tmp_path):
+    with started(tmp_path, 'record', '/killed/points', '-o', 'night.mcap') as recorder:
+        done = run('play', BAGS / 'parts.mcap', '--namespace', '/killed', '--rate', '8', '--wait', '60')
+        assert done.code == 0, done.err
+        recorder.kill()
+        recorder.wait()
+    done = run('record', '/killed/points', '-o', 'night.mcap', '--duration', '0.1')
+    assert done.code == 0, done.err
+    assert 'was left by a process that was killed; it is kept as ' in done.err
+    with open_recording(tmp_path / 'night_unfinished.mcap') as reader:
+        assert 5 <= len(list(reader.messages())) <= 8
+        assert 'damaged' in reader.damage
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['night.mcap', 'night_unfinished.mcap']
+
+
 @pytest.mark.parametrize(
     ('arguments', 'code', 'sentence'),
     [
+        (['record', '-o', 'x.mcap', '--max-bag-size', '1G'], 2, 'x.mcap is one file and cannot be split'),
+        (['record', '-o', 'x', '--min-free', 'much'], 2, "'much' is no size; give bytes"),
         (['play', 'nowhere.mcap'], 1, 'nowhere.mcap'),
         (['play', BAGS / 'parts.mcap', '--rate', '0'], 2, 'must be above 0'),
         (['play', BAGS / 'parts.mcap', '--topic', '/nowhere'], 1, 'has no topic /nowhere'),

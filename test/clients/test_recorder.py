@@ -1,0 +1,57 @@
+"""The recorder: its warning before the disk is full, and what it keeps after an error."""
+
+import pytest
+from recording.samples import read
+from storage.disks import fill, small_disk
+
+from socialcircle_ros.clients import recorder
+from socialcircle_ros.clients.recorder import Recorder, record_topics
+from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.recording import ros_topic
+
+
+def test_a_disk_with_little_space_is_told_once_and_again_after_it_had_more(tmp_path, monkeypatch):
+    monkeypatch.setattr(recorder, '_DISK_PERIOD_S', 0.0)
+    told = []
+    with small_disk(tmp_path / 'disk', 4 << 20) as disk:
+        watch = recorder._DiskWatch(disk, 2_000_000)
+        watch.look(told.append)
+        assert told == []
+        for _ in range(2):
+            fill(disk, 1_000_000)
+            watch.look(told.append)
+            watch.look(told.append)
+            (disk / 'ballast').unlink()
+            watch.look(told.append)
+    assert told == [f'{disk} has only 1 MB of free space; the recording ends when it is full.'] * 2
+
+
+def test_a_least_of_zero_never_warns(tmp_path):
+    watch = recorder._DiskWatch(tmp_path / 'nowhere', 0)
+    watch.look(pytest.fail)
+
+
+@pytest.mark.parametrize('name', ['night.mcap', 'night'])
+def test_an_error_keeps_what_was_recorded_and_is_one_sentence(tmp_path, name, monkeypatch):
+    def record(node):
+        node._writer.add_topic(ros_topic('/points', 'sensor_msgs/msg/PointCloud2'))
+        node._writer.write('/points', b'recorded', 1_700_000_000_000_000_000)
+        raise ZeroDivisionError('a fault')
+
+    monkeypatch.setattr(Recorder, 'subscribe_to_new_topics', record)
+    told = r'has ended early \(ZeroDivisionError: a fault\)\. It holds 1 message, the last of 2023'
+    with pytest.raises(RecordingError, match=told):
+        record_topics(tmp_path / name)
+    messages, damage = read(tmp_path / name)
+    assert [message.data for message in messages] == [b'recorded']
+    assert damage is None
+
+
+def test_an_error_before_the_first_message_leaves_nothing(tmp_path, monkeypatch):
+    def fail(_):
+        raise ZeroDivisionError('a fault')
+
+    monkeypatch.setattr(Recorder, 'subscribe_to_new_topics', fail)
+    with pytest.raises(RecordingError, match='It holds no message'):
+        record_topics(tmp_path / 'night.mcap')
+    assert list(tmp_path.iterdir()) == []
