@@ -19,6 +19,7 @@ from socialcircle_ros.recording.simulated import pitch_of, write_simulation
 from socialcircle_ros.recording.stacks import node_parameters
 from socialcircle_ros.settings import yaml_text
 from socialcircle_ros.simulation import Scene, Simulation, make_scene, simulate
+from socialcircle_ros.storage import write_file
 
 HERE = Path(__file__).resolve().parent
 START = 1_700_000_000_000_000_000  # ns; an arbitrary fixed time
@@ -69,7 +70,7 @@ def write_stack(name: str, simulation: Simulation) -> None:
     with RecordingWriter(HERE / f'{name}.mcap', compression='zstd', overwrite=True) as writer:
         write_simulation(simulation, writer)
     parameters = node_parameters(len(simulation), *pitch_of(simulation))
-    (HERE / f'{name}.yaml').write_text(yaml_text(parameters, whole=False), encoding='utf-8')
+    write_file(HERE / f'{name}.yaml', yaml_text(parameters, whole=False))
 
 
 def holes(shape: tuple[int, ...], seed: int) -> npt.NDArray[np.bool_]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from socialcircle_ros.interface import interface_tables
 from socialcircle_ros.settings import GROUPS, parameter_table, yaml_text
+from socialcircle_ros.storage import write_file
 
 DOCS = Path(__file__).resolve().parent
 PARAMETER_FILE = DOCS.parent / 'config' / 'social_circle.yaml'
@@ -33,4 +34,4 @@ def generated() -> dict[Path, str]:
 
 if __name__ == '__main__':
     for path, content in generated().items():
-        path.write_text(content, encoding='utf-8')
+        write_file(path, content)

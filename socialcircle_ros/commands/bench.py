@@ -189,17 +189,14 @@ def _finish(console: 'Console', repeats: int, path: Path | None, results: Mappin
     """Print the machine, and write the results if a path is given."""
     import json
 
-    from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.kernels.machine import hardware
+    from socialcircle_ros.storage import write_file
 
     console.print(f'{hardware()}; load {os.getloadavg()[0]:.1f} at the end', highlight=False)
     if path is None:
         return
     written = {'hardware': hardware(), 'load': os.getloadavg()[0], 'repeats': repeats, **results}
-    try:
-        path.write_text(json.dumps(written, indent=1), encoding='utf-8')
-    except OSError as error:
-        raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
+    write_file(path, json.dumps(written, indent=1))
 
 
 def _live(repeats: int, seconds: float, path: Path | None) -> None:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 )
 @click.option('--pitch', type=float, help='For a focus stack: distance of two pixels on the part, in m.')
 @click.option('--z-step', type=float, help='For a focus stack: length of one unit of its z, in m.')
-@click.option('--overwrite', is_flag=True, help='Replace an existing recording.')
+@click.option('--overwrite', is_flag=True, help='Replace an existing recording and its parameters.')
 def command(
     files: tuple[Path, ...],
     output: Path,

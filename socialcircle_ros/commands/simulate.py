@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     '--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='zstd', show_default=True,
     help='Compression of the recording.',
 )  # fmt: skip
-@click.option('--overwrite', is_flag=True, help='Replace an existing recording.')
+@click.option('--overwrite', is_flag=True, help='Replace an existing recording and its parameters.')
 def command(
     specimen: str,
     output: Path,

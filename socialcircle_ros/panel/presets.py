@@ -2,14 +2,13 @@
 
 import os
 import re
-import secrets
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.settings import RosValue, yaml_text
 from socialcircle_ros.settings.files import read_parameter_file
+from socialcircle_ros.storage import write_file
 
 _NAME = re.compile(r'\w[\w .+-]{0,99}')
 
@@ -41,17 +40,11 @@ class Presets:
         """
         path = self._path(name)
         text = yaml_text(values, whole=False)
-        # Mode x opens a new file only, so that nobody can have placed a link or a pipe under this name.
-        partial = path.with_name(f'.{secrets.token_hex(8)}.partial')
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            with partial.open('x', encoding='utf-8') as file:
-                file.write(text)
-            partial.replace(path)
         except OSError as error:
-            with suppress(OSError):
-                partial.unlink()
             raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
+        write_file(path, text)
         return path
 
     def load(self, name: str) -> dict[str, RosValue]:

@@ -1,18 +1,17 @@
 """New recordings from measurement files and from simulated stacks."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from socialcircle_ros.errors import ImportFileError, SettingError, SocialCircleError
+from socialcircle_ros.errors import ImportFileError, SettingError
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.settings import RosValue, yaml_text
 from socialcircle_ros.simulation import Simulation
 
 from .importers import ImportedCloud, import_cloud
 from .simulated import pitch_of, write_simulation
-from .stacks import add_stack_topics, import_stack, node_parameters, write_frame, write_joint_state
+from .stacks import add_stack_topics, import_stack, node_parameters, parameter_file, write_frame, write_joint_state
 from .topics import ros_topic
 from .writer import Compression, RecordingWriter
 
@@ -51,7 +50,7 @@ def record_clouds(
         frame_id: frame of the clouds.
         period_s: time between two clouds; the first stamp is one period.
         shape: (rows, columns) of PLY and PCD files that do not state it.
-        overwrite: whether to replace an existing recording.
+        overwrite: whether to replace an existing recording and its parameters.
         written: called with each file and its cloud.
 
     Raises:
@@ -93,18 +92,22 @@ def record_stack(
         pitch: distance of two pixels on the part, in m.
         z_step: length of one unit of the stack's z, in m; negative if z points away from the objective.
         period_s: time of 50 frames.
-        overwrite: whether to replace an existing recording.
+        overwrite: whether to replace an existing recording and its parameters.
 
     Raises:
         ImportFileError: the stack cannot be used, or its pitch or step is missing.
-        RecordingError: the recording cannot be written.
-        SocialCircleError: the parameter file cannot be written.
+        RecordingError: the recording or the parameter file cannot be written, or exists already.
     """
     path = Path(path)
     if not pitch or not z_step or pitch < 0:
         raise ImportFileError(f'{path} is a focus stack: give --pitch and --z-step in metres, such as 1e-6.')
     stack = import_stack(path)
-    with RecordingWriter(output, compression='zstd', overwrite=overwrite) as writer:
+    with (
+        parameter_file(
+            Path(output), node_parameters(len(stack.z), pitch, pitch), overwrite=overwrite
+        ) as parameters,
+        RecordingWriter(output, compression='zstd', overwrite=overwrite) as writer,
+    ):
         add_stack_topics(writer)
         shape = None
         for number, (z, pixels) in enumerate(zip(stack.z, stack.frames(), strict=True)):
@@ -116,7 +119,6 @@ def record_stack(
             stamp = int((number + 1) * period_s * 1e9 / _FRAMES_PER_PERIOD)
             write_joint_state(writer, stamp, float(z) * z_step)
             write_frame(writer, stamp, pixels)
-    parameters = _write_parameters(output, node_parameters(len(stack.z), pitch, pitch))
     return StackRecording(len(stack.z), parameters)
 
 
@@ -134,12 +136,11 @@ def record_simulation(
         simulation: the stack; its frames are rendered while they are written.
         output: a name that ends in `.mcap`, or a directory. The parameter file has the same name with `.yaml`.
         compression: compression of the recording's chunks.
-        overwrite: whether to replace an existing recording.
+        overwrite: whether to replace an existing recording and its parameters.
         progress: called with the number of written frames and the number of all frames.
 
     Raises:
-        RecordingError: the recording cannot be written.
-        SocialCircleError: the parameter file cannot be written.
+        RecordingError: the recording or the parameter file cannot be written, or exists already.
     """
     total = len(simulation)
 
@@ -147,15 +148,11 @@ def record_simulation(
         if progress is not None:
             progress(frames, total)
 
-    with RecordingWriter(output, compression=compression, overwrite=overwrite) as writer:
+    with (
+        parameter_file(
+            Path(output), node_parameters(total, *pitch_of(simulation)), overwrite=overwrite
+        ) as parameters,
+        RecordingWriter(output, compression=compression, overwrite=overwrite) as writer,
+    ):
         write_simulation(simulation, writer, done)
-    return StackRecording(total, _write_parameters(output, node_parameters(total, *pitch_of(simulation))))
-
-
-def _write_parameters(recording: str | Path, values: Mapping[str, RosValue]) -> Path:
-    path = Path(recording).with_suffix('.yaml')
-    try:
-        path.write_text(yaml_text(values, whole=False), encoding='utf-8')
-    except OSError as error:
-        raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
-    return path
+    return StackRecording(total, parameters)

@@ -1,6 +1,8 @@
 """Focus stacks from image files, and into recordings: frames and joint states."""
 
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -9,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros import interface
-from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.errors import ImportFileError, RecordingError
 from socialcircle_ros.interface import NodeTopic
 from socialcircle_ros.messages import image, joint_state
 from socialcircle_ros.messages.gray import GrayImage
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.settings import RosValue
+from socialcircle_ros.settings import RosValue, yaml_text
+from socialcircle_ros.storage import Unfinished
 
 from .importers import load_npz
 from .reader import natural_order
@@ -132,6 +135,44 @@ def node_parameters(frames: int, pitch_x: float, pitch_y: float) -> dict[str, Ro
         'stack.joint': JOINT,
         'stack.frames': frames,
     }
+
+
+@contextmanager
+def parameter_file(
+    recording: Path, values: Mapping[str, RosValue], *, overwrite: bool = False
+) -> Generator[Path, None, None]:
+    """Write the parameters that measure a stack beside its recording.
+
+    The file gets its name at the end of the block, so that there are both the recording and the file, or neither.
+
+    Args:
+        recording: of the stack; the file has its name, with the suffix `.yaml`.
+        values: as from `node_parameters`.
+        overwrite: whether to replace a file that is there.
+
+    Yields:
+        The path of the file.
+
+    Raises:
+        RecordingError: the file exists already, or cannot be written.
+    """
+    path = recording.with_suffix('.yaml')
+    exists = RecordingError(f'{path} exists already: give another name, or overwrite it with --overwrite.')
+    if os.path.lexists(path) and not overwrite:
+        raise exists
+    try:
+        file = Unfinished(path)
+        file.write(yaml_text(values, whole=False))
+    except OSError as error:
+        raise RecordingError(f'{path} cannot be written: {error.strerror}.') from None
+    with file:
+        yield path
+        try:
+            file.complete(replace=overwrite)
+        except FileExistsError:
+            raise exists from None
+        except OSError as error:
+            raise RecordingError(f'{path} cannot be written: {error.strerror}.') from None
 
 
 def _topic(topic: NodeTopic) -> Topic:

@@ -47,12 +47,9 @@ def write_file(path: Path, content: str | bytes) -> None:
     Raises:
         SocialCircleError: the file cannot be written, or something other than a file has its name.
     """
-    data = content.encode() if isinstance(content, str) else content
     try:
         with Unfinished(path) as file:
-            view = memoryview(data)
-            while view:
-                view = view[os.write(file.descriptor, view) :]
+            file.write(content)
             file.complete()
     except OSError as error:
         raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
@@ -170,6 +167,16 @@ class Unfinished:
     def descriptor(self) -> int:
         """The descriptor of the open file; for a folder, of the folder."""
         return self._entry.descriptor
+
+    def write(self, content: str | bytes) -> None:
+        """Write to the file; text as UTF-8.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        view = memoryview(content.encode() if isinstance(content, str) else content)
+        while view:
+            view = view[os.write(self.descriptor, view) :]
 
     def complete(self, *, replace: bool = True) -> None:
         """Write everything to the disk, and give it the name of the target.

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from storage.disks import small_disk
 
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.recording import open_recording
@@ -72,3 +73,37 @@ def test_an_error_is_one_sentence_and_leaves_no_file(run, tmp_path, arguments, c
     assert sentence in done.err
     assert 'Traceback' not in done.err
     assert list(tmp_path.iterdir()) == []
+
+
+GIVEN = ('simulate', 'flat', '-o', 'flat.mcap', '--size', '40', '50', '--frames', '20')
+
+
+def test_parameters_that_are_there_are_only_replaced_on_request(run, tmp_path):
+    (tmp_path / 'flat.yaml').write_text('tuned by hand')
+    refused = run(*GIVEN)
+    assert refused.code == 1
+    assert 'flat.yaml exists already: give another name, or overwrite it with --overwrite.' in refused.err
+    assert (tmp_path / 'flat.yaml').read_text() == 'tuned by hand'
+    assert [path.name for path in tmp_path.iterdir()] == ['flat.yaml']
+    assert run(*GIVEN, '--overwrite').code == 0
+    assert 'stack.pitch_x' in (tmp_path / 'flat.yaml').read_text()
+
+
+def test_there_are_no_parameters_without_their_recording(run, tmp_path):
+    (tmp_path / 'flat.mcap').mkdir()
+    refused = run(*GIVEN, '--overwrite')
+    assert refused.code == 1
+    assert 'flat.mcap is not a recording' in refused.err
+    assert [path.name for path in tmp_path.iterdir()] == ['flat.mcap']
+
+
+def test_a_full_disk_leaves_nothing_behind(run, tmp_path):
+    frames = np.random.default_rng(0).integers(0, 255, (20, 300, 400), np.uint8)
+    np.savez(tmp_path / 's.npz', frames=frames, z=np.arange(20))
+    given = (tmp_path / 's.npz', '--pitch', '1e-6', '--z-step', '1e-6')
+    with small_disk(tmp_path / 'disk', 1 << 20) as disk:
+        done = run('import', *given, '-o', disk / 's.mcap')
+        assert done.code == 1
+        assert 's.mcap cannot be written (No space left on device)' in done.err
+        assert 'Traceback' not in done.err
+        assert list(disk.iterdir()) == []

@@ -82,6 +82,15 @@ def test_a_folder_that_cannot_be_created_is_reported(tmp_path):
         Presets(tmp_path / 'file').save('a', {'circle.window': 3})
 
 
+def test_a_preset_is_not_written_through_a_link(tmp_path):
+    (tmp_path / 'presets').mkdir()
+    (tmp_path / 'profile').write_text('old')
+    (tmp_path / 'presets' / 'a.yaml').symlink_to(tmp_path / 'profile')
+    with pytest.raises(SocialCircleError, match=r'a\.yaml is a symbolic link, and is not overwritten'):
+        Presets(tmp_path / 'presets').save('a', {'circle.window': 3})
+    assert (tmp_path / 'profile').read_text() == 'old'
+
+
 def test_the_default_folder_is_beside_the_files_that_the_node_saves(monkeypatch, tmp_path):
     monkeypatch.setenv('ROS_HOME', str(tmp_path))
     assert default_folder() == tmp_path / 'socialcircle' / 'presets'
