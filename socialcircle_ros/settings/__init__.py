@@ -6,6 +6,7 @@ Nothing here needs ROS; how a running node declares and changes its parameters i
 from .documents import (
     markdown_table,
     parameter_table,
+    quoted_yaml,
     yaml_text,
 )
 from .groups import (
@@ -56,6 +57,7 @@ __all__ = [
     'choices_in',
     'markdown_table',
     'parameter_table',
+    'quoted_yaml',
     'sentence_and_unit',
     'setting',
     'yaml_text',

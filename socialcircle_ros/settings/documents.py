@@ -1,9 +1,12 @@
 """Renders the table of parameters: as parameter files, and as Markdown tables for the documents."""
 
-import json
-import re
+import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+
+import yaml
+
+from socialcircle_ros.errors import SettingError
 
 from .groups import PARAMETERS
 from .schema import RosValue, Settings
@@ -20,6 +23,9 @@ def yaml_text(values: Mapping[str, RosValue], *, whole: bool = True) -> str:
 
     Returns:
         YAML text.
+
+    Raises:
+        SettingError: a value is text that cannot be written to a file.
     """
     lines = ['/**:', '  ros__parameters:']
     for name, row in PARAMETERS.items():
@@ -47,6 +53,49 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str
     return ''.join('| ' + ' | '.join(cell.replace('|', '\\|') for cell in line) + ' |\n' for line in lines)
 
 
+def quoted_yaml(content: Mapping[str, object]) -> str:
+    """A mapping as YAML in which every text is quoted, so that none is read as a number or a boolean.
+
+    Args:
+        content: of mappings, lists, text, numbers and booleans. ROS reads the result as PyYAML does.
+
+    Raises:
+        SettingError: a text cannot be written to a file.
+    """
+    return _dump(content)
+
+
+class _QuotingDumper(yaml.SafeDumper):
+    """Writes text in double quotes, and no aliases, which ROS does not read."""
+
+    def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002 - PyYAML's signature
+        return True
+
+
+def _quoted(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise SettingError(f'{text!r} is not valid UTF-8, and cannot be saved.') from None
+    return dumper.represent_scalar('tag:yaml.org,2002:str', text, style='"')
+
+
+_QuotingDumper.add_representer(str, _quoted)
+
+
+def _dump(content: object, *, flow: bool = False) -> str:
+    # Without a limit of the width, because a text that is broken into lines is hard to read.
+    written: str = yaml.dump(
+        content,
+        Dumper=_QuotingDumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=math.inf,
+        default_flow_style=flow,
+    )
+    return written
+
+
 def _yaml_value(value: RosValue) -> str:
-    """One value as YAML; a float keeps its decimal point, because YAML 1.1 reads 1e-12 as text."""
-    return re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(value))
+    """One value as YAML, in one line."""
+    return _dump([value], flow=True).strip()[1:-1]

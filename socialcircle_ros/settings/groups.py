@@ -308,7 +308,9 @@ class NodeSettings(Settings):
     )
     parameters_file: str = setting(
         '',
-        'File that ~/save_parameters writes. Empty: a file in ~/.ros/socialcircle that is named after the node.',
+        'File that ~/save_parameters writes; its name ends in .yaml. Empty: a file in ~/.ros/socialcircle that is'
+        ' named after the node.',
+        read_only=True,
     )
     silence: float = setting(
         5.0,
@@ -317,6 +319,10 @@ class NodeSettings(Settings):
         minimum=0.0,
         maximum=86400.0,
     )
+
+    def _check_together(self) -> None:
+        if self.parameters_file and not self.parameters_file.endswith('.yaml'):
+            raise SettingError(f'parameters_file must end in .yaml, which {self.parameters_file!r} does not.')
 
 
 GROUPS: tuple[type[Settings], ...] = (

@@ -77,6 +77,13 @@ def test_a_text_parameter_takes_only_text():
         NodeSettings(parameters_file=7)
 
 
+def test_parameters_are_saved_to_yaml_files_only():
+    assert NodeSettings(parameters_file='~/a.yaml').parameters_file == '~/a.yaml'
+    for path in ('/etc/profile.d/x.sh', '.bashrc', '.', 'a.yaml/', 'a.YAML'):
+        with pytest.raises(SocialCircleError, match='parameters_file must end in .yaml, which'):
+            NodeSettings(parameters_file=path)
+
+
 def test_numbers_are_converted_to_the_python_type_of_the_parameter():
     settings = CircleSettings(radius=1, window=np.int64(5), radius_scale=np.float32(2))
     assert (settings.radius, settings.window, settings.radius_scale) == (1.0, 5, 2.0)
