@@ -2,6 +2,7 @@
 
 import ast
 import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -81,6 +82,38 @@ def test_only_node_and_clients_know_ros_at_import(path):
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
             names.add((node.module or '').split('.')[0])
     assert not names & ROS
+
+
+# Modules that open files for writing: `storage` and the files of a recording in its unfinished folder.
+WRITERS = {'storage/unfinished.py', 'recording/writer.py', 'baselines/peers.py'}  # the last in a temporary folder
+# These are still to be moved to `storage`.
+WRITERS |= {
+    'report/page.py',
+    'report/pictures.py',
+    'sweep/trials.py',
+    'studies/bench/growth.py',
+    'node/parameters.py',
+}
+WRITING = {'write_text', 'write_bytes', 'touch', 'NamedTemporaryFile', 'mkstemp'}
+
+
+def writes_files(path):
+    """Whether a module opens files for writing by itself, instead of with `storage`."""
+    calls = [node for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))) if isinstance(node, ast.Call)]
+    for call in calls:
+        name = getattr(call.func, 'attr', getattr(call.func, 'id', ''))
+        values = [value.value for value in call.args if isinstance(value, ast.Constant)]
+        keywords = {keyword.arg: getattr(keyword.value, 'value', None) for keyword in call.keywords}
+        mode = str(keywords.get('mode', '')) or ''.join(str(value) for value in values)
+        opens = name in {'open', 'fdopen'} and re.fullmatch('[rwxabt+]{1,3}', mode) and set(mode) & set('wxa+')
+        if name in WRITING or opens or (name == 'savefig' and 'format' not in keywords):
+            return True
+    return False
+
+
+@pytest.mark.parametrize('path', modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_files_are_written_with_storage(path):
+    assert not writes_files(path) or str(path.relative_to(PACKAGE)) in WRITERS, 'use write_file or Unfinished'
 
 
 def test_every_other_room_imports_on_a_machine_without_ros():

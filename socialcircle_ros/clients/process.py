@@ -6,6 +6,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from socialcircle_ros.storage import open_in_place
+
 
 class NodeProcess:
     """`social_circle_node` in a process of its own; a context manager that ends it with SIGINT.
@@ -33,7 +35,7 @@ class NodeProcess:
         given = [item for name, value in (parameters or {}).items() for item in ('-p', f'{name}:={value}')]
         command = [sys.executable, '-m', module, '--ros-args', '-r', f'__ns:={namespace}']
         self.log = log
-        with log.open('wb') as output:
+        with open_in_place(log) as output:
             self.process = subprocess.Popen([*command, *given, *arguments], stdout=output, stderr=output)  # noqa: S603
 
     def stop(self, timeout_s: float = 10.0) -> int:

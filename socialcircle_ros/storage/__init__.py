@@ -5,7 +5,7 @@ Nothing here knows what a file holds; the rooms above write their recordings, re
 
 from .signals import SignalExit, noted_signals
 from .space import Reserve, free_bytes, is_full
-from .unfinished import Unfinished, kind_of_target, remove_leftovers, write_file
+from .unfinished import Unfinished, kind_of_target, open_in_place, remove_leftovers, write_file
 
 __all__ = [
     'Reserve',
@@ -15,6 +15,7 @@ __all__ = [
     'is_full',
     'kind_of_target',
     'noted_signals',
+    'open_in_place',
     'remove_leftovers',
     'write_file',
 ]

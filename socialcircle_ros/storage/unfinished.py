@@ -14,6 +14,7 @@ from contextlib import suppress
 from enum import Enum, auto
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 from socialcircle_ros.errors import SocialCircleError
 
@@ -53,6 +54,24 @@ def write_file(path: Path, content: str | bytes) -> None:
             file.complete()
     except OSError as error:
         raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
+
+
+def open_in_place(path: Path, *, append: bool = False) -> BinaryIO:
+    """Open a file that grows where it stands, such as a log; links, devices and pipes are refused.
+
+    Args:
+        path: of the file.
+        append: whether to keep what is in it.
+
+    Raises:
+        SocialCircleError: something other than a file has the name.
+        OSError: the file cannot be opened.
+    """
+    found = kind_of_target(path)
+    if found not in (None, 'a file'):
+        raise SocialCircleError(f'{path} is {found}, and is not overwritten: give another name.')
+    flags = os.O_APPEND if append else os.O_TRUNC
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | flags, 0o666), 'wb')
 
 
 def kind_of_target(path: Path) -> str | None:

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.storage import SignalExit, Unfinished, write_file
+from socialcircle_ros.storage import SignalExit, Unfinished, open_in_place, write_file
 
 
 def a_folder(path):
@@ -129,6 +129,22 @@ def test_what_is_not_a_file_is_neither_followed_nor_replaced(tmp_path, unusual):
     with pytest.raises(SocialCircleError, match=r'a\.yaml is .*, and is not overwritten: give another name'):
         write_file(path, 'new')
     assert state_of(tmp_path) == before
+
+
+@pytest.mark.parametrize('unusual', UNUSUAL)
+def test_a_file_that_grows_in_place_is_a_file(tmp_path, unusual):
+    unusual(tmp_path / 'node.log')
+    before = state_of(tmp_path)
+    with pytest.raises(SocialCircleError, match=r'node\.log is .*, and is not overwritten'):
+        open_in_place(tmp_path / 'node.log')
+    assert state_of(tmp_path) == before
+
+
+def test_a_file_in_place_begins_anew_or_goes_on(tmp_path):
+    for append, content in [(False, b'1'), (True, b'11'), (False, b'1')]:
+        with open_in_place(tmp_path / 'node.log', append=append) as log:
+            log.write(b'1')
+        assert (tmp_path / 'node.log').read_bytes() == content
 
 
 @pytest.mark.parametrize('unusual', UNUSUAL)
