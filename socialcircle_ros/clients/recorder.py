@@ -79,6 +79,8 @@ class Recorder(Node):
             message_type = message_class(type_name)
             self._writer.add_topic(ros_topic(name, type_name, recorded_text(publishers)))
         except RecordingError as error:
+            if self._writer.closed:
+                raise
             self.refused[name] = str(error)
             self.get_logger().warning(f'{name} is not recorded: {error}')
             return
@@ -218,7 +220,10 @@ class _DiskWatch:
         if time.monotonic() < self._next or not self._least:
             return
         self._next = time.monotonic() + _DISK_PERIOD_S
-        free = free_bytes(self._folder)
+        try:
+            free = free_bytes(self._folder)
+        except OSError:
+            return  # a disk that has a problem shows when it is written to
         if free < self._least and not self._warned:
             warn(f'{self._folder} has only {free / 1e6:.0f} MB of free space; the recording ends when it is full.')
         self._warned = free < self._least

@@ -141,7 +141,9 @@ class McapOutput:
             self._chunk_is_written()
 
     def finish(self, topics: Sequence[Topic]) -> None:
-        """Write what is pending, and the index, to the disk; nothing if that was done.
+        """Write what is pending, and the index; nothing if that was done.
+
+        It does not wait for the disk, which would take seconds in the middle of a recording.
 
         Args:
             topics: all topics of the recording. Those without messages are in the metadata only, unless the file
@@ -164,7 +166,6 @@ class McapOutput:
         information = bag_information(topics, [self.contents])
         self._writer.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
         self._writer.finish()  # type: ignore[no-untyped-call]
-        self._stream.sync()
         self._finished = True
 
     def cut(self) -> int:
@@ -255,9 +256,6 @@ class _Stream:
 
     def flush(self) -> None:
         """Nothing waits to be written."""
-
-    def sync(self) -> None:
-        os.fsync(self._descriptor)
 
     def cut(self, position: int) -> None:
         os.ftruncate(self._descriptor, position)

@@ -84,6 +84,11 @@ class RecordingWriter:
             raise RecordingError(str(error)) from None
 
     @property
+    def closed(self) -> bool:
+        """Whether the recording has ended, after `close` or an error."""
+        return self._closed
+
+    @property
     def message_count(self) -> int:
         """The number of messages that have been written so far."""
         return self._file.message_count + sum(file.message_count for file in self._finished)
@@ -270,6 +275,7 @@ class RecordingWriter:
         self._closed = True
 
     def _write_metadata(self) -> None:
+        """Write the metadata of a directory, and all its files to the disk."""
         files = [*self._finished, self._file.contents]
         if self._finished and not self._file.message_count:
             files.pop()  # the disk was full when this file had begun
@@ -278,8 +284,12 @@ class RecordingWriter:
         text = to_yaml({'rosbag2_bagfile_information': information})
         with os.fdopen(os.open(self._unfinished.path / 'metadata.yaml', _NEW_FILE, 0o666), 'wb') as stream:
             stream.write(text.encode())
-            stream.flush()
-            os.fsync(stream.fileno())
+        for path in self._unfinished.path.iterdir():
+            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
 
     def _give_name(self) -> None:
         try:

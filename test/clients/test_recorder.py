@@ -26,6 +26,32 @@ def test_a_disk_with_little_space_is_told_once_and_again_after_it_had_more(tmp_p
     assert told == [f'{disk} has only 1 MB of free space; the recording ends when it is full.'] * 2
 
 
+def test_a_disk_that_cannot_be_looked_at_ends_nothing(tmp_path):
+    recorder._DiskWatch(tmp_path / 'nowhere', 1).look(pytest.fail)
+
+
+def test_a_topic_that_comes_when_the_disk_is_full_ends_the_recording(tmp_path, monkeypatch):
+    def subscribe(node):
+        if not node._writer.message_count:
+            node._writer.add_topic(ros_topic('/points', 'sensor_msgs/msg/PointCloud2'))
+            node._writer.write('/points', b'recorded', 1_700_000_000_000_000_000)
+            fill(disk)
+        monkeypatch.setattr(node, 'get_publishers_info_by_topic', lambda name: [object()])
+        for number in range(1000):
+            node._subscribe(f'/topic{number}', 'sensor_msgs/msg/PointCloud2')
+
+    monkeypatch.setattr(recorder, 'recorded_text', lambda publishers: '')
+    monkeypatch.setattr(recorder, 'recording_qos', lambda publishers: 1)
+    monkeypatch.setattr(Recorder, 'subscribe_to_new_topics', subscribe)
+    monkeypatch.setattr(Recorder, 'create_subscription', lambda *args, **options: None)
+    with small_disk(tmp_path / 'disk', 4 << 20) as disk:
+        with pytest.raises(RecordingError, match='the disk is full. It holds 1 message'):
+            record_topics(disk / 'night.mcap')
+        messages, damage = read(disk / 'night.mcap')
+        assert [message.data for message in messages] == [b'recorded']
+        assert damage is None
+
+
 def test_a_least_of_zero_never_warns(tmp_path):
     watch = recorder._DiskWatch(tmp_path / 'nowhere', 0)
     watch.look(pytest.fail)
