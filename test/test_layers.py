@@ -86,9 +86,6 @@ def test_only_node_and_clients_know_ros_at_import(path):
 
 # Modules that open files for writing: `storage` and the files of a recording in its unfinished folder.
 WRITERS = {'storage/unfinished.py', 'recording/writer.py', 'baselines/peers.py'}  # the last in a temporary folder
-# These are still to be moved to `storage`.
-WRITERS |= {'report/page.py', 'report/pictures.py', 'sweep/trials.py', 'studies/bench/growth.py'}
-WRITERS |= {'node/parameters.py'}
 WRITING = {'write_text', 'write_bytes', 'touch', 'NamedTemporaryFile', 'mkstemp'}
 
 

@@ -4,11 +4,11 @@ Two marks are recognised, besides NaN and infinite coordinates:
 
 1. One exact point, such as (0, 0, 0), at many places of the grid. Measured points differ in x or y.
 2. One exact height, such as z = 0, on a grid with x and y. A surface can have equal heights, so more is required:
-   the height occurs ten times as often as any other, but on less than half of the points; no other height lies
-   beyond it; and it is far from the next height.
+   the height is 0 or very far away; no other height lies beyond it; and it occurs ten times as often as any other,
+   on 2 % of the points at least, but on less than half.
 
-On a coarsely quantised surface, where other heights are as frequent, such a height is left as it is, and a
-sentence names it.
+Another height that is frequent and stands apart may be a mark, or a cluster of outliers. It is left as it is,
+and a sentence names it.
 """
 
 from functools import lru_cache
@@ -30,8 +30,11 @@ _SAMPLE = 4096
 _LEAST_POINTS = 64
 """Fewer points at one place are no mark: a simulated or rounded cloud can have them."""
 
-_LEAST_SHARE = 0.002
-"""Share of the sample that a height must have to be a mark: 8 points of 4096."""
+_LEAST_SHARE = 0.02
+"""Share of the points that a height must have to be a mark; clusters of outliers are smaller."""
+
+_DOUBTFUL_SHARE = 0.05
+"""Share of the points from which on another height that stands apart is told."""
 
 _MOST_SHARE = 0.5
 
@@ -41,8 +44,8 @@ _FREQUENT = 10
 _FEW_HEIGHTS = 6
 """A surface with fewer heights is a drawn one, with flat steps; none of its heights is doubtful."""
 
-_GAP = 0.25
-"""Distance of a mark from the next height, in ranges of the central 90 % of the others."""
+_GAP, _VERY_FAR = 0.25, 100.0
+"""Distance from the next height, in ranges of the central 90 % of the others: of a mark of 0, and of any other."""
 
 _COUNT_AS = f"and count as not measured; set circle.not_measured to '{ONLY_NAN}' if they are measured."
 
@@ -120,11 +123,13 @@ def _far_height(xyz: Cloud, heights: npt.NDArray[np.floating], counts: Indices) 
     others, other_counts = np.delete(heights, end), np.delete(counts, end)
     low, high = np.quantile(others, [0.05, 0.95])
     gap = abs(float(heights[end]) - float(others[end]))
-    if not _LEAST_SHARE <= share < _MOST_SHARE or gap <= _GAP * float(high - low):
-        return NotMeasured()
+    distance = gap / float(high - low) if high > low else np.inf
     mark = heights[end]
-    if counts[end] < _FREQUENT * other_counts.max():
-        if len(others) < _FEW_HEIGHTS:
+    if not _LEAST_SHARE <= share < _MOST_SHARE or distance <= _GAP:
+        return NotMeasured()
+    stands_out = mark == 0 or distance > _VERY_FAR
+    if not stands_out or counts[end] < _FREQUENT * other_counts.max():
+        if share < _DOUBTFUL_SHARE or len(others) < _FEW_HEIGHTS:
             return NotMeasured()
         return NotMeasured(
             doubt=f'about {100 * share:.1f} % of the points have exactly the height {mark:g}, far from all others;'

@@ -10,7 +10,7 @@ from .options import parameter_options, parameter_values, progress_bar, quantity
 if TYPE_CHECKING:
     from socialcircle_ros.pipeline.clouds import CloudOutputs
     from socialcircle_ros.recording import Message
-    from socialcircle_ros.recording.writer import Compression
+    from socialcircle_ros.recording.mcap_output import Compression
 
 
 @click.command('filter', epilog='Example: socialcircle filter bags/metal_groove.mcap -o cleaned.mcap')

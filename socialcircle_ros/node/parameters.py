@@ -1,17 +1,14 @@
-"""The node's parameters: declared from the table in `settings`, validated as a whole, applied at once, saved."""
+"""The node's parameters: declared from the table in `settings`, validated as a whole, applied at once."""
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
-import yaml
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.settings import PARAMETERS, NodeSettings, Parameter, PipelineSettings, RosValue, yaml_text
+from socialcircle_ros.settings import PARAMETERS, NodeSettings, Parameter, PipelineSettings, RosValue
 
 from .rclpy_internals import given_parameters
 
@@ -54,33 +51,12 @@ class LiveParameters:
             if not self._node.has_parameter(name) and not name.startswith('qos_overrides.')
         )
 
-    def save(self) -> Path:
-        """Write the parameters in force to a file that the node starts from, in any namespace.
-
-        The qos_overrides that the node was started with are kept for this node alone: their names hold whole
-        topics.
-
-        Raises:
-            OSError: the file cannot be written.
-            RuntimeError: there is no such home directory.
-            ValueError: the name is not one of a file.
-        """
-        name = self._node.get_fully_qualified_name().strip('/').replace('/', '.')
-        given = self.configuration.node.parameters_file
-        if given:
-            path = Path(given).expanduser()
-        else:
-            path = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros') / 'socialcircle' / f'{name}.yaml'
-        text = yaml_text(self.configuration.to_ros())
-        overrides = {key: item.value for key, item in self._given().items() if key.startswith('qos_overrides.')}
-        if overrides:
-            own = {self._node.get_fully_qualified_name(): {'ros__parameters': overrides}}
-            text += '\n' + yaml.safe_dump(own, sort_keys=False)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(path.name + '.partial')
-        partial.write_text(text, encoding='utf-8')
-        partial.replace(path)
-        return path
+    def to_save(self) -> tuple[dict[str, RosValue], dict[str, object]]:
+        """The values of all parameters, and the qos_overrides that the node was started with, by full names."""
+        given = self._given().items()
+        return self.configuration.to_ros(), {
+            name: parameter.value for name, parameter in given if name.startswith('qos_overrides.')
+        }
 
     def _given(self) -> dict[str, RosParameter]:
         """What the node was started with."""

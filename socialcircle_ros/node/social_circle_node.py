@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_srvs.srv import Trigger
@@ -23,7 +24,6 @@ from socialcircle_ros.interface import (
     PUBLISH_LAST,
     RESET,
     SAVE_PARAMETERS,
-    SERVICES,
 )
 from socialcircle_ros.pipeline.stacks import Refusal, StackCloud
 
@@ -31,6 +31,7 @@ from . import rclpy_internals
 from .cloud_filter import LOG_PERIOD_S, CloudFilter
 from .health import Health
 from .health_report import NodeState, health_status
+from .parameter_saving import ParameterSaver
 from .parameters import Configuration, LiveParameters
 from .stack_input import StackInput
 from .warm_up import WarmUp
@@ -84,11 +85,14 @@ class SocialCircleNode(LifecycleNode):
         answers = {
             FINISH_STACK: self._finish_stack,
             RESET: self._reset,
-            SAVE_PARAMETERS: self._save_parameters,
             PUBLISH_LAST: self._publish_last,
         }
-        for service in SERVICES:
-            self.create_service(Trigger, service.name, _triggered(answers[service]))
+        for service, answer in answers.items():
+            self.create_service(Trigger, service.name, _triggered(answer))
+        self._saver = ParameterSaver()
+        # A group of its own: the other callbacks go on while the file is written.
+        group = MutuallyExclusiveCallbackGroup()
+        self.create_service(Trigger, SAVE_PARAMETERS.name, self._save_parameters, callback_group=group)
 
     def start(self) -> None:
         """Configure and activate, if `autostart` says so."""
@@ -231,14 +235,10 @@ class SocialCircleNode(LifecycleNode):
             return False, 'No cloud has come yet.'
         return True, 'The last cloud is on ~/last_points, and is filtered again.'
 
-    def _save_parameters(self) -> tuple[bool, str]:
-        try:
-            path = self._live_parameters.save()
-        except (OSError, RuntimeError, ValueError) as error:
-            where = getattr(error, 'filename', None) or self._configuration().node.parameters_file
-            why = getattr(error, 'strerror', None) or str(error)
-            return False, f'Cannot write {where}: {why}; set parameters_file elsewhere.'
-        return True, f'Saved to {path}; start with --ros-args --params-file {path}.'
+    async def _save_parameters(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        values, overrides = self._live_parameters.to_save()
+        response.success, response.message = await self._saver.save(self, values, overrides)
+        return response
 
     # Diagnostics
 

@@ -10,10 +10,11 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.simulation import Simulation
 
 from .importers import ImportedCloud, import_cloud
+from .mcap_output import Compression
 from .simulated import pitch_of, write_simulation
 from .stacks import add_stack_topics, import_stack, node_parameters, parameter_file, write_frame, write_joint_state
 from .topics import ros_topic
-from .writer import Compression, RecordingWriter
+from .writer import RecordingWriter
 
 _FRAMES_PER_PERIOD = 50
 

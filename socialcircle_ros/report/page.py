@@ -93,18 +93,6 @@ def prepare(folder: Path) -> None:
         raise SocialCircleError(f'{folder} cannot be written: {error.strerror}; choose another folder.') from None
 
 
-def save(path: Path, content: str | bytes) -> None:
-    """Write a page, a table or a picture.
-
-    Raises:
-        SocialCircleError: the file cannot be written.
-    """
-    try:
-        path.write_bytes(content.encode() if isinstance(content, str) else content)
-    except OSError as error:
-        raise SocialCircleError(f'{path} cannot be written: {error.strerror}; choose another path.') from None
-
-
 def _section(section: Section) -> str:
     parts = [f'<h2>{escape(section.title)}</h2>']
     if section.warnings:

@@ -3,6 +3,7 @@
 `thumbnails` draws small pictures without axes, in milliseconds.
 """
 
+import io
 import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -12,6 +13,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, HeightMap, Mask
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.storage import write_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,7 +91,9 @@ def before_and_after(path: Path, xyz: Cloud, outliers: Mask, title: str, unit: s
     middle.imshow(red, extent=extent, interpolation='nearest')
     figure.colorbar(image, ax=[left, middle, right], label=f'z [{unit}]' if unit else 'z', shrink=0.9)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
+    picture = io.BytesIO()
+    figure.savefig(picture, format='png')
+    write_file(path, picture.getvalue())
 
 
 def thinned(values: npt.NDArray[Scalar], pixels: int = _PIXELS) -> npt.NDArray[Scalar]:

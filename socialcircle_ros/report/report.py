@@ -17,10 +17,11 @@ from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
 from socialcircle_ros.recording.offline import measurements_of, source_clouds
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettings, RosValue, Settings
+from socialcircle_ros.storage import write_file
 
 from .content import Cell, Column, Section, Table
 from .entry import COLUMNS, ReportEntry, make_entry
-from .page import prepare, render, save
+from .page import prepare, render
 from .thumbnails import colour_bar
 
 _UNITS = (
@@ -114,7 +115,7 @@ def make_report(
     groups: list[Settings] = [settings.circle]
     groups += [settings.repair] if settings.output.repaired else []
     groups += [settings.focus, settings.stack] if any(entry.is_stack for entry in entries) else []
-    save(output, report_page(recording.name, entries, groups, refused, damage))
+    write_file(output, report_page(recording.name, entries, groups, refused, damage))
     return Report(output, entries, refused, damage)
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from socialcircle_ros.kernels.machine import hardware
 from socialcircle_ros.report.content import Section
-from socialcircle_ros.report.page import render, save
+from socialcircle_ros.report.page import render
+from socialcircle_ros.storage import write_file
 
 from .adaptive.experiment import adaptive
 from .comparison.measured import MeasuredCloud, measured_surfaces
@@ -82,7 +83,7 @@ def write(folder: Path, name: str, command: str, sections: Sequence[Section]) ->
         contents |= {folder / f'{table.name}.csv': table.csv() for table in section.tables}
         contents |= {folder / f'{picture.name}.png': picture.png for picture in section.pictures}
     for path, content in contents.items():
-        save(path, content)
+        write_file(path, content)
     page = folder / f'{name}.html'
-    save(page, render(title, [introduction, provenance], sections))
+    write_file(page, render(title, [introduction, provenance], sections))
     return [page, *contents]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from socialcircle_ros.kernels.ordered import in_order
-from socialcircle_ros.report.page import prepare, save
+from socialcircle_ros.report.page import prepare
 from socialcircle_ros.report.pictures import new_figure
 from socialcircle_ros.settings import (
     CircleSettings,
@@ -14,6 +14,7 @@ from socialcircle_ros.settings import (
     StackSettings,
     yaml_text,
 )
+from socialcircle_ros.storage import write_file
 
 from .clouds import CloudSource, SweptRecording, cached
 from .page import sweep_page, trials_table
@@ -103,9 +104,9 @@ def run_sweep(
         refused=dict(recorded.refused),
         damage=recorded.damage,
     )
-    save(output / TABLE, trials_table(result).csv())
-    save(output / BEST, yaml_text({**parameters, **best.values}, whole=False))
-    save(output / PAGE, sweep_page(result, made_by))
+    write_file(output / TABLE, trials_table(result).csv())
+    write_file(output / BEST, yaml_text({**parameters, **best.values}, whole=False))
+    write_file(output / PAGE, sweep_page(result, made_by))
     return result
 
 

@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass
 from hashlib import blake2b
 from pathlib import Path
 from types import TracebackType
-from typing import TextIO
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.metrics.scores import Tally, tally
 from socialcircle_ros.settings import CircleSettings, FocusSettings, RosValue
+from socialcircle_ros.storage import open_in_place, write_file
 
 from .clouds import CloudSource, SweepCloud
 from .search_space import ParameterValues
@@ -124,8 +124,8 @@ class TrialFile:
             self.trials = self._parse(lines, fingerprint)
             # Writing the file anew drops a line that an interruption cut short.
             complete = [json.dumps({'sweep': fingerprint}), *(json.dumps(asdict(trial)) for trial in self.trials)]
-            path.write_text('\n'.join(complete) + '\n', encoding='utf-8')
-            self._file: TextIO = path.open('a', encoding='utf-8')
+            write_file(path, '\n'.join(complete) + '\n')
+            self._file = open_in_place(path, append=True)
         except OSError as error:
             raise SocialCircleError(
                 f'{path} cannot be used: {error.strerror}; choose another output folder.'
@@ -150,7 +150,7 @@ class TrialFile:
     def add(self, trial: Trial) -> None:
         """Append one trial, and write it to the disk at once."""
         self.trials.append(trial)
-        self._file.write(json.dumps(asdict(trial)) + '\n')
+        self._file.write(json.dumps(asdict(trial)).encode() + b'\n')
         self._file.flush()
 
     def close(self) -> None:

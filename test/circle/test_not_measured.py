@@ -96,6 +96,21 @@ def test_an_ideal_plane_with_spikes_is_measured(height):
     assert recognise(xyz, 'auto').points is None
 
 
+def test_a_flat_cluster_of_outliers_is_measured():
+    xyz = surface(offset=0.0)
+    xyz[20:35, 30:50, 2] = 8e-4  # 1.6 % of the points, 20 times as high as the surface is rough
+    assert recognise(xyz, 'auto') == (None, '', '')
+    assert remove_outliers(xyz, CircleSettings(mode='adaptive')).outliers[20:35, 30:50].all()
+
+
+def test_a_large_flat_part_that_stands_apart_is_doubtful():
+    xyz = surface(offset=0.0)
+    xyz[:, :40, 2] = 8e-4
+    found = recognise(xyz, 'auto')
+    assert found.points is None
+    assert 'exactly the height 0.0008' in found.doubt
+
+
 def test_few_equal_points_are_measured():
     xyz = surface()
     xyz[0, :20] = 0

@@ -89,5 +89,5 @@ def test_a_simulation_is_recorded_with_its_parameters(tmp_path):
 
 def test_a_parameter_file_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / 's.yaml').mkdir()
-    with pytest.raises(SocialCircleError, match=r's\.yaml cannot be written'):
+    with pytest.raises(SocialCircleError, match=r's\.yaml exists already'):
         record_simulation(simulate('flat', 20, 30, frames=3), tmp_path / 's.mcap')

@@ -1,5 +1,6 @@
 """Growth of the filter's time with the size of the cloud, from 0.1 to 50 million points."""
 
+import io
 import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.report.pictures import new_figure
 from socialcircle_ros.simulation import make_scene
+from socialcircle_ros.storage import write_file
 
 POINTS = (100_000, 200_000, 500_000, 1_000_000, 2_000_000, 5_000_000, 10_000_000, 20_000_000, 50_000_000)
 """Approximate numbers of points."""
@@ -94,10 +95,9 @@ def draw_growth(points: Sequence[GrowthPoint], path: Path) -> None:
     axes.set_ylabel('ms')
     axes.grid(alpha=0.3)
     axes.legend()
-    try:
-        figure.savefig(path, dpi=100)
-    except (OSError, ValueError) as error:
-        raise SocialCircleError(f'{path} cannot be written: {error}.') from None
+    picture = io.BytesIO()
+    figure.savefig(picture, format='png', dpi=100)
+    write_file(path, picture.getvalue())
 
 
 def _mirrored(length: int, period: int) -> npt.NDArray[np.int64]:
