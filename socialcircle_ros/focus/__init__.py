@@ -5,7 +5,7 @@ elsewhere.
 """
 
 from .fit import Reason, count_reasons
-from .measure import focus_measure
+from .measure import Frame, focus_measure
 from .stack import FocusResult, FocusStack, depth_from_focus
 
-__all__ = ['FocusResult', 'FocusStack', 'Reason', 'count_reasons', 'depth_from_focus', 'focus_measure']
+__all__ = ['FocusResult', 'FocusStack', 'Frame', 'Reason', 'count_reasons', 'depth_from_focus', 'focus_measure']

@@ -27,9 +27,6 @@ _ROUGHEST = np.float32(0.5)
 _STRIP = 4
 """Rows that share their slopes: on so few pixels a slope does not change, and to find it costs most."""
 
-Row = NDArray[np.float32]
-Whole = NDArray[np.int32]
-
 
 def centred(
     depth: NDArray[np.float64],
@@ -122,7 +119,13 @@ def _centre(
 
 @kernel
 def _enter(
-    image: Frame, entering: int, step: int, half: int, threshold: int, weights: Whole, columns: Whole
+    image: Frame,
+    entering: int,
+    step: int,
+    half: int,
+    threshold: int,
+    weights: NDArray[np.int32],
+    columns: NDArray[np.int32],
 ) -> None:
     """Move the window one row down: sums of M_l of each column, and of M_l times its row, from the middle."""
     height, width = image.shape
@@ -142,7 +145,12 @@ def _enter(
 
 @kernel
 def _take_heights(
-    depth: NDArray[np.float64], quality: Row, lowest: float, per_step: float, heights: Row, counted: Row
+    depth: NDArray[np.float64],
+    quality: NDArray[np.float32],
+    lowest: float,
+    per_step: float,
+    heights: NDArray[np.float32],
+    counted: NDArray[np.float32],
 ) -> None:
     """Depths of a row in steps from the lowest frame, and which of them count: 1 or 0."""
     for x in range(depth.size):
@@ -152,7 +160,14 @@ def _take_heights(
 
 
 @kernel
-def _sum_columns(rows: Row, middle: int, half: int, above: Row, below: Row, both: Row) -> None:
+def _sum_columns(
+    rows: NDArray[np.float32],
+    middle: int,
+    half: int,
+    above: NDArray[np.float32],
+    below: NDArray[np.float32],
+    both: NDArray[np.float32],
+) -> None:
     """Sums of each column above the middle row, below it, and of both with the middle row itself."""
     side = 2 * half + 1
     above[:] = 0
@@ -169,7 +184,7 @@ def _sum_columns(rows: Row, middle: int, half: int, above: Row, below: Row, both
 
 
 @kernel
-def _sum_rows(values: Row, first: int, end: int, sums: Row) -> None:
+def _sum_rows(values: NDArray[np.float32], first: int, end: int, sums: NDArray[np.float32]) -> None:
     """Of each window that lies within the row: the sum of its values from first to end."""
     sums[:] = 0
     for k in range(first, end):
@@ -179,7 +194,14 @@ def _sum_rows(values: Row, first: int, end: int, sums: Row) -> None:
 
 
 @kernel
-def _find_slopes(sums: Row, heights: Row, counted: Row, half: int, along_x: Row, along_y: Row) -> None:
+def _find_slopes(
+    sums: NDArray[np.float32],
+    heights: NDArray[np.float32],
+    counted: NDArray[np.float32],
+    half: int,
+    along_x: NDArray[np.float32],
+    along_y: NDArray[np.float32],
+) -> None:
     """Slopes in steps per pixel, from the means of the window's halves; 0 where they do not tell.
 
     Towards the edge of the frame they are those of the last window that lies within.
@@ -205,7 +227,14 @@ def _find_slopes(sums: Row, heights: Row, counted: Row, half: int, along_x: Row,
 
 
 @kernel
-def _find_moments(totals: Whole, moments: Whole, half: int, weight: Whole, along_x: Whole, along_y: Whole) -> None:
+def _find_moments(
+    totals: NDArray[np.int32],
+    moments: NDArray[np.int32],
+    half: int,
+    weight: NDArray[np.int32],
+    along_x: NDArray[np.int32],
+    along_y: NDArray[np.int32],
+) -> None:
     """Of each window: the sum of M_l, and of M_l times its column and row, from the middle; exact."""
     width = weight.size
     total, moment = totals[half : half + width], moments[half : half + width]
@@ -229,8 +258,8 @@ def _find_moments(totals: Whole, moments: Whole, half: int, weight: Whole, along
 @kernel
 def _shift(
     depth: NDArray[np.float64],
-    moments: Whole,
-    slopes: Row,
+    moments: NDArray[np.int32],
+    slopes: NDArray[np.float32],
     scale: float,
     lowest: float,
     highest: float,

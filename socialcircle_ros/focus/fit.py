@@ -21,8 +21,6 @@ from socialcircle_ros.kernels.compiled import kernel
 
 from .curve import OCTAVE, REACH, SLOTS, Codes, Curves, Places
 
-Row = NDArray[np.float32]
-
 
 class Reason(IntFlag):
     """Why a pixel is bad: the bits of `FocusResult.reasons`, 0 where nothing speaks against it."""
@@ -163,12 +161,12 @@ def _fit(
     lowest: Codes,
     outside: Codes,
     z: NDArray[np.float64],
-    steps: Row,
+    steps: NDArray[np.float32],
     first: int,
     scale: float,
     three: bool,
     depth: NDArray[np.float64],
-    quality: Row,
+    quality: NDArray[np.float32],
     reasons: NDArray[np.uint8],
     columns: NDArray[np.int32],
     widths: NDArray[np.float32],
@@ -237,7 +235,7 @@ def _fit(
 
 
 @kernel
-def _most_trusted(quality: Row) -> int:
+def _most_trusted(quality: NDArray[np.float32]) -> int:
     best = 0
     for x in range(quality.size):
         best = x if quality[x] > quality[best] else best
@@ -306,11 +304,11 @@ def _find_distance(turn: int, residue: NDArray[np.int32], distance: NDArray[np.i
 def _find_position(
     index: NDArray[np.int32],
     distance: NDArray[np.int32],
-    origin: Row,
-    steps: Row,
+    origin: NDArray[np.float32],
+    steps: NDArray[np.float32],
     low: int,
     high: int,
-    position: Row,
+    position: NDArray[np.float32],
 ) -> None:
     """The steps from the centre to the frame at index + distance; indices are from low to high.
 
@@ -341,8 +339,8 @@ def _weigh(
     nearest: NDArray[np.int32],
     farthest: NDArray[np.int32],
     three: bool,
-    weights: Row,
-    logs: Row,
+    weights: NDArray[np.float32],
+    logs: NDArray[np.float32],
 ) -> None:
     """ln(F / F_peak) and weight of one slot, 0 outside nearest to farthest."""
     slope = np.float32(0) if three else np.float32(1)
@@ -358,7 +356,9 @@ def _weigh(
 
 
 @kernel
-def _accumulate(t: Row, weights: Row, logs: Row, sums: Row) -> None:
+def _accumulate(
+    t: NDArray[np.float32], weights: NDArray[np.float32], logs: NDArray[np.float32], sums: NDArray[np.float32]
+) -> None:
     """Add a batch of slots to the sums w t^0..4, w y t^0..2, w y², and to the count of frames."""
     for x in range(_TILE):
         s0, s1, s2 = sums[x], sums[_TILE + x], sums[2 * _TILE + x]
@@ -386,7 +386,7 @@ def _accumulate(t: Row, weights: Row, logs: Row, sums: Row) -> None:
 
 
 @kernel
-def _solve(sums: Row) -> None:
+def _solve(sums: NDArray[np.float32]) -> None:
     """From the sums to the parabola: in their place its peak, the peak's variance, its second coefficient.
 
     In typical steps; NaN or infinite where there are fewer than three frames. Moments are taken round their
@@ -415,7 +415,7 @@ def _solve(sums: Row) -> None:
 
 
 @kernel
-def _judge(sums: Row, peaks: Codes, lowest: Codes, outside: Codes) -> None:
+def _judge(sums: NDArray[np.float32], peaks: Codes, lowest: Codes, outside: Codes) -> None:
     """In place of variance and second coefficient: quality, and the reasons that the curve gives."""
     for x in range(peaks.size):
         peak, bend = sums[x], sums[2 * _TILE + x]
@@ -439,12 +439,12 @@ def _judge(sums: Row, peaks: Codes, lowest: Codes, outside: Codes) -> None:
 
 @kernel
 def _store(
-    sums: Row,
+    sums: NDArray[np.float32],
     index: NDArray[np.int32],
     z: NDArray[np.float64],
     scale: float,
     depth: NDArray[np.float64],
-    quality: Row,
+    quality: NDArray[np.float32],
     reasons: NDArray[np.uint8],
 ) -> None:
     """Hand out what `_solve` and `_judge` left in `sums`; no depth without a peak, or beyond the scan."""

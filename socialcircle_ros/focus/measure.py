@@ -10,10 +10,9 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]
-Whole = NDArray[np.int32]
 
 
-def focus_measure(frame: Frame, settings: FocusSettings | None = None) -> Whole:
+def focus_measure(frame: Frame, settings: FocusSettings | None = None) -> NDArray[np.int32]:
     """Sum-modified-Laplacian of one frame (eq. 1 to 3), exact.
 
     At the border each sum is over what exists: a direction of eq. 1 counts 0 where one of its two neighbours
@@ -49,7 +48,7 @@ def checked_frame(frame: Any) -> Frame:
 
 
 @kernel
-def _measure(frame: Frame, step: int, half: int, threshold: int) -> Whole:
+def _measure(frame: Frame, step: int, half: int, threshold: int) -> NDArray[np.int32]:
     """`focus_measure` without its checks."""
     height, width = frame.shape
     measure = np.empty((height, width), np.int32)
@@ -60,7 +59,7 @@ def _measure(frame: Frame, step: int, half: int, threshold: int) -> Whole:
 
 
 @kernel
-def measure_buffers(width: int, half: int) -> tuple[Whole, Whole]:
+def measure_buffers(width: int, half: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Buffers of `measure_row`: the last 2N+1 rows of M_l, and their sums with N zeros at either end."""
     return np.zeros((2 * half + 1, width), np.int32), np.zeros(width + 2 * half, np.int32)
 
@@ -72,9 +71,9 @@ def measure_row(
     step: int,
     half: int,
     threshold: int,
-    laplacians: Whole,
-    columns: Whole,
-    measure: Whole,
+    laplacians: NDArray[np.int32],
+    columns: NDArray[np.int32],
+    measure: NDArray[np.int32],
 ) -> None:
     """F of one row (eq. 2); rows are asked for from 0 upwards, each once, with the same buffers.
 
@@ -102,7 +101,7 @@ def measure_row(
 
 
 @kernel
-def laplacian_row(frame: Frame, row: int, step: int, threshold: int, laplacian: Whole) -> None:
+def laplacian_row(frame: Frame, row: int, step: int, threshold: int, laplacian: NDArray[np.int32]) -> None:
     """M_l of one row (eq. 1), 0 below T (eq. 3).
 
     |2a - b - c| is written as the larger of 2a and b + c less the smaller: unsigned numbers do not need to

@@ -10,7 +10,7 @@ from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.header import stamp_of
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.simulation import Truth as TrueSurface
+from socialcircle_ros.simulation import DepthTruth
 
 from .reader import RecordingReader
 from .simulated import DESCRIPTION, SURFACE
@@ -75,6 +75,6 @@ def _compared_with_surface(cloud: PointCloud, surface: PointCloud, description: 
     good, bad = (float(description.values[f'{name}_bound_m']) * _UM_PER_METRE for name in ('good', 'bad'))
     depth = surface.xyz()[..., 2].astype(np.float64)
     cause = depth.astype('u1')  # classify() does not use it
-    true_surface = TrueSurface(depth * _UM_PER_METRE, cause, good, bad)
+    true_surface = DepthTruth(depth * _UM_PER_METRE, cause, good, bad)
     verdict = true_surface.classify(cloud.xyz()[..., 2] * _UM_PER_METRE)
     return RecordedTruth(verdict.bad, verdict.good | verdict.bad)

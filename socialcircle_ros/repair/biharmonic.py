@@ -3,12 +3,12 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, UNUSABLE, Index, Reals
+from .holes import MEASURED, PADDING, UNUSABLE
 from .profile import find_profile, height_on, measured_heights, sum_bends, usual_bend
 
 _LEAST = 1000
@@ -30,7 +30,7 @@ _AROUND = np.array([(r, c) for r in range(-2, 3) for c in range(-2, 3) if abs(r)
 """The 13 points that a difference can join with a point, itself among them, in row order."""
 
 
-def _views() -> tuple[npt.NDArray[np.int64], Reals]:
+def _views() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Every difference as each of its points sees it, which is one line of the normal equations.
 
     Returns:
@@ -51,7 +51,7 @@ def _views() -> tuple[npt.NDArray[np.int64], Reals]:
 _ITEMS, _PRODUCTS = _views()
 
 
-def _stencil() -> Reals:
+def _stencil() -> NDArray[np.float64]:
     """The line of a point whose 12 neighbours all have a height."""
     factors = np.zeros(len(_AROUND))
     np.add.at(factors, _ITEMS, _PRODUCTS)
@@ -61,7 +61,9 @@ def _stencil() -> Reals:
 _STENCIL = _stencil()
 
 
-def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, starts: Index) -> Reals:
+def biharmonic_heights(
+    z: NDArray[Any], unknowns: NDArray[np.int32], points: NDArray[np.int32], starts: NDArray[np.int32]
+) -> NDArray[np.float64]:
     """Solve every hole by itself: the heights of least thin-plate energy, which is 0 for a plane.
 
     Differences that would need a point that is neither measured nor in the hole are left out of the
@@ -96,12 +98,12 @@ def biharmonic_heights(z: npt.NDArray[Any], unknowns: Index, points: Index, star
 
 @kernel
 def _solve_holes(
-    measured: npt.NDArray[Any],
-    bends: tuple[Reals, Reals],
-    unknowns: Index,
-    points: Index,
-    starts: Index,
-    heights: Reals,
+    measured: NDArray[Any],
+    bends: tuple[NDArray[np.float64], NDArray[np.float64]],
+    unknowns: NDArray[np.int32],
+    points: NDArray[np.int32],
+    starts: NDArray[np.int32],
+    heights: NDArray[np.float64],
 ) -> None:
     """Fill in the heights of some holes; what they become depends on no other hole."""
     bands = np.empty(len(starts) - 1, np.int64)
@@ -138,7 +140,7 @@ def _solve_holes(
 
 
 @kernel
-def _bandwidth(unknowns: Index, points: Index, first: Any, last: Any) -> int:
+def _bandwidth(unknowns: NDArray[np.int32], points: NDArray[np.int32], first: Any, last: Any) -> int:
     """Greatest distance in the list of two unknowns that a difference joins; -1 without unknowns."""
     band = -1
     for point in range(first, last):
@@ -154,8 +156,13 @@ def _bandwidth(unknowns: Index, points: Index, first: Any, last: Any) -> int:
 
 @kernel
 def _ring(
-    measured: npt.NDArray[Any], unknowns: Index, points: Index, first: Any, last: Any, memory: Reals
-) -> Reals:
+    measured: NDArray[Any],
+    unknowns: NDArray[np.int32],
+    points: NDArray[np.int32],
+    first: Any,
+    last: Any,
+    memory: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Heights of the measured points that a difference can join with the hole."""
     count = 0
     for point in range(first, last):
@@ -172,13 +179,13 @@ def _ring(
 
 @kernel
 def _assemble(
-    measured: npt.NDArray[Any],
-    profile: tuple[float, float, float, Reals],
-    unknowns: Index,
-    points: Index,
+    measured: NDArray[Any],
+    profile: tuple[float, float, float, NDArray[np.float64]],
+    unknowns: NDArray[np.int32],
+    points: NDArray[np.int32],
     first: Any,
-    matrix: Reals,
-    right: Reals,
+    matrix: NDArray[np.float64],
+    right: NDArray[np.float64],
 ) -> None:
     """Normal equations of the thin-plate energy of the heights less their profile.
 
@@ -213,7 +220,7 @@ def _assemble(
 
 
 @kernel
-def _leave_out(others: npt.NDArray[np.int64], factors: Reals) -> None:
+def _leave_out(others: NDArray[np.int64], factors: NDArray[np.float64]) -> None:
     """The line of a point without the differences that would need an unusable point."""
     factors[:] = 0.0
     for view in range(len(_ITEMS)):
@@ -226,7 +233,7 @@ def _leave_out(others: npt.NDArray[np.int64], factors: Reals) -> None:
 
 
 @kernel
-def _factorize(matrix: Reals) -> None:
+def _factorize(matrix: NDArray[np.float64]) -> None:
     """Cholesky's factor of a banded matrix, in place.
 
     Column by column, each taken from the rows below it, so that the innermost loop runs along memory and
@@ -250,7 +257,7 @@ def _factorize(matrix: Reals) -> None:
 
 
 @kernel
-def _solve(factor: Reals, right: Reals) -> None:
+def _solve(factor: NDArray[np.float64], right: NDArray[np.float64]) -> None:
     """Solve with Cholesky's factor, in place."""
     size, band = len(factor), factor.shape[1] - 1
     for row in range(size):

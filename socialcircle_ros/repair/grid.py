@@ -1,15 +1,21 @@
 """Filled points take their place on the grid."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import Index, Reals
-
 
 @kernel
-def fill_points(xyz: Cloud, filled: Mask, points: Index, rims: Index, chosen: Mask, heights: Reals) -> None:
+def fill_points(
+    xyz: Cloud,
+    filled: Mask,
+    points: NDArray[np.int32],
+    rims: NDArray[np.int32],
+    chosen: Mask,
+    heights: NDArray[np.float64],
+) -> None:
     """Write the chosen points into `xyz` and `filled`; the other points of the holes become NaN.
 
     x and y of a point, where they are not both finite, are linear between the two rims in its row and between

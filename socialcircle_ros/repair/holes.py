@@ -3,14 +3,11 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.union_find import root_of
-
-Index = npt.NDArray[np.int32]
-Reals = npt.NDArray[np.float64]
 
 MEASURED, UNUSABLE = -1, -2
 """In a map of unknowns: a height to go by; a place without any. From 0 on it is the number of an unknown."""
@@ -20,7 +17,7 @@ PADDING = 2
 
 
 @kernel
-def find_holes(holes: Mask) -> tuple[Index, Index]:
+def find_holes(holes: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Group the points of holes that touch along a side.
 
     Args:
@@ -79,7 +76,9 @@ def find_holes(holes: Mask) -> tuple[Index, Index]:
 
 
 @kernel
-def find_rims(points: Index, starts: Index, holes: Mask, measured: Mask, largest: int) -> Index:
+def find_rims(
+    points: NDArray[np.int32], starts: NDArray[np.int32], holes: Mask, measured: Mask, largest: int
+) -> NDArray[np.int32]:
     """Distances (N, 4) from each point to the rim of its hole: left, right, above, below.
 
     0 stands for a side on which the hole ends at the border of the cloud or at a point that is not measured,
@@ -107,11 +106,11 @@ def find_rims(points: Index, starts: Index, holes: Mask, measured: Mask, largest
 
 @kernel
 def choose_points(
-    points: Index,
-    starts: Index,
-    rims: Index,
+    points: NDArray[np.int32],
+    starts: NDArray[np.int32],
+    rims: NDArray[np.int32],
     measured: Mask,
-    z: npt.NDArray[Any],
+    z: NDArray[Any],
     sides: int,
     heights_agree: float,
 ) -> tuple[Mask, Mask]:
@@ -143,7 +142,7 @@ def choose_points(
 
 
 @kernel
-def number_points(points: Index, inner: Mask, measured: Mask) -> Index:
+def number_points(points: NDArray[np.int32], inner: Mask, measured: Mask) -> NDArray[np.int32]:
     """Map of the unknowns: the number of an inner point in the list, MEASURED or UNUSABLE.
 
     Round the (H, W) points of the cloud lie PADDING rows and columns of UNUSABLE, so that nobody who looks at

@@ -3,11 +3,11 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, Index, Reals
+from .holes import MEASURED, PADDING
 
 _MARGIN = 4
 """A hole's surroundings are its bounding box and this many rows and columns beyond it."""
@@ -49,7 +49,7 @@ _LONELY = 0.8
 
 
 @kernel
-def measured_heights(z: npt.NDArray[Any], unknowns: Index) -> npt.NDArray[Any]:
+def measured_heights(z: NDArray[Any], unknowns: NDArray[np.int32]) -> NDArray[Any]:
     """Heights in the shape of the map of unknowns, close together in memory, NaN where nothing is measured."""
     height, width = z.shape
     heights = np.full(unknowns.shape, np.nan, z.dtype)
@@ -61,7 +61,7 @@ def measured_heights(z: npt.NDArray[Any], unknowns: Index) -> npt.NDArray[Any]:
 
 
 @kernel
-def usual_bend(heights: npt.NDArray[Any]) -> float:
+def usual_bend(heights: NDArray[Any]) -> float:
     """Mean square of second differences along rows and columns, from its median, which no step moves.
 
     Args:
@@ -84,7 +84,7 @@ def usual_bend(heights: npt.NDArray[Any]) -> float:
 
 
 @kernel
-def _squares(heights: npt.NDArray[Any], row: Any, column: Any) -> tuple[float, float]:
+def _squares(heights: NDArray[Any], row: Any, column: Any) -> tuple[float, float]:
     """Squared second differences along the row and the column; NaN where one of the points is missing."""
     twice = 2.0 * heights[row, column]
     along = heights[row, column - 1] - twice + heights[row, column + 1]
@@ -93,7 +93,7 @@ def _squares(heights: npt.NDArray[Any], row: Any, column: Any) -> tuple[float, f
 
 
 @kernel
-def sum_bends(heights: npt.NDArray[Any], usual: float) -> tuple[Reals, Reals]:
+def sum_bends(heights: NDArray[Any], usual: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Summed-area tables (Crow 1984) of squared second differences, each as a multiple of the usual one.
 
     Args:
@@ -126,8 +126,12 @@ def sum_bends(heights: npt.NDArray[Any], usual: float) -> tuple[Reals, Reals]:
 
 @kernel
 def find_profile(
-    measured: npt.NDArray[Any], bends: tuple[Reals, Reals], points: Index, first: Any, last: Any
-) -> tuple[float, float, float, Reals]:
+    measured: NDArray[Any],
+    bends: tuple[NDArray[np.float64], NDArray[np.float64]],
+    points: NDArray[np.int32],
+    first: Any,
+    last: Any,
+) -> tuple[float, float, float, NDArray[np.float64]]:
     """The function of one direction, f(n · p), that comes nearest to the heights round a hole.
 
     A straight step, whatever its angle and however blurred, is such a function, and so is a straight groove;
@@ -202,13 +206,13 @@ def find_profile(
 
 
 @kernel
-def _in_box(table: Reals, top: int, bottom: int, left: int, right: int) -> float:
+def _in_box(table: NDArray[np.float64], top: int, bottom: int, left: int, right: int) -> float:
     inside: float = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
     return inside
 
 
 @kernel
-def _flatten(places: Reals, heights: Reals) -> float:
+def _flatten(places: NDArray[np.float64], heights: NDArray[np.float64]) -> float:
     """Take the plane of least squares from the heights, in place; the variance that is left."""
     count = len(heights)
     row, column, height = places[:, 0].mean(), places[:, 1].mean(), heights.mean()
@@ -233,7 +237,13 @@ def _flatten(places: Reals, heights: Reals) -> float:
 
 
 @kernel
-def _error(places: Reals, heights: Reals, angle: float, along: Reals, lines: Reals) -> float:
+def _error(
+    places: NDArray[np.float64],
+    heights: NDArray[np.float64],
+    angle: float,
+    along: NDArray[np.float64],
+    lines: NDArray[np.float64],
+) -> float:
     """Mean square that is left of each height by the profile of the others; fills `along` and `lines`.
 
     The rows of `lines` hold the profile, and of each of its heights the weights of the places before, at and
@@ -270,7 +280,7 @@ def _error(places: Reals, heights: Reals, angle: float, along: Reals, lines: Rea
 
 
 @kernel
-def _places(along: Reals) -> tuple[float, int]:
+def _places(along: NDArray[np.float64]) -> tuple[float, int]:
     """The first place of a profile and their number; as far beyond the points on one side as on the other."""
     least, greatest = along.min(), along.max()
     # Rounded: spans of whole points, which are common, must not fall on either side of a jump in the size.
@@ -279,7 +289,7 @@ def _places(along: Reals) -> tuple[float, int]:
 
 
 @kernel
-def _fit_lines(sums: Reals, counts: Reals, lines: Reals) -> None:
+def _fit_lines(sums: NDArray[np.float64], counts: NDArray[np.float64], lines: NDArray[np.float64]) -> None:
     """Heights of the regression lines at their places, and three of their weights.
 
     All places at once, offset by offset, so that the loops run along memory and the compiler may use vectors.
@@ -309,7 +319,7 @@ def _fit_lines(sums: Reals, counts: Reals, lines: Reals) -> None:
 
 
 @kernel
-def _bridge(heights: Reals) -> Reals:
+def _bridge(heights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Heights of a profile; linear between their neighbours where no point is near."""
     profile = heights.copy()
     last = 0
@@ -323,7 +333,7 @@ def _bridge(heights: Reals) -> Reals:
 
 
 @kernel
-def height_on(profile: tuple[float, float, float, Reals], row: Any, column: Any) -> float:
+def height_on(profile: tuple[float, float, float, NDArray[np.float64]], row: Any, column: Any) -> float:
     """Height of a profile at a point; 0 everywhere without one."""
     direction_row, direction_column, start, heights = profile
     if len(heights) == 0:

@@ -3,14 +3,14 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, Index, Reals
+from .holes import MEASURED, PADDING
 
 
-def spline_heights(z: npt.NDArray[Any], unknowns: Index, rims: Index) -> Reals:
+def spline_heights(z: NDArray[Any], unknowns: NDArray[np.int32], rims: NDArray[np.int32]) -> NDArray[np.float64]:
     """Interpolate along rows and columns, and mix the two by 1/gap².
 
     A cubic B-spline through all measured points of a line is its interpolating cubic spline, here with
@@ -35,7 +35,13 @@ def spline_heights(z: npt.NDArray[Any], unknowns: Index, rims: Index) -> Reals:
 
 
 @kernel
-def _add_lines(z: npt.NDArray[Any], unknowns: Index, rims: Index, total: Reals, weights: Reals) -> None:
+def _add_lines(
+    z: NDArray[Any],
+    unknowns: NDArray[np.int32],
+    rims: NDArray[np.int32],
+    total: NDArray[np.float64],
+    weights: NDArray[np.float64],
+) -> None:
     """Add the spline's weighted heights of every row to `total`, and their weights to `weights`."""
     height, width = unknowns.shape
     place = np.empty(width, np.int64)

@@ -17,7 +17,7 @@ from .scenes import SCENES, Scene, make_scene
 from .specimen import MATERIALS, Glints, Material, Specimen, make_specimen
 from .stage import Stage, Travel
 from .surfaces import Grid
-from .truth import Cause, Truth, Verdict
+from .truth import Cause, DepthTruth, PixelVerdict
 
 __all__ = [
     'INSTRUMENTS',
@@ -28,18 +28,18 @@ __all__ = [
     'Cause',
     'Contaminated',
     'Contamination',
+    'DepthTruth',
     'Glints',
     'Grid',
     'Material',
     'Optics',
+    'PixelVerdict',
     'Scene',
     'Simulation',
     'Specimen',
     'StackFrame',
     'Stage',
     'Travel',
-    'Truth',
-    'Verdict',
     'add_outliers',
     'make_scene',
     'make_specimen',

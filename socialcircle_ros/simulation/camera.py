@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.errors import SettingError
+from socialcircle_ros.focus import Frame
 
 from .surfaces import Seed
-
-Frame = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 @dataclass(frozen=True)

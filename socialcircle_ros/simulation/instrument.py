@@ -8,13 +8,14 @@ from typing import Literal
 import numpy as np
 
 from socialcircle_ros.errors import SettingError
+from socialcircle_ros.focus import Frame
 
-from .camera import Camera, Frame
+from .camera import Camera
 from .optics import INSTRUMENTS, Optics
 from .rendering import LayeredRenderer, RayRenderer, Renderer
 from .specimen import Specimen, make_specimen
 from .stage import Stage, Travel, travel
-from .truth import Truth, causes
+from .truth import DepthTruth, causes
 
 RendererName = Literal['layered', 'rays']
 
@@ -89,7 +90,7 @@ class Simulation:
         return self._layered if self.renderer_name == 'layered' else RayRenderer(*self._view)
 
     @cached_property
-    def truth(self) -> Truth:
+    def truth(self) -> DepthTruth:
         """The true depth, and where trouble lies; good and bad bounds are shares of the depth of field."""
         flags = causes(
             self.specimen.surface,
@@ -99,7 +100,7 @@ class Simulation:
             self.camera,
         )
         field = self.optics.depth_of_field
-        return Truth(self.specimen.surface, flags, good_bound=0.25 * field, bad_bound=0.5 * field)
+        return DepthTruth(self.specimen.surface, flags, good_bound=0.25 * field, bad_bound=0.5 * field)
 
     @cached_property
     def _layered(self) -> LayeredRenderer:

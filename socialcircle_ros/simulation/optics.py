@@ -10,10 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from socialcircle_ros.errors import SettingError
-
-from .surfaces import Heights
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class Optics:
         """Tangent of the half angle of the light cone: radius of confusion per µm of defocus."""
         return math.tan(math.asin(self.numerical_aperture))
 
-    def sharp_transfer(self, fx: Heights, fy: Heights) -> Heights:
+    def sharp_transfer(self, fx: NDArray[np.float64], fy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Transfer in focus: diffraction at a circular pupil, and the pixel's square aperture.
 
         Args:
@@ -70,10 +69,10 @@ class Optics:
         """
         nu = np.minimum(np.hypot(fx, fy) * self.wavelength / (2 * self.numerical_aperture), 1.0)
         pupil = (2 / np.pi) * (np.arccos(nu) - nu * np.sqrt(1 - nu**2))
-        transfer: Heights = pupil * np.sinc(fx * self.pitch) * np.sinc(fy * self.pitch)
+        transfer: NDArray[np.float64] = pupil * np.sinc(fx * self.pitch) * np.sinc(fy * self.pitch)
         return transfer
 
-    def defocus_transfer(self, frequency: Heights, defocus: float) -> Heights:
+    def defocus_transfer(self, frequency: NDArray[np.float64], defocus: float) -> NDArray[np.float64]:
         """Transfer of the circle of confusion: 2 J1(x) / x with x = 2π · radius · frequency.
 
         Args:
@@ -91,7 +90,7 @@ class Optics:
         bessel = 4 / (n + 1) * (np.sin(angle) ** 2 @ np.cos(np.cos(angle)[:, np.newaxis] * table))
         if n % 2:
             bessel += 2 / (n + 1)
-        transfer: Heights = np.interp(x, table, bessel)
+        transfer: NDArray[np.float64] = np.interp(x, table, bessel)
         return transfer
 
 

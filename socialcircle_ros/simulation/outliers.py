@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import CloudError, SettingError
 
-from .surfaces import Heights, Seed
+from .surfaces import HeightMap, Seed
 
-Mask = NDArray[np.bool_]
 Flank = Literal['sharp', 'blurred', 'mixed']
 
 
@@ -77,9 +77,9 @@ class Contaminated:
         cluster: (H, W) int32: 0 not moved, -1 isolated, from 1 the number of the cluster.
     """
 
-    heights: Heights
+    heights: HeightMap
     outlier: Mask
-    displacement: Heights
+    displacement: HeightMap
     cluster: NDArray[np.int32]
 
     @property
@@ -90,7 +90,7 @@ class Contaminated:
 
 
 def add_outliers(
-    heights: Heights, contamination: Contamination, seed: Seed, weight: Heights | None = None
+    heights: HeightMap, contamination: Contamination, seed: Seed, weight: HeightMap | None = None
 ) -> Contaminated:
     """Displace points of a height map.
 
@@ -139,7 +139,7 @@ def add_outliers(
     )
 
 
-def _levelled(chance: Heights, wanted: int, densest: float) -> Heights:
+def _levelled(chance: HeightMap, wanted: int, densest: float) -> HeightMap:
     """Weights lowered where they would make more than `densest` of the points there outliers.
 
     Without this, a groove weighted 20 times would be nothing but outliers at a share of 30 %.
@@ -154,9 +154,9 @@ def _levelled(chance: Heights, wanted: int, densest: float) -> Heights:
 
 
 def _put_clusters(
-    displacement: Heights,
+    displacement: HeightMap,
     cluster: NDArray[np.int32],
-    chance: Heights,
+    chance: HeightMap,
     wanted: int,
     contamination: Contamination,
     places: np.random.Generator,
@@ -198,7 +198,7 @@ def _put_clusters(
 
 def _profile(
     dx: NDArray[np.int64], dy: NDArray[np.int64], radius: float, flank: Flank, rng: np.random.Generator
-) -> Heights:
+) -> HeightMap:
     """The shape of a cluster, 0 to 1: a blob with a wavy, elongated outline."""
     angle, stretch = rng.uniform(0, np.pi), rng.uniform(0.6, 1.0)
     u = np.cos(angle) * dx + np.sin(angle) * dy
@@ -210,15 +210,15 @@ def _profile(
     inward = 1 - np.hypot(u, v) / (radius * (1 + wave.reshape(u.shape)))
     blurred = flank == 'blurred' or (flank == 'mixed' and rng.random() < 0.5)
     if not blurred:
-        sharp: Heights = (inward > 0).astype(np.float64)
+        sharp: HeightMap = (inward > 0).astype(np.float64)
         return sharp
     rise = np.clip(inward, 0.0, 1.0)
-    smooth: Heights = rise**2 * (3 - 2 * rise)
+    smooth: HeightMap = rise**2 * (3 - 2 * rise)
     return smooth
 
 
-def _amplitudes(contamination: Contamination, rng: np.random.Generator, count: int) -> Heights:
+def _amplitudes(contamination: Contamination, rng: np.random.Generator, count: int) -> HeightMap:
     low, high = contamination.amplitude
     size = contamination.unit * rng.uniform(low, high, count)
-    signed: Heights = size * rng.choice(np.array([-1.0, 1.0]), count)
+    signed: HeightMap = size * rng.choice(np.array([-1.0, 1.0]), count)
     return signed

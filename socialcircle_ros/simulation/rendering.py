@@ -25,7 +25,7 @@ from socialcircle_ros.kernels.compiled import kernel
 
 from .optics import Optics
 from .specimen import Glints, Specimen
-from .surfaces import Heights
+from .surfaces import HeightMap
 
 Light = NDArray[np.float32]
 
@@ -123,7 +123,7 @@ class RayRenderer:
         return light
 
 
-def aperture_openness(surface: Heights, optics: Optics) -> Light:
+def aperture_openness(surface: HeightMap, optics: Optics) -> Light:
     """The share of the light cone over each point that no wall cuts off, (H, W) float32, 0 to 1."""
     steepest = max(
         (float(np.abs(np.diff(surface, axis=axis)).max()) for axis in (0, 1) if surface.shape[axis] > 1),
@@ -143,7 +143,7 @@ def _check_pitch(specimen: Specimen, optics: Optics) -> None:
         )
 
 
-def _distances(farthest: float, optics: Optics) -> Heights:
+def _distances(farthest: float, optics: Optics) -> HeightMap:
     """Distances from focus at which layers are made: dense near focus, then growing by a tenth each."""
     fine = optics.depth_of_field / 12
     near = np.arange(0, 18) * fine
@@ -156,7 +156,7 @@ def _margin(farthest: float, optics: Optics) -> int:
     return int(np.ceil(1.1 * farthest * optics.cone / optics.pitch)) + 8
 
 
-def _padded(field: NDArray[np.floating], pad: int) -> Heights:
+def _padded(field: NDArray[np.floating], pad: int) -> HeightMap:
     """The field continued by its mirror image to all sides, and further to lengths that suit the FFT."""
     extra = [(pad, _fast_length(size + 2 * pad) - size - pad) for size in field.shape]
     return np.pad(field.astype(np.float64), extra, mode='symmetric')
@@ -175,13 +175,13 @@ def _fast_length(least: int) -> int:
         length += 2
 
 
-def _frequencies(shape: tuple[int, ...], pitch: float) -> tuple[Heights, Heights]:
+def _frequencies(shape: tuple[int, ...], pitch: float) -> tuple[HeightMap, HeightMap]:
     fx = np.fft.rfftfreq(shape[1], pitch).astype(np.float64)
     fy = np.fft.fftfreq(shape[0], pitch).astype(np.float64)
     return fx[np.newaxis, :], fy[:, np.newaxis]
 
 
-def _blurred(radiance: Light, distances: Heights, optics: Optics) -> Light:
+def _blurred(radiance: Light, distances: HeightMap, optics: Optics) -> Light:
     """The radiance as seen from each distance, (L, H, W) float32."""
     rows, columns = radiance.shape
     pad = _margin(float(distances[-2]), optics)
@@ -199,7 +199,7 @@ def _blurred(radiance: Light, distances: Heights, optics: Optics) -> Light:
 class _Glare:
     """Glints as the camera sees them, near and far from their focus."""
 
-    def __init__(self, glints: Glints, distances: Heights, optics: Optics, shape: tuple[int, int]) -> None:
+    def __init__(self, glints: Glints, distances: HeightMap, optics: Optics, shape: tuple[int, int]) -> None:
         self._glints = glints
         self._distances = distances
         self._shape = shape
@@ -246,7 +246,7 @@ class _Glare:
 
 @kernel
 def _gather(
-    layers: Light, distances: Heights, lookup: NDArray[np.int64], surface: Heights, z: float, light: Light
+    layers: Light, distances: HeightMap, lookup: NDArray[np.int64], surface: HeightMap, z: float, light: Light
 ) -> None:
     """Each pixel from the two layers that bracket its distance from focus.
 
@@ -270,11 +270,11 @@ def _gather(
 def _add_spots(
     spots: Light,
     reach: NDArray[np.int64],
-    distances: Heights,
+    distances: HeightMap,
     rows: NDArray[np.int64],
     columns: NDArray[np.int64],
-    strengths: Heights,
-    distance: Heights,
+    strengths: HeightMap,
+    distance: HeightMap,
     upper: NDArray[np.int64],
     light: Light,
 ) -> None:
@@ -292,11 +292,11 @@ def _add_spots(
                 light[row, column] += np.float32(near * spots[top - 1, y, x] + far * spots[top, y, x])
 
 
-def _pupil(count: int) -> Heights:
+def _pupil(count: int) -> HeightMap:
     """Points spread evenly over the unit disc, (count, 2): Vogel's sunflower."""
     index = np.arange(count) + 0.5
     radius, angle = np.sqrt(index / count), index * np.pi * (3 - np.sqrt(5))
-    points: Heights = np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=1)
+    points: HeightMap = np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=1)
     return points
 
 
@@ -304,7 +304,7 @@ _FINER = 4
 """How much finer than the pixels the radiance is sampled for the rays, so that looking up blurs nothing."""
 
 
-def _upsampled(field: Heights, optics: Optics) -> Light:
+def _upsampled(field: HeightMap, optics: Optics) -> Light:
     """The sharp image on a grid `_FINER` times finer, by filling its spectrum up with zeros."""
     rows, columns = field.shape
     fx, fy = _frequencies(field.shape, optics.pitch)
@@ -335,9 +335,9 @@ def _height_at(surface: NDArray[Any], row: float, column: float) -> float:
 def _trace(
     radiance: Light,
     finer: int,
-    surface: Heights,
+    surface: HeightMap,
     pad: int,
-    slopes: Heights,
+    slopes: HeightMap,
     z: float,
     top: float,
     bottom: float,
@@ -371,7 +371,7 @@ def _trace(
 
 
 @kernel
-def _open_share(surface: Heights, slopes: Heights, top: float, share: Light) -> None:
+def _open_share(surface: HeightMap, slopes: HeightMap, top: float, share: Light) -> None:
     """The share of the rays upward from each point that nothing stands in the way of."""
     rows, columns = surface.shape
     for row in range(rows):

@@ -11,11 +11,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import SettingError
 
 from . import surfaces
-from .outliers import Contamination, Mask, add_outliers
-from .surfaces import Grid, Heights
+from .outliers import Contamination, add_outliers
+from .surfaces import Grid, HeightMap
 
 Unit = Literal['um', 'm']
 
@@ -40,7 +41,7 @@ class Scene:
     outlier: Mask
     ambiguous: Mask
     cluster: NDArray[np.int32]
-    z_true: Heights
+    z_true: HeightMap
     pitch: tuple[float, float]
     unit: Unit
 
@@ -56,8 +57,8 @@ class Layout:
         contamination: the scene's own; `share` and the rest can be overridden.
     """
 
-    surface: Heights
-    weight: Heights
+    surface: HeightMap
+    weight: HeightMap
     noise: float
     contamination: Contamination
 
@@ -127,10 +128,10 @@ def _extent(grid: Grid) -> tuple[float, float]:
     return grid.columns * grid.dx, grid.rows * grid.dy
 
 
-def _walls(form: Heights, grid: Grid) -> Heights:
+def _walls(form: HeightMap, grid: Grid) -> HeightMap:
     """1 where the form is steeper than 20°, 0 elsewhere."""
     slope = np.hypot(*np.gradient(form, grid.dy, grid.dx)) if min(grid.shape) > 1 else np.zeros(grid.shape)
-    steep: Heights = (slope > np.tan(np.deg2rad(20))).astype(np.float64)
+    steep: HeightMap = (slope > np.tan(np.deg2rad(20))).astype(np.float64)
     return steep
 
 
@@ -206,7 +207,7 @@ def _ball(grid: Grid, streams: Streams) -> Layout:
     )
 
 
-def _on_plane(grid: Grid, parts: Heights, stream: np.random.Generator) -> Layout:
+def _on_plane(grid: Grid, parts: HeightMap, stream: np.random.Generator) -> Layout:
     """Parts with steep walls on a rough plane, outliers more often at the walls."""
     surface = parts + surfaces.fractal(grid, 0.1 * _pitch(grid), stream)
     weight = 1 + 6 * _walls(parts, grid)

@@ -14,7 +14,7 @@ from socialcircle_ros.errors import SettingError
 
 from . import surfaces
 from .scenes import SCENES, Layout
-from .surfaces import Grid, Heights
+from .surfaces import Grid, HeightMap
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class Glints:
 
     row: NDArray[np.int64]
     column: NDArray[np.int64]
-    light: Heights
-    z: Heights
+    light: HeightMap
+    z: HeightMap
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Specimen:
 
     name: str
     grid: Grid
-    surface: Heights
+    surface: HeightMap
     radiance: NDArray[np.float32]
     glints: Glints
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import SettingError
 
-Heights = NDArray[np.float64]
+HeightMap = NDArray[np.float64]
 Seed = int | np.random.Generator | np.random.SeedSequence
 """What numpy's `default_rng` takes; a generator is used as it is, and moves on."""
 
@@ -44,12 +44,12 @@ class Grid:
         return self.rows, self.columns
 
     @property
-    def x(self) -> Heights:
+    def x(self) -> HeightMap:
         """Positions of the columns, (1, W), from 0, µm."""
         return np.arange(self.columns, dtype=np.float64)[np.newaxis, :] * self.dx
 
     @property
-    def y(self) -> Heights:
+    def y(self) -> HeightMap:
         """Positions of the rows, (H, 1), from 0, µm."""
         return np.arange(self.rows, dtype=np.float64)[:, np.newaxis] * self.dy
 
@@ -62,38 +62,38 @@ class Grid:
 # Form
 
 
-def tilt(grid: Grid, slope_x: float, slope_y: float = 0.0) -> Heights:
+def tilt(grid: Grid, slope_x: float, slope_y: float = 0.0) -> HeightMap:
     """A plane through 0 in the middle; slopes in µm per µm."""
     cx, cy = grid.centre
-    plane: Heights = slope_x * (grid.x - cx) + slope_y * (grid.y - cy)
+    plane: HeightMap = slope_x * (grid.x - cx) + slope_y * (grid.y - cy)
     return plane
 
 
-def cylinder(grid: Grid, radius: float) -> Heights:
+def cylinder(grid: Grid, radius: float) -> HeightMap:
     """The top of a cylinder that lies along y, 0 on its crest, falling to its sides; radius in µm."""
     return _cap((grid.x - grid.centre[0]) ** 2 + 0 * grid.y, radius)
 
 
-def sphere(grid: Grid, radius: float) -> Heights:
+def sphere(grid: Grid, radius: float) -> HeightMap:
     """The top of a sphere, 0 in the middle; radius in µm."""
     cx, cy = grid.centre
     return _cap((grid.x - cx) ** 2 + (grid.y - cy) ** 2, radius)
 
 
-def _cap(squared: Heights, radius: float) -> Heights:
+def _cap(squared: HeightMap, radius: float) -> HeightMap:
     farthest = float(np.sqrt(squared.max()))
     if not radius > farthest:
         raise SettingError(
             f'A radius of {radius} µm does not reach the edge of the field; give more than {farthest:.0f} µm.'
         )
-    cap: Heights = np.sqrt(radius**2 - squared) - radius
+    cap: HeightMap = np.sqrt(radius**2 - squared) - radius
     return cap
 
 
 # Roughness
 
 
-def gaussian(grid: Grid, sq: float, correlation: float, seed: Seed) -> Heights:
+def gaussian(grid: Grid, sq: float, correlation: float, seed: Seed) -> HeightMap:
     """Roughness whose autocorrelation is a Gaussian: one lateral scale.
 
     Args:
@@ -109,7 +109,7 @@ def gaussian(grid: Grid, sq: float, correlation: float, seed: Seed) -> Heights:
 
 def fractal(
     grid: Grid, sq: float, seed: Seed, *, hurst: float = 0.8, longest: float = 100.0, lay: float = 1.0
-) -> Heights:
+) -> HeightMap:
     """Self-affine roughness, like ground, blasted or broken metal: all scales below one.
 
     The power spectrum is (1 + (f·longest)²)^-(1 + hurst): flat above the longest wavelength, a power law
@@ -124,27 +124,27 @@ def fractal(
         lay: how much longer the texture is along y than along x, 1 for none.
     """
 
-    def gain(fx: Heights, fy: Heights) -> Heights:
-        squared: Heights = (fx**2 + (lay * fy) ** 2) * longest**2
-        gained: Heights = (1 + squared) ** (-(1 + hurst) / 2)
+    def gain(fx: HeightMap, fy: HeightMap) -> HeightMap:
+        squared: HeightMap = (fx**2 + (lay * fy) ** 2) * longest**2
+        gained: HeightMap = (1 + squared) ** (-(1 + hurst) / 2)
         return gained
 
     return _shaped(grid, sq, gain, seed)
 
 
-def _shaped(grid: Grid, sq: float, gain: Callable[[Heights, Heights], Heights], seed: Seed) -> Heights:
+def _shaped(grid: Grid, sq: float, gain: Callable[[HeightMap, HeightMap], HeightMap], seed: Seed) -> HeightMap:
     """White noise with the amplitude spectrum `gain(fx, fy)`, frequencies in 1/µm; periodic in the field."""
     spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal(grid.shape))
     fx = np.fft.rfftfreq(grid.columns, grid.dx).astype(np.float64)[np.newaxis, :]
     fy = np.fft.fftfreq(grid.rows, grid.dy).astype(np.float64)[:, np.newaxis]
     spectrum *= gain(fx, fy)
     spectrum[0, 0] = 0
-    rough: Heights = np.fft.irfft2(spectrum, s=grid.shape)
+    rough: HeightMap = np.fft.irfft2(spectrum, s=grid.shape)
     spread = float(rough.std())
     return rough * (sq / spread) if spread > 0 else rough
 
 
-def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed: Seed) -> Heights:
+def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed: Seed) -> HeightMap:
     """The arcs that a face mill leaves at each feed, cusps up.
 
     Args:
@@ -164,7 +164,7 @@ def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed:
     starts = np.concatenate([[0.0], edges])
     inside = (along - starts[arc]) / (starts[arc + 1] - starts[arc])
     height = depth * (1 + 0.1 * rng.standard_normal(count + 1))
-    marks: Heights = height[arc] * ((2 * inside - 1) ** 2 - 1 / 3)
+    marks: HeightMap = height[arc] * ((2 * inside - 1) ** 2 - 1 / 3)
     return marks
 
 
@@ -173,7 +173,7 @@ def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed:
 
 def groove(
     grid: Grid, width: float, depth: float, wall_angle: float, *, wander: float = 0.0, seed: Seed = 0
-) -> Heights:
+) -> HeightMap:
     """A groove along y in the middle: lands at 0, flat floor at -depth.
 
     Args:
@@ -188,7 +188,7 @@ def groove(
     return _walled(width / 2 - np.abs(grid.x - grid.centre[0] - offset), width, depth, wall_angle)
 
 
-def ring_groove(grid: Grid, radius: float, width: float, depth: float, wall_angle: float) -> Heights:
+def ring_groove(grid: Grid, radius: float, width: float, depth: float, wall_angle: float) -> HeightMap:
     """A closed groove round the middle: the disc within it hangs together with the land round it nowhere.
 
     Args:
@@ -202,7 +202,7 @@ def ring_groove(grid: Grid, radius: float, width: float, depth: float, wall_angl
     return _walled(width / 2 - np.abs(np.hypot(grid.x - cx, grid.y - cy) - radius), width, depth, wall_angle)
 
 
-def _walled(inward: Heights, width: float, depth: float, wall_angle: float) -> Heights:
+def _walled(inward: HeightMap, width: float, depth: float, wall_angle: float) -> HeightMap:
     """0 to -depth, by the distance `inward` from the upper edge."""
     if not 0 < wall_angle <= 90:
         raise SettingError(f'A wall of {wall_angle}° is not possible; give more than 0 and at most 90.')
@@ -212,27 +212,27 @@ def _walled(inward: Heights, width: float, depth: float, wall_angle: float) -> H
             f'A groove {width} µm wide has no floor at a depth of {depth} µm and walls of {wall_angle}°;'
             f' give a width above {2 * run:.0f} µm.'
         )
-    down: Heights = np.clip(inward / max(run, 1e-9), 0.0, 1.0)
+    down: HeightMap = np.clip(inward / max(run, 1e-9), 0.0, 1.0)
     return -depth * down
 
 
-def _wander(grid: Grid, rms: float, seed: Seed) -> Heights:
+def _wander(grid: Grid, rms: float, seed: Seed) -> HeightMap:
     """A smooth sideways deviation for each row, (H, 1), µm."""
     if rms == 0:
         return np.zeros((grid.rows, 1))
     return gaussian(Grid(grid.rows, 1, dy=grid.dy), rms, 40.0, seed)
 
 
-def steps(grid: Grid, heights: Sequence[float]) -> Heights:
+def steps(grid: Grid, heights: Sequence[float]) -> HeightMap:
     """Lands of equal width side by side along x, at the given heights in µm, vertical walls between them."""
     if not heights:
         raise SettingError('Steps need at least one height.')
     index = np.arange(grid.columns) * len(heights) // grid.columns
-    levels: Heights = np.asarray(heights, dtype=np.float64)[index]
+    levels: HeightMap = np.asarray(heights, dtype=np.float64)[index]
     return np.broadcast_to(levels, grid.shape).copy()
 
 
-def pits(grid: Grid, count: int, radius: tuple[float, float], depth: tuple[float, float], seed: Seed) -> Heights:
+def pits(grid: Grid, count: int, radius: tuple[float, float], depth: tuple[float, float], seed: Seed) -> HeightMap:
     """Round pits with the shape of a paraboloid, 0 elsewhere; where two meet, the deeper counts.
 
     Args:
@@ -260,7 +260,7 @@ def discs(
     seed: Seed,
     *,
     wall_angle: float = 90.0,
-) -> Heights:
+) -> HeightMap:
     """Raised discs with flat tops, 0 elsewhere; where two meet, the higher counts.
 
     Args:
@@ -282,7 +282,7 @@ def discs(
     return surface
 
 
-def islands(grid: Grid, height: float, size: float, share: float, seed: Seed) -> Heights:
+def islands(grid: Grid, height: float, size: float, share: float, seed: Seed) -> HeightMap:
     """Ragged plateaus with vertical walls over 0, as an etched or printed layer leaves them.
 
     Args:
@@ -293,13 +293,13 @@ def islands(grid: Grid, height: float, size: float, share: float, seed: Seed) ->
         seed: of their shapes.
     """
     relief = gaussian(grid, 1.0, size / 2, seed)
-    raised: Heights = np.where(relief > np.quantile(relief, 1 - share), height, 0.0)
+    raised: HeightMap = np.where(relief > np.quantile(relief, 1 - share), height, 0.0)
     return raised
 
 
 def weave(
     grid: Grid, tow: float, crimp: float, seed: Seed, *, fibre: float = 7.0, fibre_height: float = 1.2
-) -> Heights:
+) -> HeightMap:
     """A fibre composite in plain weave: tows over and under each other, single fibres, resin between.
 
     Args:
@@ -315,7 +315,7 @@ def weave(
     turned = Grid(grid.columns, grid.rows, dx=grid.dy, dy=grid.dx)
     along_x = _tows(turned, tow, crimp, streams[1], fibre=fibre, fibre_height=fibre_height, parity=1).T
     resin = -0.75 * crimp
-    woven: Heights = np.maximum(np.maximum(along_y, along_x), resin)
+    woven: HeightMap = np.maximum(np.maximum(along_y, along_x), resin)
     return woven
 
 
@@ -328,7 +328,7 @@ def _tows(
     fibre: float,
     fibre_height: float,
     parity: int,
-) -> Heights:
+) -> HeightMap:
     """The tows that run along y; they cross over where column and row of the weave have `parity`."""
     index = np.floor(grid.x / tow).astype(np.int64)
     across = grid.x / tow - index - 0.5  # -0.5..0.5
@@ -339,5 +339,5 @@ def _tows(
     undulation = 0.25 * crimp * sign * np.sin(np.pi * grid.y / tow)
     crown = -crimp * across**2  # flat ellipse, falling by a quarter of the crimp to its sides
     ridges = fibre_height * (np.abs(np.cos(np.pi * (grid.x + wander) / fibre)) - 1)
-    tows: Heights = level + undulation + crown + ridges - 0.25 * crimp
+    tows: HeightMap = level + undulation + crown + ridges - 0.25 * crimp
     return tows

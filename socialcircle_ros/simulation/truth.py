@@ -10,11 +10,11 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import CloudError, SettingError
 
 from .camera import Camera
-from .outliers import Mask
-from .surfaces import Grid, Heights
+from .surfaces import Grid, HeightMap
 
 
 class Cause(IntFlag):
@@ -29,7 +29,7 @@ class Cause(IntFlag):
 
 
 @dataclass(frozen=True)
-class Verdict:
+class PixelVerdict:
     """A measured depth map, judged; each mask (H, W) bool, exactly one of the four True at each point.
 
     Attributes:
@@ -44,11 +44,11 @@ class Verdict:
     ambiguous: Mask
     bad: Mask
     missing: Mask
-    error: Heights
+    error: HeightMap
 
 
 @dataclass(frozen=True)
-class Truth:
+class DepthTruth:
     """The true depth of every pixel, and the trouble that lies in wait there.
 
     Attributes:
@@ -58,7 +58,7 @@ class Truth:
         bad_bound: µm.
     """
 
-    depth: Heights
+    depth: HeightMap
     cause: NDArray[np.uint8]
     good_bound: float
     bad_bound: float
@@ -81,7 +81,7 @@ class Truth:
         lowest: NDArray[np.uint8] = self.cause & (~self.cause + np.uint8(1))
         return lowest
 
-    def classify(self, depth: NDArray[np.floating]) -> Verdict:
+    def classify(self, depth: NDArray[np.floating]) -> PixelVerdict:
         """Judge a measured depth map.
 
         A depth that lies between the true ones of the neighbours is no outlier, however steep the wall:
@@ -103,11 +103,11 @@ class Truth:
         off = np.maximum(low - depth, depth - high)
         bad = ~missing & (off > self.bad_bound)
         good = ~missing & (np.abs(error) <= self.good_bound)
-        return Verdict(good, ~(good | bad | missing), bad, missing, error)
+        return PixelVerdict(good, ~(good | bad | missing), bad, missing, error)
 
 
 def causes(
-    surface: Heights,
+    surface: HeightMap,
     grid: Grid,
     sharp: NDArray[np.float32],
     glare: NDArray[np.float32],
@@ -149,7 +149,7 @@ def causes(
     return flags
 
 
-def _highest(field: NDArray[np.floating], reach: int) -> Heights:
+def _highest(field: NDArray[np.floating], reach: int) -> HeightMap:
     """The maximum over (2·reach + 1)² points round each, fewer at the border."""
     highest = field.astype(np.float64)
     for axis in (0, 1):
@@ -162,7 +162,7 @@ def _highest(field: NDArray[np.floating], reach: int) -> Heights:
     return highest
 
 
-def _box_mean(field: NDArray[np.floating], reach: int) -> Heights:
+def _box_mean(field: NDArray[np.floating], reach: int) -> HeightMap:
     """The mean over (2·reach + 1)² points round each, fewer at the border."""
     mean = field.astype(np.float64)
     for axis in (0, 1):

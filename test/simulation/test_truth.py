@@ -8,11 +8,11 @@ import pytest
 from socialcircle_ros.errors import CloudError, SettingError
 from socialcircle_ros.simulation.camera import Camera
 from socialcircle_ros.simulation.surfaces import Grid, steps
-from socialcircle_ros.simulation.truth import Cause, Truth, causes
+from socialcircle_ros.simulation.truth import Cause, DepthTruth, causes
 
 SHAPE = (20, 30)
 NOTHING = np.zeros(SHAPE, dtype=np.uint8)
-TRUTH = Truth(np.zeros(SHAPE), NOTHING, good_bound=1.0, bad_bound=3.0)
+TRUTH = DepthTruth(np.zeros(SHAPE), NOTHING, good_bound=1.0, bad_bound=3.0)
 
 
 def test_a_depth_is_good_ambiguous_bad_or_missing():
@@ -43,7 +43,7 @@ def test_another_size_and_impossible_bounds_are_refused():
     with pytest.raises(CloudError, match=r'\(3, 3\), the truth \(20, 30\)'):
         TRUTH.classify(np.zeros((3, 3)))
     with pytest.raises(SettingError, match='0 < good ≤ bad'):
-        Truth(np.zeros(SHAPE), NOTHING, good_bound=2.0, bad_bound=1.0)
+        DepthTruth(np.zeros(SHAPE), NOTHING, good_bound=2.0, bad_bound=1.0)
 
 
 def cause_of(*, light=1.0, texture=0.2, glare=0.0, surface=None):
