@@ -1,11 +1,10 @@
-"""Focus variation (section 3.1): the focus measure, the fit of its peak, and stacks measured as they arrive.
+"""Focus variation (section 3.1): the focus measure, the fit of its peak, and depth from stacks as frames arrive.
 
-Frames are gray here; what turns messages and colour into gray frames, and the depth into a cloud, lives
-elsewhere.
+Frames are gray images here. Messages, colour, and the conversion of depth into a cloud live in other rooms.
 """
 
-from .fit import Reason, count_reasons
 from .measure import Frame, focus_measure
+from .reasons import Reason, count_reasons
 from .stack import FocusResult, FocusStack, depth_from_focus
 
 __all__ = ['FocusResult', 'FocusStack', 'Frame', 'Reason', 'count_reasons', 'depth_from_focus', 'focus_measure']

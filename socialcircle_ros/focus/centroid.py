@@ -1,11 +1,14 @@
-"""The depth put back to its pixel: what was measured there is the depth of the window's texture.
+"""The correction of each depth from the centroid of the texture in its window to the pixel itself.
 
-F of a pixel is a sum over its window (eq. 2), so that its curve peaks at the mean depth of the window, each
-pixel weighing as much as its texture. Where the ground slopes, that is the depth at the centroid of the
-texture, not at the pixel: at the edge of the frame, where the window is cut off, always to one side. The
-weights are known afterwards, as M_l (eq. 1) of the all-in-focus image; the slope is that of the depths round
-the pixel. Their product is taken away.
+F of a pixel is a sum over its window (eq. 2). Its curve therefore peaks at the mean depth of the window, in which
+each pixel weighs as much as its texture. On a slope this is the depth at the centroid of the texture, not at the
+pixel. At the edge of the frame, where the window is cut off, the error always has the same sign.
+
+The weights are known once the stack is complete: M_l (eq. 1) of the all-in-focus image. The slope comes from the
+depths in the window. The correction subtracts the slope times the centroid.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,88 +16,113 @@ from numpy.typing import NDArray
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .measure import Frame, laplacian_row
+from .measure import Frame, MeasureParameters, laplacian_row
 
 _LEAST_QUALITY = np.float32(0.5)
-"""Depths of less do not count for the slope."""
+"""Depths of lower quality do not count for the slope."""
 
 _LEAST_SHARE = 0.5
-"""So much of each half of the window must count."""
+"""Share of each half of the window that must count."""
 
 _ROUGHEST = np.float32(0.5)
-"""Where halves of the window and its middle do not agree by this, in z-steps, there is no slope: an edge."""
+"""Largest difference, in steps, between the mean of two opposite halves and the middle; above it is an edge."""
 
 _STRIP = 4
-"""Rows that share their slopes: on so few pixels a slope does not change, and to find it costs most."""
+"""Rows that share their slopes. A slope changes little over so few rows, and it takes most of the time."""
 
 
-def centred(
+class ScanRange(NamedTuple):
+    """The range of the stack in z, in the unit of z."""
+
+    lowest: float
+    highest: float
+
+    step: float
+    """The median distance of two frames."""
+
+
+class _Maps(NamedTuple):
+    """What the correction starts from, (H, W) each."""
+
+    depth: NDArray[np.float64]
+    quality: NDArray[np.float32]
+    image: Frame
+
+
+class _Window(NamedTuple):
+    """The rows in the window, and what is known of it; work arrays. Row r is at index r modulo 2N + 1."""
+
+    weights: NDArray[np.int32]
+    """(2N + 1, W): M_l."""
+
+    columns: NDArray[np.int32]
+    """(2, W + 2N): sums over each column of M_l and of M_l times its row, with N zeros at either end."""
+
+    moments: NDArray[np.int32]
+    """(3, W): sums over each window of M_l, of M_l times its column, and of M_l times its row."""
+
+    heights: NDArray[np.float32]
+    """(2N + 1, W): depths in steps from the lowest frame, 0 where they do not count."""
+
+    counted: NDArray[np.float32]
+    """(2N + 1, W): 1 where the depth counts, else 0."""
+
+    vertical: NDArray[np.float32]
+    """(6, W): sums of the columns of `heights` and `counted`: above, below, and all."""
+
+    sums: NDArray[np.float32]
+    """(8, W - 2N): sums over each half of a window: top, bottom, left, right of `heights`, then of `counted`."""
+
+    slopes: NDArray[np.float32]
+    """(2, W): along x and along y, in steps per pixel."""
+
+
+def correct_for_centroid(
     depth: NDArray[np.float64],
     quality: NDArray[np.float32],
     image: Frame,
     z: NDArray[np.float64],
-    step: int,
-    half: int,
-    threshold: int,
+    parameters: MeasureParameters,
 ) -> NDArray[np.float64]:
-    """Depths at their pixels.
+    """Correct each depth from the centroid of the texture in its window to its pixel.
 
     Args:
-        depth: (H, W) as fitted, in z's unit.
+        depth: (H, W) from the fit, in the unit of z.
         quality: (H, W), 0 to 1.
         image: (H, W), every pixel from its sharpest frame.
         z: (n,) of the frames, ascending.
-        step: as in `measure_row`.
-        half: likewise.
-        threshold: likewise.
+        parameters: of the focus measure.
 
     Returns:
-        (H, W), NaN where the depth is; unchanged where no slope is known, and never beyond the scan.
+        The depths (H, W), NaN where `depth` is. A depth is unchanged where the slope is not known, or where the
+        corrected depth would be outside the scan.
     """
     height, width = depth.shape
-    if half == 0 or min(height, width) < 2 * half + 1:
+    if parameters.half_window == 0 or min(height, width) < 2 * parameters.half_window + 1:
         return depth
     result = np.empty_like(depth)
-    scale = float(np.median(np.diff(z)))
+    maps = _Maps(depth, quality, image)
+    scan = ScanRange(float(z[0]), float(z[-1]), float(np.median(np.diff(z))))
 
-    def centre(band: slice) -> None:
-        _centre(
-            depth, quality, image, band.start, band.stop, z[0], z[-1], scale, step, half, threshold, result[band]
-        )
+    def correct(rows: slice) -> None:
+        _correct(maps, rows.start, rows.stop, scan, parameters, result[rows])
 
-    in_bands(centre, height, width)
+    in_bands(correct, height, width)
     return result
 
 
 @kernel
-def _centre(
-    depth: NDArray[np.float64],
-    quality: NDArray[np.float32],
-    image: Frame,
-    first: int,
-    end: int,
-    lowest: float,
-    highest: float,
-    scale: float,
-    step: int,
-    half: int,
-    threshold: int,
-    result: NDArray[np.float64],
+def _correct(
+    maps: _Maps, first: int, end: int, scan: ScanRange, parameters: MeasureParameters, result: NDArray[np.float64]
 ) -> None:
-    """`centred` for the rows from first to end; no sum depends on where that is."""
-    height, width = depth.shape
+    """`correct_for_centroid` for the rows from `first` to `end`; no result depends on where they are divided."""
+    height, width = maps.depth.shape
+    half = parameters.half_window
     side = 2 * half + 1
-    weights = np.zeros((side, width), np.int32)
-    columns = np.zeros((2, width + 2 * half), np.int32)
-    moments = np.empty((3, width), np.int32)
-    heights, counted = np.empty((side, width), np.float32), np.empty((side, width), np.float32)
-    vertical = np.empty((6, width), np.float32)
-    sums = np.empty((8, width - 2 * half), np.float32)
-    slopes = np.empty((2, width), np.float32)
+    window = _make_window(width, half)
     next_row = min(max(first // _STRIP * _STRIP + _STRIP // 2, half), height - 1 - half) - half
     for entering in range(first - half, end + half):
-        row_weights = weights[entering % side]
-        _enter(image, entering, step, half, threshold, row_weights, columns)
+        _move_down(maps.image, entering, parameters, window.weights[entering % side], window.columns)
         row = entering - half
         if row < first:
             continue
@@ -102,40 +130,57 @@ def _centre(
             middle = min(max(row // _STRIP * _STRIP + _STRIP // 2, half), height - 1 - half)
             while next_row <= middle + half:
                 slot = next_row % side
-                _take_heights(depth[next_row], quality[next_row], lowest, 1 / scale, heights[slot], counted[slot])
+                depth, quality = maps.depth[next_row], maps.quality[next_row]
+                _take_heights(depth, quality, scan, window.heights[slot], window.counted[slot])
                 next_row += 1
-            _sum_columns(heights, middle, half, vertical[0], vertical[1], vertical[2])
-            _sum_columns(counted, middle, half, vertical[3], vertical[4], vertical[5])
-            for k in range(2):
-                above, below, both = vertical[3 * k], vertical[3 * k + 1], vertical[3 * k + 2]
-                _sum_rows(above, 0, side, sums[4 * k])
-                _sum_rows(below, 0, side, sums[4 * k + 1])
-                _sum_rows(both, 0, half, sums[4 * k + 2])
-                _sum_rows(both, half + 1, side, sums[4 * k + 3])
-            _find_slopes(sums, heights[middle % side], counted[middle % side], half, slopes[0], slopes[1])
-        _find_moments(columns[0], columns[1], half, moments[0], moments[1], moments[2])
-        _shift(depth[row], moments, slopes, scale, lowest, highest, result[row - first])
+            _sum_halves(window, middle, half)
+            heights, counted = window.heights[middle % side], window.counted[middle % side]
+            _find_slopes(window.sums, heights, counted, half, window.slopes)
+        _find_moments(window.columns, half, window.moments)
+        _shift(maps.depth[row], window.moments, window.slopes, scan, result[row - first])
 
 
 @kernel
-def _enter(
+def _make_window(width: int, half: int) -> _Window:
+    side = 2 * half + 1
+    return _Window(
+        np.zeros((side, width), np.int32),
+        np.zeros((2, width + 2 * half), np.int32),
+        np.empty((3, width), np.int32),
+        np.empty((side, width), np.float32),
+        np.empty((side, width), np.float32),
+        np.empty((6, width), np.float32),
+        np.empty((8, width - 2 * half), np.float32),
+        np.empty((2, width), np.float32),
+    )
+
+
+@kernel
+def _move_down(
     image: Frame,
     entering: int,
-    step: int,
-    half: int,
-    threshold: int,
+    parameters: MeasureParameters,
     weights: NDArray[np.int32],
     columns: NDArray[np.int32],
 ) -> None:
-    """Move the window one row down: sums of M_l of each column, and of M_l times its row, from the middle."""
+    """Move the window down by one row: update the column sums of M_l, and of M_l times its row from the middle.
+
+    Args:
+        image: (H, W).
+        entering: the row that enters the window; outside the image its weights are 0.
+        parameters: of the focus measure.
+        weights: (W,), M_l of the row that leaves; overwritten by that of the row that enters.
+        columns: (2, W + 2N), updated.
+    """
     height, width = image.shape
+    half = parameters.half_window
     total, moment = columns[0][half : half + width], columns[1][half : half + width]
     far = np.int32(half)
     for x in range(width):
         total[x] -= weights[x]
         moment[x] += far * weights[x]
     if 0 <= entering < height:
-        laplacian_row(image, entering, step, threshold, weights)
+        laplacian_row(image, entering, parameters, weights)
     else:
         weights[:] = 0
     for x in range(width):
@@ -147,16 +192,31 @@ def _enter(
 def _take_heights(
     depth: NDArray[np.float64],
     quality: NDArray[np.float32],
-    lowest: float,
-    per_step: float,
+    scan: ScanRange,
     heights: NDArray[np.float32],
     counted: NDArray[np.float32],
 ) -> None:
-    """Depths of a row in steps from the lowest frame, and which of them count: 1 or 0."""
+    """Write the depths of a row in steps from the lowest frame, and 1 or 0 for whether each of them counts."""
+    lowest, per_step = scan.lowest, 1 / scan.step
     for x in range(depth.size):
-        counts = quality[x] >= _LEAST_QUALITY  # 0 where the depth is NaN
+        counts = quality[x] >= _LEAST_QUALITY  # the quality is 0 where the depth is NaN
         counted[x] = np.float32(1) if counts else np.float32(0)
         heights[x] = np.float32((depth[x] - lowest) * per_step) if counts else np.float32(0)
+
+
+@kernel
+def _sum_halves(window: _Window, middle: int, half: int) -> None:
+    """Write the sums over the halves of all windows whose middle row is `middle`."""
+    side = 2 * half + 1
+    vertical, sums = window.vertical, window.sums
+    _sum_columns(window.heights, middle, half, vertical[0], vertical[1], vertical[2])
+    _sum_columns(window.counted, middle, half, vertical[3], vertical[4], vertical[5])
+    for k in range(2):
+        above, below, both = vertical[3 * k], vertical[3 * k + 1], vertical[3 * k + 2]
+        _sum_rows(above, 0, side, sums[4 * k])
+        _sum_rows(below, 0, side, sums[4 * k + 1])
+        _sum_rows(both, 0, half, sums[4 * k + 2])
+        _sum_rows(both, half + 1, side, sums[4 * k + 3])
 
 
 @kernel
@@ -168,7 +228,7 @@ def _sum_columns(
     below: NDArray[np.float32],
     both: NDArray[np.float32],
 ) -> None:
-    """Sums of each column above the middle row, below it, and of both with the middle row itself."""
+    """Write the sums of each column above the middle row, below it, and of all rows with the middle one."""
     side = 2 * half + 1
     above[:] = 0
     below[:] = 0
@@ -185,7 +245,7 @@ def _sum_columns(
 
 @kernel
 def _sum_rows(values: NDArray[np.float32], first: int, end: int, sums: NDArray[np.float32]) -> None:
-    """Of each window that lies within the row: the sum of its values from first to end."""
+    """Write the sum of the values from `first` to `end` of each window that is entirely in the row."""
     sums[:] = 0
     for k in range(first, end):
         shifted = values[k : k + sums.size]
@@ -199,13 +259,20 @@ def _find_slopes(
     heights: NDArray[np.float32],
     counted: NDArray[np.float32],
     half: int,
-    along_x: NDArray[np.float32],
-    along_y: NDArray[np.float32],
+    slopes: NDArray[np.float32],
 ) -> None:
-    """Slopes in steps per pixel, from the means of the window's halves; 0 where they do not tell.
+    """Write the slopes in steps per pixel, from the means of the halves of the window; 0 where they are not known.
 
-    Towards the edge of the frame they are those of the last window that lies within.
+    A pixel near the edge of the frame has the slope of the nearest window that is entirely in the row.
+
+    Args:
+        sums: (8, W - 2N), see `_Window`.
+        heights: (W,) of the middle row.
+        counted: (W,) of the middle row.
+        half: N.
+        slopes: (2, W), written.
     """
+    along_x, along_y = slopes[0], slopes[1]
     side, inner = 2 * half + 1, sums.shape[1]
     least = np.float32(_LEAST_SHARE * half * side)
     apart = np.float32(1 / (half + 1))
@@ -221,21 +288,22 @@ def _find_slopes(
         known &= abs(np.float32(0.5) * (before + behind) - here) <= _ROUGHEST
         along_x[x + half] = (behind - before) * apart if known else np.float32(0)
         along_y[x + half] = (lower - upper) * apart if known else np.float32(0)
-    for slopes in (along_x, along_y):
-        slopes[:half] = slopes[half]
-        slopes[half + inner :] = slopes[half + inner - 1]
+    for along in (along_x, along_y):
+        along[:half] = along[half]
+        along[half + inner :] = along[half + inner - 1]
 
 
 @kernel
-def _find_moments(
-    totals: NDArray[np.int32],
-    moments: NDArray[np.int32],
-    half: int,
-    weight: NDArray[np.int32],
-    along_x: NDArray[np.int32],
-    along_y: NDArray[np.int32],
-) -> None:
-    """Of each window: the sum of M_l, and of M_l times its column and row, from the middle; exact."""
+def _find_moments(columns: NDArray[np.int32], half: int, window_moments: NDArray[np.int32]) -> None:
+    """Write the sums over each window of M_l, and of M_l times its column and its row from the middle; exact.
+
+    Args:
+        columns: (2, W + 2N), see `_Window`.
+        half: N.
+        window_moments: (3, W), written.
+    """
+    totals, moments = columns[0], columns[1]
+    weight, along_x, along_y = window_moments[0], window_moments[1], window_moments[2]
     width = weight.size
     total, moment = totals[half : half + width], moments[half : half + width]
     for x in range(width):
@@ -260,16 +328,15 @@ def _shift(
     depth: NDArray[np.float64],
     moments: NDArray[np.int32],
     slopes: NDArray[np.float32],
-    scale: float,
-    lowest: float,
-    highest: float,
+    scan: ScanRange,
     result: NDArray[np.float64],
 ) -> None:
-    """Take the slope times the centroid away."""
+    """Write the depths of a row less the slope times the centroid."""
+    lowest, highest, step = scan.lowest, scan.highest, scan.step
     weight, right, down = moments[0], moments[1], moments[2]
     along_x, along_y = slopes[0], slopes[1]
     for x in range(depth.size):
         rise = np.float32(right[x]) * along_x[x] + np.float32(down[x]) * along_y[x]
-        moved = depth[x] - np.float64(np.divide(rise, np.float32(weight[x]))) * scale
+        moved = depth[x] - np.float64(np.divide(rise, np.float32(weight[x]))) * step
         known = (weight[x] > 0) & (moved >= lowest) & (moved <= highest)
         result[x] = moved if known else depth[x]

@@ -1,6 +1,11 @@
-"""The focus measure: the sum-modified-Laplacian, eq. 1 to 3 of the paper, exact in whole numbers."""
+"""The focus measure of the paper: the sum-modified-Laplacian (SML, eq. 1 to 3), in exact integer arithmetic.
 
-from typing import Any
+Source: S. K. Nayar, Y. Nakagawa, Shape from focus, IEEE Trans. Pattern Anal. Mach. Intell. 16 (1994) 824-831,
+DOI 10.1109/34.308479. The symbols are those of the paper: M_l is the modified Laplacian, F the focus measure,
+s the step, N the half-window and T the threshold.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,34 +15,68 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]
+"""A gray image (H, W)."""
+
+
+class MeasureParameters(NamedTuple):
+    """The parameters of the focus measure, as the kernels take them."""
+
+    step: int
+    """s of eq. 1, pixels."""
+
+    half_window: int
+    """N of eq. 2, pixels."""
+
+    threshold: int
+    """T of eq. 3, gray levels."""
+
+    @classmethod
+    def of(cls, settings: FocusSettings) -> 'MeasureParameters':
+        """The parameters that the settings give."""
+        return cls(settings.step, settings.half_window, settings.threshold)
+
+
+class MeasureBuffers(NamedTuple):
+    """Work arrays of `measure_row`; `measure_buffers` makes them."""
+
+    laplacians: NDArray[np.int32]
+    """(2N + 1, W): M_l of the rows in the window; row r is at index r modulo 2N + 1."""
+
+    columns: NDArray[np.int32]
+    """(W + 2N,): sums of the columns of `laplacians`, with N zeros at either end."""
 
 
 def focus_measure(frame: Frame, settings: FocusSettings | None = None) -> NDArray[np.int32]:
-    """Sum-modified-Laplacian of one frame (eq. 1 to 3), exact.
+    """Compute the sum-modified-Laplacian of one frame (eq. 1 to 3); the result is exact.
 
-    At the border each sum is over what exists: a direction of eq. 1 counts 0 where one of its two neighbours
-    lies outside the frame, and the window of eq. 2 is cut off at the frame's edge. M_l below T counts as 0.
+    Each sum at the border covers what exists: a direction of eq. 1 counts as 0 where one of its two neighbours
+    is outside the frame, and the window of eq. 2 ends at the edge of the frame. M_l below T counts as 0.
 
     Args:
         frame: (H, W) uint8 or uint16, gray levels; any strides.
-        settings: step, half_window and threshold are used.
+        settings: step, half_window and threshold are used; None: the defaults.
 
     Returns:
         F of each pixel, (H, W) int32, gray levels.
 
     Raises:
-        StackError: the frame is not two-dimensional, empty, or of another data type.
+        StackError: the frame is not two-dimensional, is empty, or has another data type.
+
+    Example:
+        >>> focus_measure(np.eye(5, dtype=np.uint8), FocusSettings(step=1, half_window=0))[2]
+        array([0, 2, 4, 2, 0], dtype=int32)
     """
-    settings = settings or FocusSettings()
-    frame = checked_frame(frame)
-    return _measure(frame, settings.step, settings.half_window, settings.threshold)
+    return _measure(checked_frame(frame), MeasureParameters.of(settings or FocusSettings()))
 
 
-def checked_frame(frame: Any) -> Frame:
-    """`frame` as the kernels take it, or a StackError that says what a frame has to be.
+def checked_frame(frame: object) -> Frame:
+    """Return `frame` as a C-contiguous, writable array, as the kernels take it.
 
-    Views and read-only frames are copied: that costs a tenth of the pass, but a compilation of their own
-    costs a thousand passes.
+    Views and read-only frames are copied. The copy takes a tenth of the time of one pass over the frame; a
+    kernel compiled for another layout would take as long as a thousand passes.
+
+    Raises:
+        StackError: this is not a gray image of a supported data type.
     """
     array = np.asarray(frame)
     if array.ndim != 2 or array.size == 0:
@@ -48,46 +87,48 @@ def checked_frame(frame: Any) -> Frame:
 
 
 @kernel
-def _measure(frame: Frame, step: int, half: int, threshold: int) -> NDArray[np.int32]:
-    """`focus_measure` without its checks."""
+def _measure(frame: Frame, parameters: MeasureParameters) -> NDArray[np.int32]:
+    """`focus_measure` of a checked frame."""
     height, width = frame.shape
     measure = np.empty((height, width), np.int32)
-    laplacians, columns = measure_buffers(width, half)
+    buffers = measure_buffers(width, parameters.half_window)
     for row in range(height):
-        measure_row(frame, row, step, half, threshold, laplacians, columns, measure[row])
+        measure_row(frame, row, parameters, buffers, measure[row])
     return measure
 
 
 @kernel
-def measure_buffers(width: int, half: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Buffers of `measure_row`: the last 2N+1 rows of M_l, and their sums with N zeros at either end."""
-    return np.zeros((2 * half + 1, width), np.int32), np.zeros(width + 2 * half, np.int32)
+def measure_buffers(width: int, half_window: int) -> MeasureBuffers:
+    """Return the work arrays of `measure_row` for rows of `width` pixels."""
+    return MeasureBuffers(
+        np.zeros((2 * half_window + 1, width), np.int32), np.zeros(width + 2 * half_window, np.int32)
+    )
 
 
 @kernel
 def measure_row(
     frame: Frame,
     row: int,
-    step: int,
-    half: int,
-    threshold: int,
-    laplacians: NDArray[np.int32],
-    columns: NDArray[np.int32],
+    parameters: MeasureParameters,
+    buffers: MeasureBuffers,
     measure: NDArray[np.int32],
 ) -> None:
-    """F of one row (eq. 2); rows are asked for from 0 upwards, each once, with the same buffers.
+    """Write F of one row (eq. 2) to `measure`, (W,).
 
-    Sums run along the columns, so that each M_l is computed once, added once and taken away once.
+    Call it for the rows 0, 1, 2, ... in turn with the same buffers. The column sums move down with the window,
+    so that each M_l is computed once, added once and subtracted once.
     """
     height, width = frame.shape
+    half = parameters.half_window
+    laplacians, columns = buffers.laplacians, buffers.columns
     side = 2 * half + 1
     inner = columns[half : half + width]
     for entering in range(0 if row == 0 else row + half, row + half + 1):
-        laplacian = laplacians[entering % side]  # that of the row that leaves the window
+        laplacian = laplacians[entering % side]  # still holds the row that leaves the window
         for x in range(width):
             inner[x] -= laplacian[x]
         if entering < height:
-            laplacian_row(frame, entering, step, threshold, laplacian)
+            laplacian_row(frame, entering, parameters, laplacian)
             for x in range(width):
                 inner[x] += laplacian[x]
         else:
@@ -101,13 +142,14 @@ def measure_row(
 
 
 @kernel
-def laplacian_row(frame: Frame, row: int, step: int, threshold: int, laplacian: NDArray[np.int32]) -> None:
-    """M_l of one row (eq. 1), 0 below T (eq. 3).
+def laplacian_row(frame: Frame, row: int, parameters: MeasureParameters, laplacian: NDArray[np.int32]) -> None:
+    """Write M_l of one row (eq. 1) to `laplacian`, (W,); values below T become 0 (eq. 3).
 
-    |2a - b - c| is written as the larger of 2a and b + c less the smaller: unsigned numbers do not need to
-    be widened, and the compiler makes vectors of them.
+    |2a - b - c| is computed as max(2a, b + c) - min(2a, b + c). Unsigned integers then need no wider type, and
+    the compiler vectorises the loop.
     """
     height, width = frame.shape
+    step, threshold = parameters.step, parameters.threshold
     here = frame[row]
     laplacian[:] = 0
     left, centre, right, inner = (

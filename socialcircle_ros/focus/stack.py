@@ -1,10 +1,9 @@
-"""A focus stack, frame by frame or all at once."""
+"""Depth from a focus stack (section 3.1), one frame at a time or all frames at once."""
 
 import math
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,54 +12,58 @@ from socialcircle_ros.errors import StackError
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
 
-from .centroid import centred
-from .curve import REACH, Curves
-from .fit import SATURATED, fit_peaks
-from .measure import Frame, checked_frame
+from .centroid import correct_for_centroid
+from .curve import Curves
+from .curve_rows import REACH
+from .fit import fit_peaks
+from .measure import Frame, MeasureParameters, checked_frame
+from .reasons import SATURATED
 
 _MOST_PLACES = 32_767 - REACH
-"""Places are kept in 16 bits, with REACH to spare for those beside the last."""
+"""Places are kept in 16 bits, and there must be REACH places beyond the last frame."""
 
 _WIDTH = 0.73
-"""Standard deviation of the focus curve in depths of field, where the texture is as fine as the pixels: 0.71 to
-0.75 on simulated stacks at 5x and 10x. At 20x it is 0.5, at 50x 0.35: there the depth of field comes out shorter
-than it is."""
+"""Standard deviation of the focus curve, in depths of field, where the texture is as fine as the pixels.
+
+Measured on simulated stacks: 0.71 to 0.75 at 5x and 10x, 0.5 at 20x, 0.35 at 50x. At 20x and 50x the estimate of
+the depth of field is therefore too short.
+"""
 
 _SATURATED_SHARE = 8
-"""One saturated pixel in so many of the window, and the curve can no longer be trusted."""
+"""A curve is not trusted if more than one pixel in this many of the window is saturated."""
 
 
 @dataclass(frozen=True)
 class FocusResult:
-    """What a focus stack shows."""
+    """What is measured from a focus stack."""
 
     depth: NDArray[np.float64]
-    """(H, W): z of the peak, in z's unit; NaN where there is no peak or it is at the end of the scan."""
+    """(H, W): z of the peak, in the unit of z; NaN where there is no peak or it is at the end of the scan."""
 
     quality: NDArray[np.float32]
-    """(H, W): 0 to 1, how far the depth is to be trusted; 0 where it is NaN."""
+    """(H, W): 0 to 1, the probability that the depth is good, see `fit`; 0 where the depth is NaN."""
 
     image: Frame
-    """(H, W): all in focus, every pixel from its sharpest frame; the frames' dtype."""
+    """(H, W): the all-in-focus image, every pixel from its sharpest frame; the data type of the frames."""
 
     reasons: NDArray[np.uint8]
-    """(H, W): what speaks against a pixel, bits of `Reason`; 0 where nothing does."""
+    """(H, W): why the depth is not to be trusted, bits of `Reason`; 0 where there is no reason."""
 
     depth_of_field: float | None
-    """Of the optics, as the width of the focus curves tells it, in z's unit; None where no curve is trusted."""
+    """Estimate from the width of the focus curves, in the unit of z; None where no curve is trusted."""
 
 
 class FocusStack:
     """Takes the frames of a focus stack one at a time, in constant memory, and measures the depth.
 
-    Each pixel costs 46 bytes and its pixel of the all-in-focus image, however many frames there are. Frames
-    come in any order. Of two frames at the same z each pixel keeps the larger F, so that a frame that comes
-    twice changes nothing.
+    A pixel takes 46 bytes, and 1 or 2 bytes of the all-in-focus image, however many frames there are. Frames may
+    come in any order. Of two frames at the same z each pixel keeps the larger F, so that a frame that comes twice
+    changes nothing.
 
-    Of each pixel the sharpest frame and seven on either side of it are used. Where the curve rises to one
-    peak they are always there, and the result is the same bit for bit in any order. Where it does not, a
-    frame is missing if it was outside the window round what was then the sharpest; the fit then has fewer
-    frames, never wrong ones.
+    The fit uses the sharpest frame of each pixel and seven frames on either side of it. Where the curve rises to
+    a single peak these frames are always kept, and the result does not depend on the order of the frames, bit for
+    bit. Elsewhere a frame is missing if it was too far from the frame that was the sharpest when it came. The fit
+    then has fewer frames, but never wrong ones.
 
     Example:
         >>> stack = FocusStack()
@@ -71,7 +74,8 @@ class FocusStack:
 
     def __init__(self, settings: FocusSettings | None = None) -> None:
         self._settings = settings or FocusSettings()
-        self._z: list[float] = []  # ascending; z of the places from self._first on
+        self._parameters = MeasureParameters.of(self._settings)
+        self._z: list[float] = []  # ascending: z of the places from self._first on
         self._first = 0
         self._curves: Curves | None = None
 
@@ -81,18 +85,18 @@ class FocusStack:
 
     @property
     def places(self) -> int:
-        """How many different z have been taken in."""
+        """The number of different z so far."""
         return len(self._z)
 
     def add(self, frame: Frame, z: float) -> None:
-        """Take in a frame.
+        """Add a frame.
 
         Args:
-            frame: (H, W) uint8 or uint16, like the first; any strides; not kept.
-            z: where the stage was, in any unit.
+            frame: (H, W) uint8 or uint16, like the first one; any strides; it is not kept.
+            z: position of the stage, in any unit.
 
         Raises:
-            StackError: the frame or its z cannot be used; the stack is as it was before.
+            StackError: the frame or its z cannot be used; the stack is unchanged.
         """
         frame = checked_frame(frame)
         if not math.isfinite(z):
@@ -106,10 +110,10 @@ class FocusStack:
                 f' {curves.image.dtype}: start a new stack.'
             )
         index = bisect_left(self._z, z)
-        known = index < len(self._z) and self._z[index] == z
-        if not known and len(self._z) == _MOST_PLACES:
+        is_known = index < len(self._z) and self._z[index] == z
+        if not is_known and len(self._z) == _MOST_PLACES:
             raise StackError(f'A stack holds at most {_MOST_PLACES} frames: finish it and start another.')
-        if not known:
+        if not is_known:
             if not self._z:
                 curves.begin(frame)
             elif index == 0:
@@ -117,59 +121,54 @@ class FocusStack:
             elif index < len(self._z):
                 curves.make_room(self._first + index, self._places)
             self._z.insert(index, float(z))
-        settings = self._settings
-        curves.add(
-            frame,
-            self._places[index],
-            self._places,
-            settings.step,
-            settings.half_window,
-            settings.threshold,
-            known=known,
-        )
+        curves.add(frame, self._places[index], self._places, self._parameters, is_known=is_known)
         self._curves = curves
 
     def reset(self) -> None:
-        """Forget all frames and keep the memory, so that the next stack does not wait for it."""
+        """Forget all frames. The memory is kept, so that the next stack need not allocate it."""
         self._z = []
         self._first = 0
 
     def finish(self) -> FocusResult:
-        """Measure from the frames so far; more may follow.
+        """Measure the depth from the frames so far. More frames may follow.
 
         Raises:
-            StackError: there are fewer than three different z.
+            StackError: there are frames at fewer than three different z.
         """
         if self._curves is None or len(self._z) < 3:
             raise StackError(f'A peak needs frames at three different z at least, not {len(self._z)}.')
         settings, z = self._settings, np.array(self._z)
-        three = settings.fit == 'gauss3'
-        depth, quality, reasons, widths = fit_peaks(self._curves, z, self._first, three=three)
+        three_point = settings.fit == 'gauss3'
+        depth, quality, reasons, widths = fit_peaks(self._curves, z, self._first, three_point=three_point)
         image = self._curves.image.copy()
-        if not three:
-            depth = centred(depth, quality, image, z, settings.step, settings.half_window, settings.threshold)
+        if not three_point:
+            depth = correct_for_centroid(depth, quality, image, z, self._parameters)
         level = settings.saturation or np.iinfo(image.dtype).max
         _mark_saturated(image, level, settings.half_window, reasons, quality)
         width = widths.median(quality)
         return FocusResult(depth, quality, image, reasons, width and width / _WIDTH)
 
 
-def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[Any]]:
+def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[np.uint8] | np.dtype[np.uint16]]:
     return frame.shape, frame.dtype
 
 
 def depth_from_focus(
-    frames: Iterable[Frame], z: Sequence[float] | NDArray[Any], settings: FocusSettings | None = None
+    frames: Iterable[Frame],
+    z: Sequence[float] | NDArray[np.floating] | NDArray[np.integer],
+    settings: FocusSettings | None = None,
 ) -> FocusResult:
-    """Depth of each pixel from a whole focus stack, the same bit for bit as `FocusStack` in the same order.
+    """Measure the depth of each pixel from a whole focus stack.
+
+    The result is that of a `FocusStack` to which the frames are added in the same order, bit for bit.
 
     Args:
         frames: (N, H, W), uint8 or uint16.
-        z: (N,) where the stage was at each frame, in any order and unit.
-        settings: how the focus is measured and its peak found.
+        z: (N,), position of the stage at each frame, in any order and unit.
+        settings: of the focus measure and the fit; None: the defaults.
 
     Raises:
-        StackError: the frames or z cannot be used, or are not as many, or fewer than three.
+        StackError: a frame or a z cannot be used, their numbers differ, or fewer than three z are different.
     """
     frames = list(frames)
     if len(frames) != len(z):
@@ -184,7 +183,15 @@ def depth_from_focus(
 def _mark_saturated(
     image: Frame, level: int, half: int, reasons: NDArray[np.uint8], quality: NDArray[np.float32]
 ) -> None:
-    """Mark the pixels in whose window too many pixels of the all-in-focus image are saturated."""
+    """Mark the pixels with too many saturated pixels in their window, and set their quality to 0.
+
+    Args:
+        image: (H, W), every pixel from its sharpest frame.
+        level: gray level from which a pixel is saturated.
+        half: half-window N.
+        reasons: (H, W), updated.
+        quality: (H, W), updated.
+    """
     height, width = image.shape
     side = 2 * half + 1
     least = np.int32(level)
@@ -200,6 +207,7 @@ def _mark_saturated(
                 columns[x] -= np.int32(np.int32(leaving[x]) >= least)
         if row < 0:
             continue
+        # Most rows have no saturated pixel near: this test vectorises, the loop below does not.
         most = np.int32(0)
         for x in range(width):
             most = max(most, columns[x])

@@ -1,9 +1,9 @@
-"""How long a frame and the fit take, beside OpenCV's filters; a script, as OpenCV is no dependency.
+"""Time of one frame and of the fit, beside OpenCV. This is a script, because OpenCV is not a dependency.
 
     python test/focus/benchmark.py
 
-OpenCV does two filters with the kernel [-1 2 -1], spread by the step, and one box sum, on one thread. All is
-timed in turn on the same frames, in this thread's own time.
+OpenCV runs two filters with the kernel [-1 2 -1], spread by the step, and one box sum, on one thread. All
+candidates run in turn on the same frames. Times are CPU times of the calling thread.
 """
 
 import time
@@ -16,7 +16,7 @@ from socialcircle_ros.settings import FocusSettings
 
 
 def make_frames(count=40, shape=(960, 1280), seed=1):
-    """A tilted, rough surface through a scan: texture of eight degrees of blur, noise of 2 gray levels."""
+    """Make a scan of a tilted, rough surface: texture at eight degrees of blur, noise of 2 gray levels."""
     rng = np.random.default_rng(seed)
     texture = rng.standard_normal(shape).astype(np.float32)
     blurred = np.stack([cv2.GaussianBlur(texture, (0, 0), s) for s in (0.9, 1.1, 1.4, 1.9, 2.5, 3.2, 4, 6)])
@@ -29,7 +29,7 @@ def make_frames(count=40, shape=(960, 1280), seed=1):
 
 
 def two_filters_and_box_sum(frame, settings):
-    """What OpenCV needs for the same."""
+    """The focus measure by OpenCV."""
     taps = np.zeros((1, 2 * settings.step + 1), np.float32)
     taps[0, 0] = taps[0, -1] = -1
     taps[0, settings.step] = 2
@@ -40,39 +40,39 @@ def two_filters_and_box_sum(frame, settings):
 
 
 def run():
-    """Times in ms: medians, and the median of the ratios."""
+    """Median times in ms, and the median ratio."""
     cv2.setNumThreads(1)
     settings = FocusSettings()
-    stack, times, frames = FocusStack(settings), [], list(make_frames())
-    for z, frame in enumerate(frames):  # compiles, and takes the memory from the system
+    stack, times_ms, frames = FocusStack(settings), [], list(make_frames())
+    for z, frame in enumerate(frames):  # compiles, and allocates the memory
         stack.add(frame, z)
     stack.reset()
     for z, frame in enumerate(frames):
-        row = []
-        for job in (
+        row_ms = []
+        for candidate in (
             lambda frame=frame: two_filters_and_box_sum(frame, settings),
             lambda frame=frame: focus_measure(frame, settings),
             lambda frame=frame, z=z: stack.add(frame, z),
         ):
             start = time.thread_time()
-            job()
-            row.append(1e3 * (time.thread_time() - start))
-        times.append(row)
-    times = np.array(times)
+            candidate()
+            row_ms.append(1e3 * (time.thread_time() - start))
+        times_ms.append(row_ms)
+    times_ms = np.array(times_ms)
     stack.finish()
-    finish = []
+    finish_ms = []
     for _ in range(9):
         start = time.thread_time()
         stack.finish()
-        finish.append(1e3 * (time.thread_time() - start))
-    opencv, measure, add = np.median(times, 0)
+        finish_ms.append(1e3 * (time.thread_time() - start))
+    opencv, measure, add = np.median(times_ms, 0)
     return {
         'opencv': opencv,
         'focus_measure': measure,
         'add': add,
-        'add, slowest': times[:, 2].max(),
-        'add / opencv': np.median(times[:, 2] / times[:, 0]),
-        'finish': np.median(finish),
+        'add, slowest': times_ms[:, 2].max(),
+        'add / opencv': np.median(times_ms[:, 2] / times_ms[:, 0]),
+        'finish': np.median(finish_ms),
     }
 
 

@@ -1,8 +1,11 @@
-"""Small focus stacks with known truth: texture under a blur that grows with the distance from focus."""
+"""Small focus stacks with a known truth: texture under a blur that grows with the distance from focus."""
 
 from dataclasses import dataclass
 
 import numpy as np
+
+INNER = (slice(10, -10), slice(10, -10))
+"""Pixels that neither the wrap-around of the blur nor the cut-off windows at the border affect."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +27,15 @@ def make_stack(
     margin=8.0,
     dtype=np.uint8,
 ):
-    """A tilted, slightly wavy surface seen through a Gaussian blur, z in steps.
+    """Make a stack of a tilted, slightly wavy surface seen through a Gaussian blur, with z in steps.
 
     Args:
-        width: at how many steps from focus the response to white texture is half.
-        electrons: full well of the camera, with shot noise, 5 electrons of read noise; None: no noise.
+        width: steps from focus at which the response to white texture is half.
+        electrons: full well of the camera, with shot noise and 5 electrons of read noise; None: no noise.
         tilt: in steps per pixel.
+        contrast: standard deviation of the texture.
+        jitter: standard deviation of z, in steps.
+        margin: steps of the scan beyond the surface on either side.
     """
     rng = np.random.default_rng(seed)
     height, columns = shape
@@ -60,14 +66,21 @@ def make_stack(
 
 
 def _blurred(image, sigma):
-    """A Gaussian blur by Fourier transform, wrapping round."""
+    """Blur with a Gaussian by Fourier transform; the image wraps around."""
     rows, columns = (np.fft.fftfreq(n)[:, None] for n in image.shape)
     transfer = np.exp(-2 * (np.pi * sigma) ** 2 * (rows**2 + columns.T**2))
     return np.fft.ifft2(np.fft.fft2(image) * transfer).real
 
 
-def errors(result, truth, edge=8):
-    """Depth errors away from the border, where blur wraps round, of the pixels that have a depth."""
-    inner = (slice(edge, -edge), slice(edge, -edge))
-    found = (result.depth - truth)[inner]
+def errors(result, truth):
+    """Depth errors of the inner pixels that have a depth."""
+    found = (result.depth - truth)[INNER]
     return found[np.isfinite(found)]
+
+
+def same(one, other):
+    """Whether two results are equal bit for bit."""
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=name == 'depth')
+        for name in ('depth', 'quality', 'image', 'reasons')
+    )

@@ -1,4 +1,4 @@
-"""The depth put back from the centroid of its window's texture to its pixel."""
+"""The correction of the depth from the centroid of the texture in a window to the pixel."""
 
 import numpy as np
 from focus.stacks import make_stack
@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from naive import focus as naive
 
 from socialcircle_ros.focus import depth_from_focus
-from socialcircle_ros.focus.centroid import centred
+from socialcircle_ros.focus.centroid import correct_for_centroid
+from socialcircle_ros.focus.measure import MeasureParameters
 from socialcircle_ros.settings import FocusSettings
 
 
@@ -22,7 +23,7 @@ from socialcircle_ros.settings import FocusSettings
     roughness=st.sampled_from([0.05, 0.5]),
     dtype=st.sampled_from([np.uint8, np.uint16]),
 )
-def test_it_equals_the_reference(seed, height, width, half, step, threshold, roughness, dtype):
+def test_correction_equals_the_reference(seed, height, width, half, step, threshold, roughness, dtype):
     rng = np.random.default_rng(seed)
     z = 3.0 + np.sort(rng.random(20)) * 10
     rows, columns = np.mgrid[:height, :width]
@@ -33,24 +34,25 @@ def test_it_equals_the_reference(seed, height, width, half, step, threshold, rou
     depth[missing], quality[missing] = np.nan, 0
     image = rng.integers(0, 250, depth.shape).astype(dtype)
     given = depth.copy()
-    found = centred(depth, quality, image, z, step, half, threshold)
-    expected = naive.centred(depth, quality, image, z, step, half, threshold)
-    # Where the halves agree by a hair or not, rounding decides.
+    found = correct_for_centroid(depth, quality, image, z, MeasureParameters(step, half, threshold))
+    expected = naive.correct_for_centroid(depth, quality, image, z, step, half, threshold)
+    # Rounding decides where the difference of two halves is close to its limit.
     off = ~np.isclose(found, expected, rtol=0, atol=1e-3, equal_nan=True)
     assert off.sum() <= 0.02 * off.size
     np.testing.assert_array_equal(depth, given)
 
 
-def test_level_ground_stays_as_it_is():
+def test_level_surface_is_unchanged():
     image = np.random.default_rng(0).integers(0, 250, (20, 30)).astype(np.uint8)
     depth = np.full(image.shape, 4.25)
-    found = centred(depth, np.ones(image.shape, np.float32), image, np.arange(9.0), 2, 4, 0)
+    quality = np.ones(image.shape, np.float32)
+    found = correct_for_centroid(depth, quality, image, np.arange(9.0), MeasureParameters(2, 4, 0))
     np.testing.assert_array_equal(found, depth)
 
 
-def test_sloping_ground_is_less_wrong_at_the_edge_of_the_frame():
+def test_correction_halves_the_error_of_a_slope_at_the_edge_of_the_frame():
     stack = make_stack(dtype=np.uint16, tilt=0.15)
-    # The reference fit is not put right: its windows at the edge see only what is further in.
+    # The three-point fit is not corrected: its windows at the edge cover only pixels farther in.
     found, reference = (
         depth_from_focus(stack.frames, stack.z, FocusSettings(fit=fit)).depth - stack.truth
         for fit in ('gauss', 'gauss3')

@@ -1,3 +1,5 @@
+"""The focus measure is exact, and refuses what is not a frame."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,7 +17,7 @@ def _noise(shape, dtype, seed=0):
 
 @pytest.mark.parametrize('dtype', [np.uint8, np.uint16])
 @pytest.mark.parametrize('threshold', [0, 300, 262140])
-def test_equals_the_reference_bit_for_bit(dtype, threshold):
+def test_measure_equals_the_reference(dtype, threshold):
     frame = _noise((23, 31), dtype)
     measure = focus_measure(frame, FocusSettings(step=2, half_window=3, threshold=threshold))
     assert np.array_equal(measure, naive.focus_measure(frame, 2, 3, threshold))
@@ -29,13 +31,13 @@ def test_equals_the_reference_bit_for_bit(dtype, threshold):
     half_window=st.integers(0, 15),
     seed=st.integers(0, 99),
 )
-def test_borders_equal_the_reference_at_any_size(height, width, step, half_window, seed):
+def test_borders_of_frames_of_any_size_equal_the_reference(height, width, step, half_window, seed):
     frame = _noise((height, width), np.uint8, seed)
     measure = focus_measure(frame, FocusSettings(step=step, half_window=half_window))
     assert np.array_equal(measure, naive.focus_measure(frame, step, half_window, 0))
 
 
-def test_the_largest_sum_that_can_be_is_exact():
+def test_largest_possible_sum_is_exact():
     frame = np.zeros((40, 40), np.uint16)
     frame[::2, ::2] = frame[1::2, 1::2] = 65535
     settings_ = FocusSettings(step=1, half_window=15)
@@ -43,7 +45,7 @@ def test_the_largest_sum_that_can_be_is_exact():
     assert focus_measure(frame, settings_).max() > 250_000_000 * 29**2 // 31**2
 
 
-def test_views_and_read_only_frames_are_taken():
+def test_views_and_read_only_frames_are_accepted():
     whole = _noise((40, 60), np.uint8)
     view = whole[3:33:2, 50:10:-2]
     assert np.array_equal(focus_measure(view), focus_measure(view.copy()))
@@ -52,7 +54,7 @@ def test_views_and_read_only_frames_are_taken():
 
 
 @pytest.mark.parametrize(
-    ('frame', 'says'),
+    ('frame', 'message'),
     [
         (np.zeros((4, 4, 3), np.uint8), r'gray image of shape \(H, W\), not \(4, 4, 3\)'),
         (np.zeros((0, 4), np.uint8), 'gray image'),
@@ -60,6 +62,6 @@ def test_views_and_read_only_frames_are_taken():
         (np.zeros((4, 4), np.dtype(np.uint16).newbyteorder()), 'byte order'),
     ],
 )
-def test_what_is_not_a_frame_is_refused(frame, says):
-    with pytest.raises(StackError, match=says):
+def test_array_that_is_not_a_frame_is_refused(frame, message):
+    with pytest.raises(StackError, match=message):
         focus_measure(frame)

@@ -1,4 +1,4 @@
-"""Slow, obvious references for the focus measure and the fit of its peak."""
+"""Slow, obvious references: the focus measure (eq. 1 to 3), the fit of its peak, the centroid correction."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def modified_laplacian(frame, x, y, s):
-    """M_l of eq. 1; a direction without both neighbours counts 0."""
+    """M_l of eq. 1; a direction counts as 0 if one of its neighbours is outside the frame."""
     height, width = frame.shape
     value = lambda row, column: int(frame[row, column])  # noqa: E731
     across = abs(2 * value(y, x) - value(y, x - s) - value(y, x + s)) if s <= x < width - s else 0
@@ -15,7 +15,7 @@ def modified_laplacian(frame, x, y, s):
 
 
 def focus_measure(frame, step, half_window, threshold):
-    """F of eq. 2, over the part of the window that lies in the frame; M_l below T counts 0 (eq. 3)."""
+    """F of eq. 2 over the part of the window in the frame; M_l below T counts as 0 (eq. 3)."""
     height, width = frame.shape
     laplacian = np.array(
         [[modified_laplacian(frame, x, y, step) for x in range(width)] for y in range(height)], np.int64
@@ -31,7 +31,7 @@ def focus_measure(frame, step, half_window, threshold):
 
 
 def peak_of_three(z, f):
-    """The peak of the Gaussian through three points (Nayar and Nakagawa 1994)."""
+    """The peak of the Gaussian through three points (Nayar and Nakagawa 1994, DOI 10.1109/34.308479)."""
     (z0, z1, z2), (y0, y1, y2) = z, (math.log(value) for value in f)
     up, down = (y1 - y0) / (z1 - z0), (y2 - y1) / (z2 - z1)
     curvature = (down - up) / (z2 - z0)
@@ -39,7 +39,7 @@ def peak_of_three(z, f):
 
 
 def peak_of_curve(z, f, places):
-    """The peak of the log-parabola round the sharpest frame, frames weighing (1 + ln(F / F_peak))²."""
+    """The peak of the parabola through ln F near the sharpest frame, with weights (1 + ln(F / F_peak))²."""
     order = np.argsort(z, kind='stable')
     z, f = np.asarray(z, float)[order], np.asarray(f, float)[order]
     best = int(np.argmax(f))
@@ -51,8 +51,8 @@ def peak_of_curve(z, f, places):
     return z[best] - b / (2 * c)
 
 
-def centred(depth, quality, image, z, step, half, threshold, strip=4):
-    """Each depth less the slope round it times the centroid of the window's texture."""
+def correct_for_centroid(depth, quality, image, z, step, half, threshold, strip=4):
+    """Each depth less the slope in its window times the centroid of the texture."""
     height, width = depth.shape
     if half == 0 or min(height, width) < 2 * half + 1:
         return depth
@@ -79,7 +79,7 @@ def centred(depth, quality, image, z, step, half, threshold, strip=4):
 
 
 def slopes(depth, quality, middle, half):
-    """Down and to the right, from the means of the window's halves; 0 where they do not tell."""
+    """Slopes down and to the right, from the means of the halves of the window; 0 where they are not known."""
     row, column = middle
     window = np.s_[row - half : row + half + 1, column - half : column + half + 1]
     values = np.where(quality[window] >= 0.5, depth[window], np.nan)

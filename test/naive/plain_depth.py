@@ -1,10 +1,10 @@
-"""Depth from focus in its plainest form: sum-modified-Laplacian, largest frame, three-point Gaussian."""
+"""Depth from focus in its simplest form: sum-modified-Laplacian, largest value, three-point Gaussian."""
 
 import numpy as np
 
 
 def focus_measure(image, step=1, half=2):
-    """Eq. 1 and 2 of the paper without threshold; borders repeat the outermost pixel."""
+    """F of eq. 1 and 2 without a threshold; the outermost pixels are repeated at the border."""
     padded = np.pad(image.astype(np.float32), step, mode='edge')
     middle = padded[step:-step, step:-step]
     across = np.abs(2 * middle - padded[step:-step, : -2 * step] - padded[step:-step, 2 * step :])
@@ -18,7 +18,7 @@ def focus_measure(image, step=1, half=2):
 
 
 def depth_from_focus(images, z, half=2):
-    """The depth of each pixel; NaN where the peak is in the first or the last frame."""
+    """Depth of each pixel; NaN where the peak is in the first or the last frame."""
     order = np.argsort(z)
     z = np.asarray(z)[order]
     curve = np.stack([focus_measure(images[k], half=half) for k in order])
@@ -28,7 +28,7 @@ def depth_from_focus(images, z, half=2):
         np.log(np.maximum(np.take_along_axis(curve, (inner + k)[np.newaxis], 0)[0], 1e-6)).astype(np.float64)
         for k in (-1, 0, 1)
     )
-    # The vertex of the parabola through the three logarithms, at unequal distances of z.
+    # The vertex of the parabola through the three logarithms, at unequal distances in z.
     left, middle, right = z[inner - 1], z[inner], z[inner + 1]
     rise, fall = (at - before) / (middle - left), (after - at) / (right - middle)
     bend = (fall - rise) / (right - left)

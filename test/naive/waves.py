@@ -1,26 +1,26 @@
-"""The blurred image of a few cosine waves, known without any FFT: each wave only loses height."""
+"""The blurred image of a few cosine waves, known without an FFT: blur only reduces their amplitudes."""
 
 import numpy as np
 
 
 class Waves:
-    """A radiance of 1 plus cosines; frequencies in 1/µm, the pitch is 1 µm."""
+    """A radiance of 1 plus cosines; frequencies in 1/µm, a pitch of 1 µm."""
 
     def __init__(self, seed, count=6):
         rng = np.random.default_rng(seed)
         self.fx, self.fy = rng.uniform(-0.35, 0.35, (2, count))
         self.phase = rng.uniform(0, 2 * np.pi, count)
-        self.height = rng.uniform(0.05, 0.15, count)
+        self.amplitude = rng.uniform(0.05, 0.15, count)
 
     def at(self, row, column, transfer=1.0):
         wave = np.cos(2 * np.pi * (self.fx * column + self.fy * row) + self.phase)
-        return 1 + (self.height * transfer * wave).sum()
+        return 1 + (self.amplitude * transfer * wave).sum()
 
     def radiance(self, shape):
         return np.array([[self.at(row, column) for column in range(shape[1])] for row in range(shape[0])])
 
     def imaged(self, row, column, defocus, optics):
-        """Seen at a pixel: diffraction and pixel, then the mean over the circle of confusion."""
+        """Light on a pixel: diffraction and pixel aperture, then the mean over the circle of confusion."""
         sharp = optics.sharp_transfer(self.fx, self.fy)
         radius = abs(defocus) * optics.cone
         y, x = np.mgrid[-1:1:201j, -1:1:201j]
