@@ -136,7 +136,7 @@ class FocusStack:
             StackError: there are frames at fewer than three different z.
         """
         if self._curves is None or len(self._z) < 3:
-            raise StackError(f'A peak needs frames at three different z at least, not {len(self._z)}.')
+            raise StackError(f'A peak needs frames at three different z at least; the stack has {len(self._z)}.')
         settings, z = self._settings, np.array(self._z)
         three_point = settings.fit == 'gauss3'
         depth, quality, reasons, widths = fit_peaks(self._curves, z, self._first, three_point=three_point)

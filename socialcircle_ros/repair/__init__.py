@@ -1,7 +1,6 @@
-"""Filling the holes that the filter leaves (section 4.2), and saying which points were filled.
+"""Repair (section 4.2): which holes in a cloud may be filled, and with which points.
 
-Which points may be filled, and how their x, y and heights are found from the measured points round them.
-What is an outlier is decided elsewhere, in `circle` and `baselines`.
+Which points are outliers is decided in `circle` and `baselines`.
 """
 
 from .repair import RepairResult, repair_holes

@@ -1,6 +1,8 @@
-"""Heights in a hole as the smoothest surface through the points round it, with steps kept sharp."""
+"""Heights in a hole as the smoothest surface through the points next to it, with steps kept sharp.
 
-from typing import Any
+The smoothest surface is that of least thin-plate energy, which is 0 for a plane. Source: J. Duchon, Splines
+minimizing rotation-invariant semi-norms in Sobolev spaces, 1977, DOI 10.1007/BFb0086566.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,16 +10,25 @@ from numpy.typing import NDArray
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, UNUSABLE
-from .profile import find_profile, height_on, measured_heights, sum_bends, usual_bend
+from .holes import MEASURED, PADDING, UNUSABLE, Floats, Holes
+from .profile import (
+    DifferenceTables,
+    Profile,
+    find_profile,
+    height_on,
+    measured_heights,
+    sum_differences,
+    usual_squared_difference,
+)
 
 _LEAST = 1000
-"""Points to be filled that are worth a thread."""
-_MARGIN = 0.5
-"""Filled heights stay within the span of those round the hole, widened by this part of it on both sides."""
+"""Points of holes below which a thread costs more than it saves."""
 
-# The thin-plate energy ∬ z_xx² + 2 z_xy² + z_yy² as a sum of squared differences on the grid. One line for
-# each kind of difference: row, column, coefficient of its points. √2 is for the 2 of the mixed derivative.
+_MARGIN = 0.5
+"""Filled heights stay within the span of the heights at the rim, widened by this share of it on both sides."""
+
+# The thin-plate energy ∬ z_xx² + 2 z_xy² + z_yy² is a sum of squared differences on the grid. There is one line
+# for each kind of difference, with (row, column, coefficient) of its points. √2 stands for the 2 of z_xy².
 _ROOT = float(np.sqrt(2.0))
 _DIFFERENCES = (
     ((0, 0, 1.0), (0, 1, -2.0), (0, 2, 1.0)),
@@ -27,15 +38,15 @@ _DIFFERENCES = (
 
 
 _AROUND = np.array([(r, c) for r in range(-2, 3) for c in range(-2, 3) if abs(r) + abs(c) <= 2])
-"""The 13 points that a difference can join with a point, itself among them, in row order."""
+"""The 13 points that share a difference with a point, including itself, in row order."""
 
 
 def _views() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Every difference as each of its points sees it, which is one line of the normal equations.
+    """List each difference relative to each of its points: its share of a row of the normal matrix.
 
     Returns:
-        Numbers (10, 4) of the points in `_AROUND`, and products of coefficients (10, 4); three points are
-        filled up with the point itself and a 0.
+        Indices (10, 4) of the points of the difference in `_AROUND`, and products of coefficients (10, 4). A
+        difference of three points is completed by the point itself with a 0.
     """
     number = {(int(row), int(column)): item for item, (row, column) in enumerate(_AROUND)}
     items = np.full((10, 4), number[0, 0])
@@ -52,7 +63,7 @@ _ITEMS, _PRODUCTS = _views()
 
 
 def _stencil() -> NDArray[np.float64]:
-    """The line of a point whose 12 neighbours all have a height."""
+    """The row of the normal matrix of a point whose 12 neighbours all have heights."""
     factors = np.zeros(len(_AROUND))
     np.add.at(factors, _ITEMS, _PRODUCTS)
     return factors
@@ -61,53 +72,51 @@ def _stencil() -> NDArray[np.float64]:
 _STENCIL = _stencil()
 
 
-def biharmonic_heights(
-    z: NDArray[Any], unknowns: NDArray[np.int32], points: NDArray[np.int32], starts: NDArray[np.int32]
-) -> NDArray[np.float64]:
-    """Solve every hole by itself: the heights of least thin-plate energy, which is 0 for a plane.
+def biharmonic_heights(z: Floats, unknowns: NDArray[np.int32], holes: Holes) -> NDArray[np.float64]:
+    """Find the heights of least thin-plate energy, one hole at a time.
 
-    Differences that would need a point that is neither measured nor in the hole are left out of the
-    energy. The normal equations, banded in row order, are solved by Cholesky's method; they are definite,
-    since each unknown lies in a row or column of unknowns between two measured points.
+    A difference that needs a point that is neither measured nor in the hole is left out of the energy. The normal
+    equations are banded, in row order, and are solved by Cholesky decomposition. They are positive definite,
+    because each unknown is between two measured points in its row or its column.
 
-    A step or a groove through the hole would become a ramp with ringing. By linearity the profile that
-    `find_profile` knows is taken from the heights before, and added to the solution.
+    A step or a groove through the hole would become a ramp with ringing. The equations are linear: therefore the
+    profile from `find_profile` is subtracted from the heights before, and added to the solution.
 
     Args:
-        z: (H, W) heights, float32 or float64.
-        unknowns: padded map of the unknowns, numbered as the points are.
-        points: (N, 2) rows and columns, hole after hole.
-        starts: (M + 1) where each hole starts.
+        z: (H, W) heights.
+        unknowns: padded map of the unknowns, from `number_points`.
+        holes: (N, 2) points, in M holes.
 
     Returns:
-        Heights (N,) in the unit of z, NaN for a point that is no unknown.
+        Heights (N,) in the unit of z, NaN for a point that is not an unknown.
     """
-    heights = np.full(len(points), np.nan)
-    holes = len(starts) - 1
-    if holes == 0:
+    heights = np.full(len(holes.points), np.nan)
+    count = len(holes.starts) - 1
+    if count == 0:
         return heights
     measured = measured_heights(z, unknowns)
-    bends = sum_bends(measured, usual_bend(measured))
+    tables = sum_differences(measured, usual_squared_difference(measured))
 
     def solve(some: slice) -> None:
-        _solve_holes(measured, bends, unknowns, points, starts[some.start : some.stop + 1], heights)
+        part = Holes(holes.points, holes.starts[some.start : some.stop + 1])
+        _solve_holes(measured, tables, unknowns, part, heights)
 
-    in_bands(solve, holes, len(points) // holes + 1, _LEAST)
+    in_bands(solve, count, len(holes.points) // count + 1, _LEAST)
     return heights
 
 
 @kernel
 def _solve_holes(
-    measured: NDArray[Any],
-    bends: tuple[NDArray[np.float64], NDArray[np.float64]],
+    measured: Floats,
+    tables: DifferenceTables,
     unknowns: NDArray[np.int32],
-    points: NDArray[np.int32],
-    starts: NDArray[np.int32],
+    holes: Holes,
     heights: NDArray[np.float64],
 ) -> None:
-    """Fill in the heights of some holes; what they become depends on no other hole."""
+    """Write the heights of some holes; each hole is solved independently of the others."""
+    points, starts = holes
     bands = np.empty(len(starts) - 1, np.int64)
-    longest, most = 0, 0  # the largest hole and the largest matrix; memory is taken once
+    longest, most = 0, 0  # of the largest hole and the largest matrix, so that memory is allocated once
     for hole in range(len(bands)):
         first, last = starts[hole], starts[hole + 1]
         bands[hole] = _bandwidth(unknowns, points, first, last)
@@ -127,7 +136,7 @@ def _solve_holes(
         margin = _MARGIN * (highest - lowest)
         matrix = matrix_memory[: size * (band + 1)].reshape(size, band + 1)
         surface = surface_memory[:size]
-        profile = find_profile(measured, bends, points, first, last)
+        profile = find_profile(measured, tables, points, first, last)
         _assemble(measured, profile, unknowns, points, first, matrix, surface)
         _factorize(matrix)
         _solve(matrix, surface)
@@ -140,8 +149,12 @@ def _solve_holes(
 
 
 @kernel
-def _bandwidth(unknowns: NDArray[np.int32], points: NDArray[np.int32], first: Any, last: Any) -> int:
-    """Greatest distance in the list of two unknowns that a difference joins; -1 without unknowns."""
+def _bandwidth(unknowns: NDArray[np.int32], points: NDArray[np.int32], first: int, last: int) -> int:
+    """Find the bandwidth of the normal matrix of the hole from `first` to before `last` in `points`.
+
+    Returns:
+        The largest distance, in the list of points, of two unknowns that share a difference; -1 without unknowns.
+    """
     band = -1
     for point in range(first, last):
         row, column = points[point, 0] + PADDING, points[point, 1] + PADDING
@@ -156,14 +169,14 @@ def _bandwidth(unknowns: NDArray[np.int32], points: NDArray[np.int32], first: An
 
 @kernel
 def _ring(
-    measured: NDArray[Any],
+    measured: Floats,
     unknowns: NDArray[np.int32],
     points: NDArray[np.int32],
-    first: Any,
-    last: Any,
+    first: int,
+    last: int,
     memory: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Heights of the measured points that a difference can join with the hole."""
+    """Return the heights of the measured points that share a difference with a hole, written to `memory`."""
     count = 0
     for point in range(first, last):
         row, column = points[point]
@@ -179,18 +192,24 @@ def _ring(
 
 @kernel
 def _assemble(
-    measured: NDArray[Any],
-    profile: tuple[float, float, float, NDArray[np.float64]],
+    measured: Floats,
+    profile: Profile,
     unknowns: NDArray[np.int32],
     points: NDArray[np.int32],
-    first: Any,
+    first: int,
     matrix: NDArray[np.float64],
     right: NDArray[np.float64],
 ) -> None:
-    """Normal equations of the thin-plate energy of the heights less their profile.
+    """Write the normal equations of the thin-plate energy of the heights less their profile.
 
-    `matrix` (n, band + 1) holds the lower band, the diagonal in its last column, and `right` (n) the
-    right-hand side.
+    Args:
+        measured: padded heights.
+        profile: through the hole.
+        unknowns: padded map of the unknowns.
+        points: (N, 2), rows and columns of the points of all holes.
+        first: where the n points of the hole start.
+        matrix: (n, band + 1), overwritten by the lower band, with the diagonal in the last column.
+        right: (n,), overwritten by the right-hand side.
     """
     size, band = len(matrix), matrix.shape[1] - 1
     others = np.empty(len(_AROUND), np.int64)
@@ -210,7 +229,7 @@ def _assemble(
             all_usable &= others[item] != UNUSABLE
             factors[item] = _STENCIL[item]
         if not all_usable:
-            _leave_out(others, factors)
+            _drop_unusable(others, factors)
         for item in range(len(_AROUND)):
             if others[item] == MEASURED:
                 r, c = row + _AROUND[item, 0], column + _AROUND[item, 1]
@@ -220,8 +239,13 @@ def _assemble(
 
 
 @kernel
-def _leave_out(others: NDArray[np.int64], factors: NDArray[np.float64]) -> None:
-    """The line of a point without the differences that would need an unusable point."""
+def _drop_unusable(others: NDArray[np.int64], factors: NDArray[np.float64]) -> None:
+    """Write the row of the normal matrix of a point, without the differences that need an unusable point.
+
+    Args:
+        others: (13,), the points in `_AROUND`: number in the hole, MEASURED or UNUSABLE.
+        factors: (13,), overwritten by their coefficients.
+    """
     factors[:] = 0.0
     for view in range(len(_ITEMS)):
         complete = True
@@ -234,10 +258,10 @@ def _leave_out(others: NDArray[np.int64], factors: NDArray[np.float64]) -> None:
 
 @kernel
 def _factorize(matrix: NDArray[np.float64]) -> None:
-    """Cholesky's factor of a banded matrix, in place.
+    """Replace a banded matrix (n, band + 1) by its Cholesky factor.
 
-    Column by column, each taken from the rows below it, so that the innermost loop runs along memory and
-    adds to different places: the compiler may then use vectors without changing the order of a sum.
+    Each column is subtracted from the rows below it. The innermost loop then runs along memory and adds to
+    different elements, so that the compiler vectorises it without changing the order of a sum.
     """
     size, band = len(matrix), matrix.shape[1] - 1
     below = np.empty(band + 1)
@@ -258,7 +282,7 @@ def _factorize(matrix: NDArray[np.float64]) -> None:
 
 @kernel
 def _solve(factor: NDArray[np.float64], right: NDArray[np.float64]) -> None:
-    """Solve with Cholesky's factor, in place."""
+    """Replace the right-hand side (n,) by the solution, from the Cholesky factor."""
     size, band = len(factor), factor.shape[1] - 1
     for row in range(size):
         total = right[row]

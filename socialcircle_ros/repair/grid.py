@@ -1,4 +1,4 @@
-"""Filled points take their place on the grid."""
+"""The positions of filled points on the grid of the cloud."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,19 @@ def fill_points(
     chosen: Mask,
     heights: NDArray[np.float64],
 ) -> None:
-    """Write the chosen points into `xyz` and `filled`; the other points of the holes become NaN.
+    """Write the chosen points to the cloud; the other points of the holes become NaN.
 
-    x and y of a point, where they are not both finite, are linear between the two rims in its row and between
-    the two in its column; where both exist, weighted by 1/gap² as the heights of a spline are.
+    x and y are kept if both are finite. Otherwise they are interpolated linearly between the two rims in the row,
+    and between the two in the column. Where both pairs of rims exist, the weights are 1/gap², as for the heights
+    of a spline.
+
+    Args:
+        xyz: (H, W, 3), updated.
+        filled: (H, W), set to True for the filled points.
+        points: (N, 2) rows and columns.
+        rims: (N, 4) distances to the rims: left, right, above, below; 0: no rim.
+        chosen: (N,), the points to fill.
+        heights: (N,), NaN where no height was found.
     """
     for point in range(len(points)):
         row, column = points[point]

@@ -1,6 +1,6 @@
-"""Which points may be filled: holes, their sides, their size, the heights round them."""
+"""Which points of a cloud may be filled: the holes, their size, their sides, and the heights next to them."""
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,37 +9,49 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.union_find import root_of
 
+Floats = NDArray[np.float32] | NDArray[np.float64]
+"""Values in either data type of a cloud."""
+
 MEASURED, UNUSABLE = -1, -2
-"""In a map of unknowns: a height to go by; a place without any. From 0 on it is the number of an unknown."""
+"""Values in a map of unknowns: a measured height; no height. A value from 0 on is the number of an unknown."""
 
 PADDING = 2
-"""Rows and columns round that map."""
+"""Rows and columns of UNUSABLE on each side of a map of unknowns."""
+
+
+class Holes(NamedTuple):
+    """The holes in a cloud: groups of points that touch along a side."""
+
+    points: NDArray[np.int32]
+    """(N, 2): row and column of each point, hole after hole, each hole in row order."""
+
+    starts: NDArray[np.int32]
+    """(M + 1,): where each hole starts in `points`; the last value is N."""
 
 
 @kernel
-def find_holes(holes: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Group the points of holes that touch along a side.
+def find_holes(mask: Mask) -> Holes:
+    """Group the points of a mask that touch along a side.
 
     Args:
-        holes: (H, W) bool.
+        mask: (H, W) bool.
 
     Returns:
-        Rows and columns (N, 2) of all points, hole after hole, each hole in row order; and where each hole
-        starts in that list (M + 1), the last item being N.
+        The holes, in the order of their first points.
     """
-    height, width = holes.shape
+    height, width = mask.shape
     label = np.empty((height, width), np.int32)
-    parent = np.empty(holes.sum(), np.int32)
+    parent = np.empty(mask.sum(), np.int32)
     count = 0
     for row in range(height):
         for column in range(width):
-            if not holes[row, column]:
+            if not mask[row, column]:
                 continue
-            above = row > 0 and holes[row - 1, column]
-            before = column > 0 and holes[row, column - 1]
+            above = row > 0 and mask[row - 1, column]
+            before = column > 0 and mask[row, column - 1]
             if above and before:
                 first, second = root_of(parent, label[row - 1, column]), root_of(parent, label[row, column - 1])
-                # The older root stays, so that holes are numbered by their first point in row order.
+                # The lower root stays, so that holes are numbered in the order of their first points.
                 label[row, column] = min(first, second)
                 parent[max(first, second)] = min(first, second)
             elif above:
@@ -60,7 +72,7 @@ def find_holes(holes: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     starts = np.zeros(roots + 1, np.int32)
     for row in range(height):
         for column in range(width):
-            if holes[row, column]:
+            if mask[row, column]:
                 label[row, column] = number[label[row, column]]
                 starts[label[row, column] + 1] += 1
     for hole in range(roots):
@@ -69,22 +81,28 @@ def find_holes(holes: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     place = starts.copy()
     for row in range(height):
         for column in range(width):
-            if holes[row, column]:
+            if mask[row, column]:
                 points[place[label[row, column]]] = row, column
                 place[label[row, column]] += 1
-    return points, starts
+    return Holes(points, starts)
 
 
 @kernel
-def find_rims(
-    points: NDArray[np.int32], starts: NDArray[np.int32], holes: Mask, measured: Mask, largest: int
-) -> NDArray[np.int32]:
-    """Distances (N, 4) from each point to the rim of its hole: left, right, above, below.
+def find_rims(holes: Holes, mask: Mask, measured: Mask, largest: int) -> NDArray[np.int32]:
+    """Find the distance from each point of a hole to the measured points at its rim.
 
-    0 stands for a side on which the hole ends at the border of the cloud or at a point that is not measured,
-    and for every side of a hole that is too large.
+    Args:
+        holes: from `find_holes`.
+        mask: (H, W) of the holes.
+        measured: (H, W) of the measured points outside the holes.
+        largest: number of points of the largest hole that is filled.
+
+    Returns:
+        Distances (N, 4) in points: left, right, above, below. A distance is 0 if the hole ends at the border of
+        the cloud or at a point that is not measured, or if the hole is too large.
     """
-    height, width = holes.shape
+    points, starts = holes
+    height, width = mask.shape
     rims = np.zeros((len(points), 4), np.int32)
     for hole in range(len(starts) - 1):
         if starts[hole + 1] - starts[hole] > largest:
@@ -95,7 +113,7 @@ def find_rims(
                 step_column = (-1, 1, 0, 0)[side]
                 row, column = points[point]
                 distance = 0
-                while 0 <= row < height and 0 <= column < width and holes[row, column]:
+                while 0 <= row < height and 0 <= column < width and mask[row, column]:
                     row += step_row
                     column += step_column
                     distance += 1
@@ -106,21 +124,24 @@ def find_rims(
 
 @kernel
 def choose_points(
-    points: NDArray[np.int32],
-    starts: NDArray[np.int32],
-    rims: NDArray[np.int32],
-    measured: Mask,
-    z: NDArray[Any],
-    sides: int,
-    heights_agree: float,
+    holes: Holes, rims: NDArray[np.int32], measured: Mask, z: Floats, sides: int, heights_agree: float
 ) -> tuple[Mask, Mask]:
-    """Which points are within the limits, and which of the others help to find their heights.
+    """Choose the points that are filled, and those whose heights must be found for that.
+
+    Args:
+        holes: from `find_holes`.
+        rims: (N, 4), from `find_rims`.
+        measured: (H, W) of the measured points outside the holes.
+        z: (H, W) heights.
+        sides: least number of sides on which a point must have a rim.
+        heights_agree: largest difference of the heights next to a hole, in the unit of z; 0: any.
 
     Returns:
-        Masks (N,). `inner` points lie between two opposite rims; with a point all others between the same
-        rims are inner, so that their heights are determined. `chosen` points are inner, have the rim on
-        at least `sides` sides, and the heights that touch their hole agree.
+        Masks (N,) of the inner and the chosen points. Inner points are between two opposite rims. If a point is
+        inner, all other points between the same rims are inner too, so that their heights are determined. Chosen
+        points are inner, and within the limits of `sides` and `heights_agree`.
     """
+    points, starts = holes
     height, width = measured.shape
     inner = np.zeros(len(points), np.bool_)
     chosen = np.zeros(len(points), np.bool_)
@@ -143,10 +164,17 @@ def choose_points(
 
 @kernel
 def number_points(points: NDArray[np.int32], inner: Mask, measured: Mask) -> NDArray[np.int32]:
-    """Map of the unknowns: the number of an inner point in the list, MEASURED or UNUSABLE.
+    """Make the map of the unknowns.
 
-    Round the (H, W) points of the cloud lie PADDING rows and columns of UNUSABLE, so that nobody who looks at
-    the neighbours of a point has to ask where the cloud ends.
+    PADDING rows and columns of UNUSABLE surround the map, so that the neighbours of each point exist.
+
+    Args:
+        points: (N, 2) of the holes.
+        inner: (N,), the points whose heights are unknowns.
+        measured: (H, W) of the measured points outside the holes.
+
+    Returns:
+        (H + 2 · PADDING, W + 2 · PADDING): the number of an inner point in `points`, MEASURED or UNUSABLE.
     """
     height, width = measured.shape
     unknowns = np.full((height + 2 * PADDING, width + 2 * PADDING), UNUSABLE, np.int32)

@@ -1,56 +1,118 @@
-"""Steps and grooves as a profile along one direction, found from the points round a hole."""
+"""Steps and grooves through a hole: a profile along one direction, found from the points near the hole.
 
-from typing import Any
+A straight step is a function of one direction, f(n · p), whatever its angle and however blurred it is. So is a
+straight groove. If such a profile is subtracted from the heights, the rest has no step.
+
+- n is the direction whose profile has the least leave-one-out error: projection pursuit regression with one term
+  (J. H. Friedman, W. Stuetzle, J. Am. Stat. Assoc. 76 (1981) 817-823, DOI 10.1080/01621459.1981.10477729).
+- f is a local linear regression of the heights over their places along n, with Gaussian weights (W. S. Cleveland,
+  J. Am. Stat. Assoc. 74 (1979) 829-836, DOI 10.1080/01621459.1979.10481038). The heights are those above their
+  least-squares plane, and each is shared linearly between two places `_SPACING` apart.
+
+A profile is searched only where second differences are much larger than they usually are in the cloud. It is used
+only where it explains the heights: roughness alone also has profiles, by chance.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING
+from .holes import MEASURED, PADDING, Floats
 
 _MARGIN = 4
-"""A hole's surroundings are its bounding box and this many rows and columns beyond it."""
+"""The neighbourhood of a hole is its bounding box and this many rows and columns on each side."""
 
 _SAMPLES = 20000
-"""About as many points tell how much a cloud bends usually."""
+"""Approximate number of points from which the usual second difference of a cloud is found."""
 
 _MEDIAN_OF_SQUARES = 0.4549
 """Median of the square of a normal variable of variance 1."""
 
-_BEND = 6.0
-"""A profile is looked for where the mean of n squared second differences is above 1 + this/√n of the usual."""
+_EXCESS = 6.0
+"""A profile is searched if the mean of n squared second differences exceeds 1 + _EXCESS/√n times the usual one."""
 
 _EXPLAINED = 0.5
-"""A profile is used if it leaves less than this part of the variance of the heights round their plane, ..."""
+"""A profile is used if its error is below this share of the variance of the heights above their plane, and ..."""
 
 _WORTH = 0.5
-"""... and less than this times the mean squared second difference and the number of points of the hole."""
+"""... below this factor times the mean squared second difference times the number of points of the hole."""
 
 _LARGEST = 1e4
-"""Squared second differences are counted up to this times the usual."""
+"""Limit of a squared second difference, as a multiple of the usual one."""
 
 _SPACING = 0.25
-"""Distance of the heights of a profile, and standard deviation of the Gaussian that weighs points, in points."""
+"""Distance of two places of a profile, and standard deviation of the Gaussian weights, in points."""
 
 _TAPS = 3
 _WEIGHTS = np.exp(-0.5 * np.arange(-_TAPS, _TAPS + 1) ** 2)
-"""That Gaussian, cut off at three standard deviations."""
+"""The Gaussian weights, cut off at three standard deviations."""
 
 _ANGLES = 12
+"""Directions that are tried first."""
+
 _HALVINGS = 4
-"""Directions that are tried, and how often the distance of two of them is halved round the best."""
+"""How often the step between directions is then halved around the best one."""
 
 _FLATNESS = 0.05
-"""Added to the variance of places in a regression line, in squares of their spacing: few points tell no slope."""
+"""Added to the variance of the places in a regression line, in squared spacings: few points give no slope."""
 
-_LONELY = 0.8
-"""A point with more than this weight in its own fit is not asked what the others leave of it."""
+_LARGEST_LEVERAGE = 0.8
+"""A point with a larger weight in its own fit is left out of the leave-one-out error."""
+
+
+class DifferenceTables(NamedTuple):
+    """Summed-area tables of squared second differences, (H + 1, W + 1) each.
+
+    The value at (r, c) belongs to the differences whose middle is in a row above r and a column left of c. Source:
+    F. C. Crow, Summed-area tables for texture mapping, SIGGRAPH 1984, DOI 10.1145/800031.808600.
+    """
+
+    sums: NDArray[np.float64]
+    """Sum of the differences, each a multiple of the usual one and `_LARGEST` at most."""
+
+    counts: NDArray[np.float64]
+    """Number of the differences."""
+
+
+class Profile(NamedTuple):
+    """A function of one direction, f(n · p)."""
+
+    direction_row: float
+    """n along the rows."""
+
+    direction_column: float
+    """n along the columns."""
+
+    start: float
+    """n · p of the first height."""
+
+    heights: NDArray[np.float64]
+    """The heights, `_SPACING` apart; none if there is no profile."""
+
+
+class _Box(NamedTuple):
+    """Rows from top to before bottom, columns from left to before right."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
 
 
 @kernel
-def measured_heights(z: NDArray[Any], unknowns: NDArray[np.int32]) -> NDArray[Any]:
-    """Heights in the shape of the map of unknowns, close together in memory, NaN where nothing is measured."""
+def measured_heights(z: Floats, unknowns: NDArray[np.int32]) -> Floats:
+    """Copy the measured heights to a contiguous array.
+
+    Args:
+        z: (H, W) heights.
+        unknowns: padded map of the unknowns, from `number_points`.
+
+    Returns:
+        The heights in the shape of `unknowns` and the data type of `z`, NaN where nothing is measured.
+    """
     height, width = z.shape
     heights = np.full(unknowns.shape, np.nan, z.dtype)
     for row in range(height):
@@ -61,14 +123,14 @@ def measured_heights(z: NDArray[Any], unknowns: NDArray[np.int32]) -> NDArray[An
 
 
 @kernel
-def usual_bend(heights: NDArray[Any]) -> float:
-    """Mean square of second differences along rows and columns, from its median, which no step moves.
+def usual_squared_difference(heights: Floats) -> float:
+    """Estimate the mean squared second difference along rows and columns, from the median: steps do not change it.
 
     Args:
         heights: padded, from `measured_heights`.
 
     Returns:
-        The square of the unit of the heights; 0 where nothing is measured.
+        The mean square, in the squared unit of the heights; 0 where nothing is measured.
     """
     height, width = heights.shape
     stride = max(1, int(np.sqrt(height * width / _SAMPLES)))
@@ -76,7 +138,7 @@ def usual_bend(heights: NDArray[Any]) -> float:
     count = 0
     for row in range(PADDING, height - PADDING, stride):
         for column in range(PADDING, width - PADDING, stride):
-            for square in _squares(heights, row, column):
+            for square in _squared_differences(heights, row, column):
                 if not np.isnan(square):
                     squares[count] = square
                     count += 1
@@ -84,8 +146,8 @@ def usual_bend(heights: NDArray[Any]) -> float:
 
 
 @kernel
-def _squares(heights: NDArray[Any], row: Any, column: Any) -> tuple[float, float]:
-    """Squared second differences along the row and the column; NaN where one of the points is missing."""
+def _squared_differences(heights: Floats, row: int, column: int) -> tuple[float, float]:
+    """Squared second differences along the row and along the column; NaN where one of the points is missing."""
     twice = 2.0 * heights[row, column]
     along = heights[row, column - 1] - twice + heights[row, column + 1]
     across = heights[row - 1, column] - twice + heights[row + 1, column]
@@ -93,16 +155,15 @@ def _squares(heights: NDArray[Any], row: Any, column: Any) -> tuple[float, float
 
 
 @kernel
-def sum_bends(heights: NDArray[Any], usual: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Summed-area tables (Crow 1984) of squared second differences, each as a multiple of the usual one.
+def sum_differences(heights: Floats, usual: float) -> DifferenceTables:
+    """Make the summed-area tables of the squared second differences.
 
     Args:
         heights: padded, from `measured_heights`.
-        usual: the usual square, from `usual_bend`.
+        usual: from `usual_squared_difference`.
 
     Returns:
-        (H + 1, W + 1) sum and number of the differences whose middle lies above and left of a place.
-        Multiples end at `_LARGEST`, so that one spike does not drown the others in rounding.
+        The tables. The differences are limited, so that a spike does not make rounding hide the others.
     """
     height, width = heights.shape[0] - 2 * PADDING, heights.shape[1] - 2 * PADDING
     sums, counts = np.zeros((height + 1, width + 1)), np.zeros((height + 1, width + 1))
@@ -110,7 +171,7 @@ def sum_bends(heights: NDArray[Any], usual: float) -> tuple[NDArray[np.float64],
     line, numbers = np.empty(width), np.empty(width)
     for row in range(height):
         for column in range(width):
-            along, across = _squares(heights, row + PADDING, column + PADDING)
+            along, across = _squared_differences(heights, row + PADDING, column + PADDING)
             line[column] = (min(along * scale, _LARGEST) if along > 0 else 0.0) + (
                 min(across * scale, _LARGEST) if across > 0 else 0.0
             )
@@ -121,73 +182,110 @@ def sum_bends(heights: NDArray[Any], usual: float) -> tuple[NDArray[np.float64],
             number += numbers[column]
             sums[row + 1, column + 1] = sums[row, column + 1] + total
             counts[row + 1, column + 1] = counts[row, column + 1] + number
-    return sums, counts
+    return DifferenceTables(sums, counts)
 
 
 @kernel
 def find_profile(
-    measured: NDArray[Any],
-    bends: tuple[NDArray[np.float64], NDArray[np.float64]],
-    points: NDArray[np.int32],
-    first: Any,
-    last: Any,
-) -> tuple[float, float, float, NDArray[np.float64]]:
-    """The function of one direction, f(n · p), that comes nearest to the heights round a hole.
-
-    A straight step, whatever its angle and however blurred, is such a function, and so is a straight groove;
-    with it taken away, what is left has no step. f is a local linear regression (Cleveland 1979) of
-    the heights, less their plane of least squares, over their places along n: heights are shared linearly
-    between places `_SPACING` apart, and weighed with a Gaussian. n is the direction in which the points,
-    each left out in turn, are told best by the others: projection pursuit regression with one term
-    (Friedman and Stuetzle 1981).
-
-    It is looked for only where the surface bends much more than it does usually, and used only where it
-    explains the heights: roughness alone has profiles too, which chance put there.
+    measured: Floats, tables: DifferenceTables, points: NDArray[np.int32], first: int, last: int
+) -> Profile:
+    """Find the profile that is nearest to the heights in the neighbourhood of a hole, see the module.
 
     Args:
         measured: padded heights, from `measured_heights`.
-        bends: the tables of `sum_bends`.
-        points: (N, 2) rows and columns, hole after hole.
+        tables: from `sum_differences`.
+        points: (N, 2), rows and columns of the points of all holes.
         first: where the hole starts in `points`.
         last: where it ends.
 
     Returns:
-        n as row and column, n · p of the first height, and the heights, `_SPACING` apart; none of them if there
-        is no profile.
+        The profile; without heights if none is used.
     """
-    nothing = 0.0, 0.0, 0.0, np.empty(0)
+    nothing = Profile(0.0, 0.0, 0.0, np.empty(0))
+    box = _neighbourhood(points, first, last, measured.shape[0] - 2 * PADDING, measured.shape[1] - 2 * PADDING)
+    count = max(_sum_in_box(tables.counts, box), 1.0)
+    if _sum_in_box(tables.sums, box) <= count + _EXCESS * np.sqrt(count):
+        return nothing
+    places, heights, mean_square = _collect(measured, box, count)
+    variance = _subtract_plane(places, heights)
+    along = np.empty(len(heights))
+    diagonal = np.hypot(box.bottom - box.top, box.right - box.left)
+    lines = np.empty((4, int((diagonal + 1.0) / _SPACING)))
+    least, angle = _best_direction(places, heights, along, lines)
+    if not (least < _EXPLAINED * variance and least < _WORTH * (last - first) * mean_square):
+        return nothing
+    _error(places, heights, angle, along, lines)
+    start, size = _places(along)
+    return Profile(np.sin(angle), np.cos(angle), start, _interpolate_gaps(lines[0, :size]))
+
+
+@kernel
+def _neighbourhood(points: NDArray[np.int32], first: int, last: int, height: int, width: int) -> _Box:
+    """Return the bounding box of the hole from `first` to before `last`, with a margin, within the cloud."""
     top, bottom, left, right = points[first, 0], points[first, 0], points[first, 1], points[first, 1]
     for point in range(first, last):
         row, column = points[point]
         top, bottom = min(top, row), max(bottom, row)
         left, right = min(left, column), max(right, column)
-    top, bottom = max(top - _MARGIN, 0), min(bottom + _MARGIN + 1, measured.shape[0] - 2 * PADDING)
-    left, right = max(left - _MARGIN, 0), min(right + _MARGIN + 1, measured.shape[1] - 2 * PADDING)
-    differences = max(_in_box(bends[1], top, bottom, left, right), 1.0)
-    if _in_box(bends[0], top, bottom, left, right) <= differences + _BEND * np.sqrt(differences):
-        return nothing
-    places = np.empty(((bottom - top) * (right - left), 2))
-    heights = np.empty(len(places))
-    count = 0
-    bend = 0.0
-    for row in range(top, bottom):
-        for column in range(left, right):
+    return _Box(
+        max(top - _MARGIN, 0),
+        min(bottom + _MARGIN + 1, height),
+        max(left - _MARGIN, 0),
+        min(right + _MARGIN + 1, width),
+    )
+
+
+@kernel
+def _sum_in_box(table: NDArray[np.float64], box: _Box) -> float:
+    top, bottom, left, right = box
+    inside: float = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+    return inside
+
+
+@kernel
+def _collect(measured: Floats, box: _Box, count: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Collect the measured points in a box.
+
+    Args:
+        measured: padded heights.
+        box: where.
+        count: number of second differences in the box.
+
+    Returns:
+        Rows and columns (n, 2), heights (n,), and the mean squared second difference.
+    """
+    points = np.empty(((box.bottom - box.top) * (box.right - box.left), 2))
+    heights = np.empty(len(points))
+    found = 0
+    mean_square = 0.0
+    for row in range(box.top, box.bottom):
+        for column in range(box.left, box.right):
             height = measured[row + PADDING, column + PADDING]
             if not np.isnan(height):
-                places[count] = row, column
-                heights[count] = height
-                count += 1
-                for square in _squares(measured, row + PADDING, column + PADDING):
-                    bend += square / differences if not np.isnan(square) else 0.0
-    places, heights = places[:count], heights[:count]
-    variance = _flatten(places, heights)
+                points[found] = row, column
+                heights[found] = height
+                found += 1
+                for square in _squared_differences(measured, row + PADDING, column + PADDING):
+                    mean_square += square / count if not np.isnan(square) else 0.0
+    return points[:found], heights[:found], mean_square
 
-    along = np.empty(count)
-    lines = np.empty((4, int((np.hypot(bottom - top, right - left) + 1.0) / _SPACING)))
+
+@kernel
+def _best_direction(
+    points: NDArray[np.float64],
+    heights: NDArray[np.float64],
+    along: NDArray[np.float64],
+    lines: NDArray[np.float64],
+) -> tuple[float, float]:
+    """Search the direction of the profile with the least error; `along` and `lines` are work arrays of `_error`.
+
+    Returns:
+        The least error, and the angle of its direction in radians.
+    """
     least, angle = np.inf, 0.0
     for turn in range(_ANGLES):
         trial = turn * np.pi / _ANGLES
-        error = _error(places, heights, trial, along, lines)
+        error = _error(points, heights, trial, along, lines)
         if error < least:
             least, angle = error, trial
     step = np.pi / _ANGLES
@@ -195,30 +293,20 @@ def find_profile(
         step /= 2
         middle = angle
         for trial in (middle - step, middle + step):
-            error = _error(places, heights, trial, along, lines)
+            error = _error(points, heights, trial, along, lines)
             if error < least:
                 least, angle = error, trial
-    if not (least < _EXPLAINED * variance and least < _WORTH * (last - first) * bend):
-        return nothing
-    _error(places, heights, angle, along, lines)
-    start, size = _places(along)
-    return np.sin(angle), np.cos(angle), start, _bridge(lines[0, :size])
+    return least, angle
 
 
 @kernel
-def _in_box(table: NDArray[np.float64], top: int, bottom: int, left: int, right: int) -> float:
-    inside: float = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
-    return inside
-
-
-@kernel
-def _flatten(places: NDArray[np.float64], heights: NDArray[np.float64]) -> float:
-    """Take the plane of least squares from the heights, in place; the variance that is left."""
+def _subtract_plane(points: NDArray[np.float64], heights: NDArray[np.float64]) -> float:
+    """Subtract the least-squares plane from the heights, in place. Returns the variance of the rest."""
     count = len(heights)
-    row, column, height = places[:, 0].mean(), places[:, 1].mean(), heights.mean()
+    row, column, height = points[:, 0].mean(), points[:, 1].mean(), heights.mean()
     rows, columns, mixed, by_row, by_column = 0.0, 0.0, 0.0, 0.0, 0.0
     for item in range(count):
-        r, c, h = places[item, 0] - row, places[item, 1] - column, heights[item] - height
+        r, c, h = points[item, 0] - row, points[item, 1] - column, heights[item] - height
         rows += r * r
         columns += c * c
         mixed += r * c
@@ -226,32 +314,42 @@ def _flatten(places: NDArray[np.float64], heights: NDArray[np.float64]) -> float
         by_column += c * h
     determinant = rows * columns - mixed * mixed
     slope_row, slope_column = 0.0, 0.0
-    if determinant > 0.5:  # else the points lie on one line; the sums are multiples of 1/count
+    if determinant > 0.5:  # otherwise the points are on one line: the sums are multiples of 1/count
         slope_row = (by_row * columns - by_column * mixed) / determinant
         slope_column = (by_column * rows - by_row * mixed) / determinant
     variance = 0.0
     for item in range(count):
-        heights[item] -= height + slope_row * (places[item, 0] - row) + slope_column * (places[item, 1] - column)
+        heights[item] -= height + slope_row * (points[item, 0] - row) + slope_column * (points[item, 1] - column)
         variance += heights[item] ** 2
     return variance / count
 
 
 @kernel
 def _error(
-    places: NDArray[np.float64],
+    points: NDArray[np.float64],
     heights: NDArray[np.float64],
     angle: float,
     along: NDArray[np.float64],
     lines: NDArray[np.float64],
 ) -> float:
-    """Mean square that is left of each height by the profile of the others; fills `along` and `lines`.
+    """Fit the profile in one direction, and return its mean squared leave-one-out error.
 
-    The rows of `lines` hold the profile, and of each of its heights the weights of the places before, at and
-    after it. A height's residual, divided by 1 - its own weight in its fit, is what the others leave of it.
+    The leave-one-out residual of a height is its residual divided by 1 - its own weight in its fit.
+
+    Args:
+        points: (n, 2), rows and columns.
+        heights: (n,), above their plane.
+        angle: of the direction, radians.
+        along: (n,), overwritten by n · p of each point.
+        lines: (4, at least as many as places), overwritten by the profile, and by the weights of the places
+            before, at and after each place in the height there.
+
+    Returns:
+        The mean square; infinite if it is known for half of the heights or fewer.
     """
     direction_row, direction_column = np.sin(angle), np.cos(angle)
     for item in range(len(heights)):
-        along[item] = direction_row * places[item, 0] + direction_column * places[item, 1]
+        along[item] = direction_row * points[item, 0] + direction_column * points[item, 1]
     start, size = _places(along)
     sums, counts = np.zeros((2, size + 2 * _TAPS))
     for item in range(len(heights)):
@@ -264,7 +362,7 @@ def _error(
         counts[before + 1] += share
     _fit_lines(sums, counts, lines[:, :size])
     profile, weight_before, weight_at, weight_after = lines
-    left_over, told = 0.0, 0
+    total, counted = 0.0, 0
     for item in range(len(heights)):
         place = (along[item] - start) / _SPACING
         before = int(place)
@@ -272,27 +370,33 @@ def _error(
         rest = 1.0 - share
         own = rest * (rest * weight_at[before] + share * weight_after[before])
         own += share * (rest * weight_before[before + 1] + share * weight_at[before + 1])
-        if own < _LONELY:
+        if own < _LARGEST_LEVERAGE:
             height = rest * profile[before] + share * profile[before + 1]
-            left_over += ((heights[item] - height) / (1.0 - own)) ** 2
-            told += 1
-    return left_over / told if told > len(heights) / 2 else float('inf')
+            total += ((heights[item] - height) / (1.0 - own)) ** 2
+            counted += 1
+    return total / counted if counted > len(heights) / 2 else float('inf')
 
 
 @kernel
 def _places(along: NDArray[np.float64]) -> tuple[float, int]:
-    """The first place of a profile and their number; as far beyond the points on one side as on the other."""
+    """Return the first place of a profile and the number of places; the points are in their middle."""
     least, greatest = along.min(), along.max()
-    # Rounded: spans of whole points, which are common, must not fall on either side of a jump in the size.
+    # Rounded, because spans of whole points are common: rounding errors must not change the size.
     size = int((greatest - least) / _SPACING + 0.5) + 3
     return (least + greatest - (size - 1) * _SPACING) / 2.0, size
 
 
 @kernel
 def _fit_lines(sums: NDArray[np.float64], counts: NDArray[np.float64], lines: NDArray[np.float64]) -> None:
-    """Heights of the regression lines at their places, and three of their weights.
+    """Write the heights of the regression lines at their places, and three of their weights, to `lines`.
 
-    All places at once, offset by offset, so that the loops run along memory and the compiler may use vectors.
+    All places are fitted at once, offset by offset: the loops then run along memory, and the compiler vectorises
+    them.
+
+    Args:
+        sums: (places + 2 · _TAPS,), heights that each place shares.
+        counts: (places + 2 · _TAPS,), number of points that each place shares.
+        lines: (4, places), see `_error`.
     """
     size = lines.shape[1]
     zeroth, first, second, height, moment = np.zeros((5, size))
@@ -319,8 +423,8 @@ def _fit_lines(sums: NDArray[np.float64], counts: NDArray[np.float64], lines: ND
 
 
 @kernel
-def _bridge(heights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Heights of a profile; linear between their neighbours where no point is near."""
+def _interpolate_gaps(heights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the heights of a profile, interpolated linearly where no point is near."""
     profile = heights.copy()
     last = 0
     for place in range(1, len(profile)):
@@ -333,8 +437,8 @@ def _bridge(heights: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @kernel
-def height_on(profile: tuple[float, float, float, NDArray[np.float64]], row: Any, column: Any) -> float:
-    """Height of a profile at a point; 0 everywhere without one."""
+def height_on(profile: Profile, row: int, column: int) -> float:
+    """Height of the profile at a point; 0 if the profile has no heights."""
     direction_row, direction_column, start, heights = profile
     if len(heights) == 0:
         return 0.0

@@ -1,28 +1,26 @@
-"""Heights in a hole as the paper finds them: cubic B-splines along rows and columns (section 4.2)."""
-
-from typing import Any
+"""Heights in a hole by the method of the paper (section 4.2): cubic B-splines along rows and columns."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING
+from .holes import MEASURED, PADDING, Floats
 
 
-def spline_heights(z: NDArray[Any], unknowns: NDArray[np.int32], rims: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Interpolate along rows and columns, and mix the two by 1/gap².
+def spline_heights(z: Floats, unknowns: NDArray[np.int32], rims: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Interpolate along rows and along columns, and average the two with the weights 1/gap².
 
-    A cubic B-spline through all measured points of a line is its interpolating cubic spline, here with
-    natural ends. It is evaluated between two rims of a hole only, never beyond: it runs wild there.
+    The cubic B-spline through all measured points of a line is the interpolating cubic spline of that line, here
+    with natural ends. It is evaluated only between two rims of a hole; outside it oscillates strongly.
 
     Args:
-        z: (H, W) heights, float32 or float64.
-        unknowns: padded map of the unknowns.
-        rims: (N, 4) distances to the rims.
+        z: (H, W) heights.
+        unknowns: padded map of the unknowns, from `number_points`.
+        rims: (N, 4) distances to the rims, from `find_rims`.
 
     Returns:
-        Heights (N,) of the unknowns in the unit of z, NaN where a number stands for no unknown.
+        Heights (N,) in the unit of z, NaN for a point that is not an unknown.
     """
     unknowns = unknowns[PADDING:-PADDING, PADDING:-PADDING]
     total = np.zeros(len(rims))
@@ -36,13 +34,13 @@ def spline_heights(z: NDArray[Any], unknowns: NDArray[np.int32], rims: NDArray[n
 
 @kernel
 def _add_lines(
-    z: NDArray[Any],
+    z: Floats,
     unknowns: NDArray[np.int32],
     rims: NDArray[np.int32],
     total: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> None:
-    """Add the spline's weighted heights of every row to `total`, and their weights to `weights`."""
+    """Add the weighted heights of the spline in each row to `total` (N,), and the weights to `weights` (N,)."""
     height, width = unknowns.shape
     place = np.empty(width, np.int64)
     value = np.empty(width, np.float64)
@@ -60,7 +58,7 @@ def _add_lines(
                 wanted = True
         if not wanted or count < 2:
             continue
-        # Second derivatives at the knots, 0 at both ends: a tridiagonal system, solved from left to right.
+        # Second derivatives at the knots, 0 at both ends: a tridiagonal system, solved by elimination.
         curvature[0] = ratio[0] = 0.0
         for knot in range(1, count - 1):
             before, after = place[knot] - place[knot - 1], place[knot + 1] - place[knot]

@@ -149,11 +149,11 @@ class TestBadInput:
 
     def test_fewer_than_three_z_are_refused(self, noisy):
         stack = FocusStack()
-        with pytest.raises(StackError, match='three different z at least, not 0'):
+        with pytest.raises(StackError, match='three different z at least; the stack has 0'):
             stack.finish()
         for z in (1.0, 2.0, 2.0):
             stack.add(noisy.frames[0], z)
-        with pytest.raises(StackError, match='three different z at least, not 2'):
+        with pytest.raises(StackError, match='three different z at least; the stack has 2'):
             stack.finish()
 
     def test_different_numbers_of_frames_and_z_are_refused(self, noisy):

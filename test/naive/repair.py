@@ -1,4 +1,4 @@
-"""The repair again, hole by hole with dense least squares, so that it can be read beside its definition."""
+"""Slow, obvious references for the repair: dense least squares for each hole, after its definition."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def find_holes(mask):
 
 
 def walk(point, step, inside):
-    """The first point outside `inside` in the direction `step`, and how many steps away it is."""
+    """The first point outside `inside` in the direction `step`, and its distance in steps."""
     count = 0
     while point in inside:
         point = point[0] + step[0], point[1] + step[1]
@@ -36,7 +36,7 @@ def walk(point, step, inside):
 
 
 def rims(point, hole, measured):
-    """Distances to the measured rim: left, right, above, below; 0 where there is none."""
+    """Distances to the measured rim: left, right, above, below; 0 without a rim."""
     ends = [walk(point, step, hole) for step in SIDES]
     return [count if end in measured else 0 for end, count in ends]
 
@@ -75,7 +75,7 @@ def chosen_points(xyz, mask, largest, sides, heights_agree):
 def biharmonic(xyz, mask):
     """Heights of all inner points by (row, column)."""
     measured = measured_heights(xyz, mask)
-    usual = np.median(list(bends(measured, measured)) or [0]) / 0.4549
+    usual = np.median(list(squared_differences(measured, measured)) or [0]) / 0.4549
     heights = {}
     for hole in find_holes(mask):
         inside = set(hole)
@@ -98,7 +98,7 @@ def fill(hole, inner, measured, usual):
     return dict(zip(inner, np.clip(surface, min(ring) - margin, max(ring) + margin), strict=True))
 
 
-def bends(points, measured):
+def squared_differences(points, measured):
     """Squared second differences along rows and columns whose middle is one of the points."""
     for r, c in points:
         for i, j in [(0, 1), (1, 0)]:
@@ -108,12 +108,12 @@ def bends(points, measured):
 
 
 def find_profile(hole, measured, usual):
-    """The profile across a step or groove, as a function of (row, column); 0 where there is none."""
+    """The profile across a step or groove, as a function of (row, column); 0 if there is none."""
     top, left = np.min(hole, axis=0) - 4
     bottom, right = np.max(hole, axis=0) + 4
     box = [(r, c) for r in range(top, bottom + 1) for c in range(left, right + 1)]
     points = [point for point in box if point in measured]
-    squares = list(bends(box, measured))
+    squares = list(squared_differences(box, measured))
     multiples = [min(square / usual, 1e4) if usual else 1e4 * (square > 0) for square in squares]
     if not squares or np.mean(multiples) <= 1 + 6 / np.sqrt(len(squares)):
         return lambda point: 0.0
@@ -134,18 +134,18 @@ def find_profile(hole, measured, usual):
 
 
 def regression(points, heights, angle):
-    """Error of the profile in one direction, each height left out in turn, and the profile itself."""
+    """Leave-one-out error of the profile in one direction, and the profile."""
     direction = np.array([np.sin(angle), np.cos(angle)])
     along = np.array(points) @ direction
     places = np.arange(int(np.ptp(along) / 0.25 + 0.5) + 3)
     start = (along.min() + along.max()) / 2 - 0.25 * (len(places) - 1) / 2
 
     def shares(at):
-        """How a point is shared between the places: linearly between the nearest two."""
+        """Share of each place in a point: linear between the two nearest."""
         return np.clip(1 - abs((at - start) / 0.25 - places), 0, 1)
 
     spread = np.array([shares(at) for at in along])
-    weights = np.full((len(places), len(places)), np.nan)  # of every place in the height at a place
+    weights = np.full((len(places), len(places)), np.nan)  # of each place in the height at each place
     for place in places:
         offset = places - place
         near = np.where(abs(offset) <= 3, np.exp(-0.5 * offset**2), 0)
@@ -157,16 +157,16 @@ def regression(points, heights, angle):
     kept = ~np.isnan(line)
     line = np.interp(places, places[kept], line[kept])
     own = np.array([share @ np.nan_to_num(weights) @ share for share in spread])
-    told = own < 0.8
-    left_over = ((heights - spread @ line) / np.where(told, 1 - own, 1))[told]
+    counted = own < 0.8
+    residuals = ((heights - spread @ line) / np.where(counted, 1 - own, 1))[counted]
     return (
-        np.mean(left_over**2) if told.sum() > len(points) / 2 else np.inf,
+        np.mean(residuals**2) if counted.sum() > len(points) / 2 else np.inf,
         lambda point: float(np.interp(np.array(point) @ direction, start + 0.25 * places, line)),
     )
 
 
 def differences(inner, number, measured):
-    """All differences that hold an unknown and otherwise only known points, as (point, factor)."""
+    """All differences with at least one unknown and no unusable point, as (point, factor)."""
     corners = {(r - i, c - j) for r, c in inner for i in range(3) for j in range(3)}
     for r, c in sorted(corners):
         for difference in DIFFERENCES:
@@ -176,7 +176,7 @@ def differences(inner, number, measured):
 
 
 def solve(inner, number, measured):
-    """Least squares of all differences."""
+    """Least-squares solution of all differences."""
     lines, right = [], []
     for places in differences(inner, number, measured):
         line = np.zeros(len(inner))
@@ -189,7 +189,7 @@ def solve(inner, number, measured):
 
 
 def natural_spline(knots, values, at):
-    """The natural cubic spline as the solution of one dense system for its second derivatives."""
+    """The natural cubic spline, from one dense system for its second derivatives."""
     n = len(knots)
     matrix, right = np.eye(n), np.zeros(n)
     for i in range(1, n - 1):

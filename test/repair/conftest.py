@@ -1,4 +1,4 @@
-"""Compiled code takes seconds on its first call, which no deadline of a property test foresees."""
+"""Property tests have no deadline here: the first call of a kernel compiles it, which takes seconds."""
 
 from hypothesis import settings
 

@@ -1,10 +1,10 @@
-"""Surfaces with a known truth and holes in them, for the experiment of the notes on the method."""
+"""Surfaces with a known truth, and holes in them."""
 
 import numpy as np
 
 
 def fractal(height, width, hurst, rms, seed):
-    """Fractal roughness: amplitudes k^-(hurst + 1), cut from a period of twice the size."""
+    """Fractal roughness: amplitudes k^-(hurst + 1), cut out of a periodic surface of twice the size."""
     random = np.random.default_rng(seed)
     k = np.hypot(np.fft.fftfreq(2 * height)[:, None], np.fft.rfftfreq(2 * width)[None])
     k[0, 0] = np.inf
@@ -14,13 +14,13 @@ def fractal(height, width, hurst, rms, seed):
 
 
 def step_distance(height, width, angle):
-    """Signed distance in points to a straight line through the middle."""
+    """Signed distance in points from a straight line through the middle."""
     rows, columns = np.mgrid[:height, :width]
     return (columns - width / 2) * np.cos(angle) + (rows - height / 2) * np.sin(angle)
 
 
 def scattered_and_clustered(height, width, seed, scattered=0.05, clustered=0.038):
-    """8.4 % holes: single points, and discs of a radius of 1.5 to 4.5 points."""
+    """8.4 % holes: single points, and discs with radii of 1.5 to 4.5 points."""
     random = np.random.default_rng(seed)
     mask = random.random((height, width)) < scattered
     rows, columns = np.mgrid[:height, :width]

@@ -1,6 +1,4 @@
-"""What repair_holes promises, and each of its methods against its slow reference."""
-
-from itertools import pairwise
+"""The behaviour of repair_holes, and each of its methods against its slow reference."""
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from repair.surfaces import cloud, fractal, scattered_and_clustered, step_distan
 
 from socialcircle_ros.errors import CloudError, SettingError
 from socialcircle_ros.repair import repair_holes
-from socialcircle_ros.repair.holes import find_holes
 from socialcircle_ros.settings import RepairSettings
 from socialcircle_ros.settings import groups as package_settings
 
@@ -21,7 +18,7 @@ METHODS = ['biharmonic', 'spline']
 
 @st.composite
 def clouds_with_holes(draw, most=12):
-    """A cloud in either data type, its holes, and points that are not measured outside and inside of them."""
+    """A cloud in either data type, and its holes. Some points inside and outside the holes are not measured."""
     shape = draw(st.tuples(st.integers(1, most), st.integers(1, most)))
     z = draw(npst.arrays(np.int8, shape)) / 8
     step = draw(st.sampled_from([0, 64]))
@@ -36,7 +33,7 @@ def clouds_with_holes(draw, most=12):
 
 @st.composite
 def clouds_with_flanks(draw):
-    """A rough surface with a step or a groove of any angle, sharp or blurred, and holes on and off it."""
+    """A rough surface with a step or a groove at any angle, sharp or blurred, and holes on it and beside it."""
     height, width = draw(st.tuples(st.integers(10, 20), st.integers(10, 20)))
     distance = step_distance(height, width, draw(st.floats(0, 3.1)))
     groove, blur = draw(st.sampled_from([0, 5])), draw(st.floats(0.05, 2))
@@ -47,13 +44,6 @@ def clouds_with_flanks(draw):
     return cloud(z, draw(st.sampled_from([np.float32, np.float64]))), holes
 
 
-@given(npst.arrays(np.bool_, npst.array_shapes(min_dims=2, max_dims=2, max_side=12)))
-def test_holes_are_found_in_row_order(mask):
-    points, starts = find_holes(mask)
-    found = [[tuple(p) for p in points[a:b].tolist()] for a, b in pairwise(starts)]
-    assert found == naive.find_holes(mask)
-
-
 @given(
     clouds_with_holes(),
     st.sampled_from(METHODS),
@@ -61,7 +51,7 @@ def test_holes_are_found_in_row_order(mask):
     st.integers(2, 4),
     st.sampled_from([0, 5, 30]),
 )
-def test_the_points_within_the_limits_are_filled(case, method, largest, sides, heights_agree):
+def test_exactly_the_points_within_the_limits_are_filled(case, method, largest, sides, heights_agree):
     xyz, holes = case
     limits = {'largest': largest, 'sides': sides, 'heights_agree': heights_agree}
     result = repair_holes(xyz, holes, RepairSettings(method=method, **limits))
@@ -71,7 +61,7 @@ def test_the_points_within_the_limits_are_filled(case, method, largest, sides, h
 
 
 @given(clouds_with_holes() | clouds_with_flanks(), st.sampled_from(METHODS))
-def test_heights_are_those_of_the_reference(case, method):
+def test_heights_equal_the_reference(case, method):
     xyz, holes = case
     result = repair_holes(xyz, holes, RepairSettings(method=method, sides=2))
     expected = {'biharmonic': naive.biharmonic, 'spline': naive.spline}[method](xyz, holes)
@@ -82,7 +72,7 @@ def test_heights_are_those_of_the_reference(case, method):
 
 
 @given(clouds_with_holes(), st.sampled_from(METHODS))
-def test_other_points_stay_byte_for_byte(case, method):
+def test_points_outside_the_holes_are_unchanged(case, method):
     xyz, holes = case
     before = xyz.tobytes()
     result = repair_holes(xyz, holes, RepairSettings(method=method))
@@ -94,7 +84,7 @@ def test_other_points_stay_byte_for_byte(case, method):
 
 
 @given(clouds_with_holes(), st.sampled_from(METHODS))
-def test_x_and_y_lie_on_the_grid(case, method):
+def test_x_and_y_are_on_the_grid(case, method):
     xyz, holes = case
     result = repair_holes(xyz, holes, RepairSettings(method=method))
     grid = cloud(np.zeros(holes.shape))
@@ -103,8 +93,8 @@ def test_x_and_y_lie_on_the_grid(case, method):
 
 
 @given(clouds_with_holes())
-def test_heights_stay_near_those_round_the_cloud(case):
-    """The stated bound: the span of the heights round a hole, widened by half of it on both sides."""
+def test_heights_stay_within_the_stated_bound(case):
+    """The bound is the span of the heights at the rim, widened by half of it on both sides."""
     xyz, holes = case
     result = repair_holes(xyz, holes)
     heights = list(naive.measured_heights(xyz, holes).values())
@@ -124,7 +114,7 @@ def test_planes_are_reproduced(method, holes, slopes):
 
 
 @given(clouds_with_holes() | clouds_with_flanks(), st.sampled_from(METHODS))
-def test_rows_and_columns_can_change_places(case, method):
+def test_transposed_and_flipped_clouds_give_the_same_heights(case, method):
     xyz, holes = case
     limits = RepairSettings(method=method)
     result = repair_holes(xyz, holes, limits)
@@ -138,7 +128,7 @@ def test_rows_and_columns_can_change_places(case, method):
 
 
 @pytest.mark.parametrize('method', METHODS)
-def test_one_hole_does_not_depend_on_another(method):
+def test_holes_are_filled_independently(method):
     z = fractal(30, 40, 0.8, 1.0, 5)
     first, second = np.zeros((2, 30, 40), bool)
     first[5:8, 5:9] = True
@@ -150,15 +140,15 @@ def test_one_hole_does_not_depend_on_another(method):
 
 @pytest.mark.parametrize('angle', [0.0, 0.4, np.pi / 4, 1.2])
 @pytest.mark.parametrize('blur', [0.5, 1.0, 2.0])
-def test_a_blurred_groove_keeps_its_walls(angle, blur):
+def test_blurred_groove_keeps_its_walls(angle, blur):
     z = 8.0 * np.tanh((abs(step_distance(40, 40, angle)) - 4) / blur)
     holes = step_distance(40, 40, 0) ** 2 + step_distance(40, 40, np.pi / 2) ** 2 < 5**2
     filled = repair_holes(cloud(z), holes).xyz[..., 2]
-    assert np.sqrt(((filled - z)[holes] ** 2).mean()) <= 1.0  # of walls 16 high
+    assert np.sqrt(((filled - z)[holes] ** 2).mean()) <= 1.0  # the walls are 16 high
 
 
 @pytest.mark.parametrize('angle', [0.0, 0.4, np.pi / 4, 1.2])
-def test_a_straight_step_stays_a_step(angle):
+def test_straight_step_stays_sharp(angle):
     rows, columns = np.mgrid[:40, :40]
     side = (columns - 20) * np.cos(angle) + (rows - 20) * np.sin(angle) > 0
     z = 8.0 * side
@@ -169,11 +159,11 @@ def test_a_straight_step_stays_a_step(angle):
 
 
 @pytest.mark.parametrize('method', METHODS)
-def test_a_hole_at_the_border_is_not_extrapolated(method):
+def test_hole_at_the_border_is_not_extrapolated(method):
     xyz = cloud(fractal(20, 20, 0.8, 1.0, 1))
     holes = np.zeros((20, 20), bool)
-    holes[8:11, :3] = True  # open to the left: three sides, between above and below
-    holes[:2, :2] = True  # a corner: two sides, not opposite
+    holes[8:11, :3] = True  # open to the left: three sides, two of them opposite
+    holes[:2, :2] = True  # in a corner: two sides, not opposite
     result = repair_holes(xyz, holes, RepairSettings(method=method, sides=2))
     assert result.filled[8:11, :3].all()
     assert not result.filled[:2, :2].any()
@@ -181,7 +171,7 @@ def test_a_hole_at_the_border_is_not_extrapolated(method):
 
 
 @pytest.mark.parametrize('method', METHODS)
-def test_holes_without_any_rim_stay_empty(method):
+def test_holes_without_a_rim_stay_empty(method):
     limits = RepairSettings(method=method)
     everything = repair_holes(cloud(np.ones((9, 8))), np.ones((9, 8), bool), limits)
     nothing_measured = repair_holes(np.full((9, 8, 3), np.nan), np.eye(9, 8, dtype=bool), limits)
@@ -191,7 +181,7 @@ def test_holes_without_any_rim_stay_empty(method):
 
 
 @pytest.mark.parametrize('method', METHODS)
-def test_one_row_needs_two_sides(method):
+def test_cloud_of_one_row_is_filled_with_two_sides(method):
     xyz = cloud(np.array([[1.0, 9.0, 3.0, 4.0]]))
     holes = np.array([[False, True, False, False]])
     assert not repair_holes(xyz, holes, RepairSettings(method=method)).filled.any()
@@ -200,7 +190,7 @@ def test_one_row_needs_two_sides(method):
 
 
 @pytest.mark.parametrize('method', METHODS)
-def test_one_point_alone(method):
+def test_cloud_of_one_point_is_not_filled(method):
     assert np.isnan(
         repair_holes(np.zeros((1, 1, 3)), np.ones((1, 1), bool), RepairSettings(method=method)).xyz
     ).all()
@@ -209,7 +199,7 @@ def test_one_point_alone(method):
     ).all()
 
 
-def test_x_and_y_of_an_outlier_are_kept():
+def test_finite_x_and_y_are_kept():
     xyz = cloud(np.zeros((5, 5)))
     xyz[2, 2] = 2.6, 1.4, 99
     holes = np.zeros((5, 5), bool)
@@ -217,7 +207,7 @@ def test_x_and_y_of_an_outlier_are_kept():
     np.testing.assert_allclose(repair_holes(xyz, holes).xyz[2, 2], [2.6, 1.4, 0], atol=1e-12)
 
 
-def test_a_hole_as_large_as_allowed():
+def test_largest_allowed_hole_is_filled():
     z = fractal(150, 160, 1.0, 5.0, 2)
     holes = np.zeros(z.shape, bool)
     holes[25:125, 30:130] = True
@@ -226,14 +216,14 @@ def test_a_hole_as_large_as_allowed():
     assert not repair_holes(cloud(z), holes, RepairSettings(largest=9999)).filled.any()
 
 
-def test_a_mask_of_another_shape_or_type_is_refused():
+def test_mask_of_another_shape_or_type_is_refused():
     with pytest.raises(CloudError, match=r'bool mask of the shape of the cloud \(4, 5\)'):
         repair_holes(np.zeros((4, 5, 3)), np.zeros((5, 4), bool))
     with pytest.raises(CloudError, match='not uint8'):
         repair_holes(np.zeros((4, 5, 3)), np.zeros((4, 5), np.uint8))
 
 
-def test_settings_say_what_would_do():
+def test_bad_settings_are_refused_with_the_allowed_values():
     with pytest.raises(SettingError, match='use one of: biharmonic, spline'):
         RepairSettings(method='bspline')
     with pytest.raises(SettingError, match='between 2 and 4'):
@@ -242,7 +232,7 @@ def test_settings_say_what_would_do():
 
 
 @pytest.mark.parametrize('dtype', [np.float32, np.float64])
-def test_any_layout_gives_the_same(dtype):
+def test_memory_layout_does_not_change_the_result(dtype):
     z = fractal(40, 50, 0.8, 1.0, 3)
     holes = scattered_and_clustered(40, 50, 3)
     xyz = cloud(z, dtype)

@@ -1,4 +1,4 @@
-"""The experiment of the notes: fractal roughness with an 8-unit step, 8.4 % holes, truth known."""
+"""Accuracy of the two methods on fractal roughness with a step of 8 units and 8.4 % holes."""
 
 import numpy as np
 import pytest
@@ -9,27 +9,27 @@ from socialcircle_ros.settings import RepairSettings
 
 
 def errors(method, z, holes, near_step):
-    """RMSE of the filled heights: of all, and of those within 3 points of the step."""
+    """RMSE of all filled heights, and of those near the step."""
     result = repair_holes(cloud(z), holes, RepairSettings(method=method))
     squared = (result.xyz[..., 2] - z) ** 2
     return tuple(float(np.sqrt(squared[result.filled & part].mean())) for part in (True, near_step))
 
 
 def experiment(hurst, angle, seed, blur=0.0):
-    """Ratios of the RMSE of 'biharmonic' to that of 'spline': of all filled points, of those at the step.
+    """Ratios of the RMSE of 'biharmonic' to that of 'spline': of all filled points, and of those near the step.
 
     Args:
-        hurst: smoothness of the roughness, 0 (jagged) to 1.
-        angle: direction of the step in radians.
-        seed: of roughness and holes.
-        blur: width in points of the step's logistic flank; 0: sharp.
+        hurst: smoothness of the roughness, from 0 (jagged) to 1.
+        angle: direction of the step, radians.
+        seed: of the roughness and the holes.
+        blur: width of the logistic flank of the step, points; 0: sharp.
     """
     shape = 240, 320
     distance = step_distance(*shape, angle)
     flank = distance > 0 if blur == 0 else 1 / (1 + np.exp(-distance / blur))
     z = fractal(*shape, hurst, 3.0, seed) + 8.0 * flank
     holes = scattered_and_clustered(*shape, seed)
-    # A hole that is open to the border is extrapolated in part by either method: one of them hides all others.
+    # Either method extrapolates in part where a hole is open to the border. A single such hole would dominate.
     holes[:6], holes[-6:], holes[:, :6], holes[:, -6:] = False, False, False, False
     biharmonic = errors('biharmonic', z, holes, abs(distance) < 3)
     spline = errors('spline', z, holes, abs(distance) < 3)
@@ -38,14 +38,14 @@ def experiment(hurst, angle, seed, blur=0.0):
 
 @pytest.mark.parametrize('angle', [0.0, 0.4, np.pi / 4, 1.2, np.pi / 2])
 @pytest.mark.parametrize('seed', [1, 2, 3])
-def test_two_thirds_of_the_error_of_the_spline(angle, seed):
+def test_error_is_two_thirds_of_that_of_the_spline(angle, seed):
     everywhere, at_step = experiment(hurst=0.8, angle=angle, seed=seed)
     assert everywhere <= 0.65
     assert at_step <= 0.65
 
 
 @pytest.mark.parametrize(('hurst', 'blur'), [(0.5, 0.5), (0.8, 0.5), (1.0, 0.5), (1.0, 1.0)])
-def test_two_thirds_of_the_error_of_the_spline_at_a_blurred_step(hurst, blur):
+def test_error_at_a_blurred_step_is_two_thirds_of_that_of_the_spline(hurst, blur):
     ratios = [experiment(hurst, angle, seed=4, blur=blur) for angle in np.linspace(0, np.pi, 8, endpoint=False)]
     everywhere, at_step = np.transpose(ratios)
     assert np.mean(at_step) <= 0.65
@@ -54,7 +54,7 @@ def test_two_thirds_of_the_error_of_the_spline_at_a_blurred_step(hurst, blur):
 
 
 @pytest.mark.parametrize(('hurst', 'blur'), [(0.5, 1.0), (0.8, 1.0)])
-def test_roughness_as_high_as_the_flank_is_no_worse_than_with_the_spline(hurst, blur):
+def test_error_on_roughness_as_high_as_the_flank_is_no_larger_than_that_of_the_spline(hurst, blur):
     ratios = [experiment(hurst, angle, seed=4, blur=blur) for angle in np.linspace(0, np.pi, 8, endpoint=False)]
     everywhere, at_step = np.mean(ratios, axis=0)
     assert everywhere <= 0.95
