@@ -9,8 +9,8 @@ straight groove. If such a profile is subtracted from the heights, the rest has 
   J. Am. Stat. Assoc. 74 (1979) 829-836, DOI 10.1080/01621459.1979.10481038). The heights are those above their
   least-squares plane, and each is shared linearly between two places `_SPACING` apart.
 
-A profile is searched only where second differences are much larger than they usually are in the cloud. It is used
-only where it explains the heights: roughness alone also has profiles, by chance.
+A profile is searched for only where second differences are much larger than is usual in the cloud. It is used only
+where it explains the heights: roughness alone also has profiles, by chance.
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ _MEDIAN_OF_SQUARES = 0.4549
 """Median of the square of a normal variable of variance 1."""
 
 _EXCESS = 6.0
-"""A profile is searched if the mean of n squared second differences exceeds 1 + _EXCESS/√n times the usual one."""
+"""A profile is searched for if the mean of n squared second differences is above 1 + _EXCESS/√n usual ones."""
 
 _EXPLAINED = 0.5
 """A profile is used if its error is below this share of the variance of the heights above their plane, and ..."""

@@ -1,12 +1,12 @@
-"""A virtual focus-variation instrument: stacks and clouds with known truth.
+"""A virtual focus-variation instrument: stacks and clouds with a known truth.
 
-Two ways to a cloud whose outliers are known:
+There are two ways to a cloud with known outliers:
 
-- `make_scene`: outliers painted onto a surface, in any number, kind and place;
-- `simulate`: a focus stack rendered frame by frame, whose outliers come out of glints, darkness, steepness,
-  lack of texture and the camera's noise, once a depth is looked for in it.
+- `make_scene` adds outliers to a surface, in a given number, kind and place.
+- `simulate` renders a focus stack frame by frame. Its outliers are caused by glints, darkness, steepness, lack of
+  texture and camera noise, when its depth is measured.
 
-Neither knows of recordings or of ROS.
+Recordings and ROS messages are made elsewhere, from what these functions return.
 """
 
 from .camera import NOISELESS, Camera

@@ -1,7 +1,7 @@
-"""The camera: from light to numbers, by the linear model of EMVA 1288 (release 4.0, section 2).
+"""The camera: from light to gray levels, by the linear model of EMVA 1288 (release 4.0, section 2).
 
-Electrons are light times exposure, plus shot noise, plus read noise; numbers are electrons over the full
-well, plus black level, rounded and clipped. Fixed patterns are gain (PRNU) and offset (DSNU) per pixel.
+Electrons are the light times the exposure, with shot noise and read noise. Gray levels are the electrons divided
+by the full well, plus the black level, rounded and clipped. Each pixel has its own gain (PRNU) and offset (DSNU).
 """
 
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ class Camera:
     """A monochrome camera.
 
     Attributes:
-        bits: 8 gives uint8; 12 and 16 give uint16, 12 in its lower bits.
-        full_well: electrons at which a pixel is full, and at which the numbers end.
+        bits: 8 gives uint8; 12 and 16 give uint16, 12 in the lower bits.
+        full_well: electrons at which a pixel saturates, which is the largest gray level.
         read_noise: root mean square, electrons.
-        exposure: share of the full well that light of strength 1 fills.
-        black_level: number that no light gives, as a share of the range.
-        prnu: spread of the pixels' gain, as a share.
-        dsnu: spread of the pixels' offset, electrons.
+        exposure: share of the full well that light of 1 fills.
+        black_level: gray level without light, as a share of the largest one.
+        prnu: standard deviation of the gains of the pixels, as a share.
+        dsnu: standard deviation of the offsets of the pixels, electrons.
     """
 
     bits: int = 8
@@ -41,10 +41,10 @@ class Camera:
         """Check the values.
 
         Raises:
-            SettingError: one is out of its range.
+            SettingError: a value is out of its range.
         """
         if self.bits not in (8, 12, 16):
-            raise SettingError(f'A camera of {self.bits} bits is not known; use 8, 12 or 16.')
+            raise SettingError(f'A camera of {self.bits} bits is not supported; use 8, 12 or 16.')
         if not (self.full_well > 0 and self.exposure > 0):
             raise SettingError('The full well and the exposure of the camera must be above 0.')
         if min(self.read_noise, self.black_level, self.prnu, self.dsnu) < 0:
@@ -52,16 +52,16 @@ class Camera:
 
     @property
     def top(self) -> int:
-        """The highest number."""
+        """The largest gray level."""
         return (1 << self.bits) - 1
 
     @property
     def saturation(self) -> float:
-        """The strength of light that fills a pixel."""
+        """The light that saturates a pixel."""
         return (1 - self.black_level) / self.exposure
 
     def noise(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Root mean square noise of a pixel in one frame, in the unit of `light`, with that of rounding."""
+        """Root mean square noise of a pixel in one frame, with that of rounding, in the unit of `light`."""
         per_light = self.full_well * self.exposure
         electrons = np.maximum(light, 0) * np.float32(per_light)
         quantum = self.full_well / self.top
@@ -70,7 +70,7 @@ class Camera:
         return total
 
     def sensor(self, shape: tuple[int, int], seed: Seed) -> 'Sensor':
-        """The camera's pixels, each with the gain and offset of its own; same seed, same pixels."""
+        """Make the pixels of the camera, each with its own gain and offset. A seed gives the same pixels."""
         rng = np.random.default_rng(seed)
         gain = 1 + self.prnu * rng.standard_normal(shape, dtype=np.float32)
         offset = self.dsnu * rng.standard_normal(shape, dtype=np.float32)
@@ -79,21 +79,27 @@ class Camera:
 
 @dataclass(frozen=True)
 class Sensor:
-    """Pixels of a camera: (H, W) float32 gain, and offset in electrons."""
+    """The pixels of a camera.
+
+    Attributes:
+        camera: their camera.
+        gain: (H, W) float32, 1 on average.
+        offset: (H, W) float32, electrons.
+    """
 
     camera: Camera
     gain: NDArray[np.float32]
     offset: NDArray[np.float32]
 
     def expose(self, light: NDArray[np.float32], seed: Seed) -> Frame:
-        """One frame.
+        """Take one frame.
 
-        Shot and read noise are drawn as one normal number of their common variance: for the tens of
-        electrons and more that a pixel here holds, a Poisson count looks the same and costs ten times more.
+        Shot noise and read noise are drawn as one normal variable with the sum of their variances. A pixel has
+        tens of electrons or more here: a Poisson count would look the same and take ten times as long.
 
         Args:
-            light: (H, W) float32, 1 fills `exposure` of the full well.
-            seed: of this frame's noise.
+            light: (H, W) float32; light of 1 fills the share `exposure` of the full well.
+            seed: of the noise of this frame.
 
         Returns:
             (H, W) uint8 or uint16.
@@ -113,4 +119,4 @@ class Sensor:
 
 
 NOISELESS = Camera(bits=16, full_well=1e12, read_noise=0.0, prnu=0.0, dsnu=0.0)
-"""Nothing but the steps of 16 bits: for the errors that optics and method make by themselves."""
+"""A camera without noise, only with the rounding to 16 bits: it shows the errors of optics and method alone."""

@@ -1,4 +1,4 @@
-"""The virtual instrument: a specimen scanned through focus, frame by frame, and the truth about it."""
+"""The virtual instrument: a specimen scanned through focus, frame by frame, and its true depth."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ class StackFrame:
 
     Attributes:
         index: from 0.
-        stamp: ns from the first frame, the middle of the exposure.
-        z: where the encoder saw the stage, µm.
-        z_true: where it was, µm.
+        stamp: middle of the exposure, ns from the first frame.
+        z: position of the stage that the encoder reports, µm.
+        z_true: true position of the stage, µm.
         image: (H, W) uint8 or uint16.
     """
 
@@ -41,15 +41,15 @@ class StackFrame:
 
 @dataclass(frozen=True)
 class Simulation:
-    """A focus stack that is rendered as it is read.
+    """A simulated focus stack. Its frames are rendered when they are read.
 
     Attributes:
-        specimen: what is measured.
-        optics: through what.
-        camera: with what.
-        travel: where the stage was at each frame, and what it reported, frames and joint states.
-        seed: of the camera's noise and the lamp.
-        flicker: root mean square of the lamp's strength from frame to frame, as a share.
+        specimen: the specimen.
+        optics: of the microscope.
+        camera: of the microscope.
+        travel: true and reported positions of the stage.
+        seed: of the noise of the camera and the lamp.
+        flicker: standard deviation of the light of the lamp from frame to frame, as a share.
         renderer_name: 'layered' or 'rays'.
     """
 
@@ -62,13 +62,13 @@ class Simulation:
     renderer_name: RendererName
 
     def __len__(self) -> int:
-        """How many frames."""
+        """The number of frames."""
         return len(self.travel.stamps)
 
     def frames(self) -> Iterator[StackFrame]:
-        """The frames in the order in which they are taken; each call gives the same bytes again.
+        """Render the frames in the order in which they are taken. Each call gives the same bytes.
 
-        Each is rendered when it is asked for: memory does not grow with their number.
+        A frame is rendered when the iterator reaches it, so that memory does not grow with their number.
         """
         lamp, pattern, noise = np.random.SeedSequence([self.seed, 1]).spawn(3)
         strength = 1 + self.flicker * np.random.default_rng(lamp).standard_normal(len(self))
@@ -86,12 +86,12 @@ class Simulation:
 
     @cached_property
     def renderer(self) -> Renderer:
-        """What makes the images, ready for the whole travel."""
+        """The renderer, prepared for the whole travel."""
         return self._layered if self.renderer_name == 'layered' else RayRenderer(*self._view)
 
     @cached_property
     def truth(self) -> DepthTruth:
-        """The true depth, and where trouble lies; good and bad bounds are shares of the depth of field."""
+        """The true depth and the causes of failure; the bounds are 0.25 and 0.5 of the depth of field."""
         flags = causes(
             self.specimen.surface,
             self.specimen.grid,
@@ -128,23 +128,26 @@ def simulate(
 ) -> Simulation:
     """Scan a specimen through focus.
 
-    The same arguments give the same bytes, on one machine and one set of libraries.
+    The same arguments give the same bytes, on one machine with one set of libraries.
 
     Args:
-        specimen: a name of `MATERIALS`, or one of your own with the pitch of the optics.
+        specimen: a name of `MATERIALS`, or a specimen with the pitch of the optics.
         rows: of a named specimen.
         columns: of a named specimen.
-        instrument: a name of `INSTRUMENTS`, or optics of your own.
-        camera: 8 bits and a full well of 10 000 electrons if None.
-        stage: 50 frames per second and 0.1 µm of jitter if None.
-        frames: how many; as many as the surface asks for if None.
-        z_step: between frames, µm; a quarter of the depth of field, or what `frames` asks for, if None.
-        flicker: of the lamp from frame to frame, root mean square, as a share.
-        renderer: 'layered', or 'rays' for small fields with walls.
+        instrument: a name of `INSTRUMENTS`, or the optics.
+        camera: None: 8 bits and a full well of 10 000 electrons.
+        stage: None: 50 frames per second and a jitter of 0.1 µm.
+        frames: number of frames; None: as many as the surface needs.
+        z_step: distance of two frames, µm; None: given by `frames`, or else a quarter of the depth of field.
+        flicker: standard deviation of the light of the lamp from frame to frame, as a share.
+        renderer: 'layered'; or 'rays', for small fields with walls.
         seed: of everything random.
 
+    Returns:
+        The stack, not yet rendered.
+
     Raises:
-        SettingError: an unknown name, or a value out of its range.
+        SettingError: a name is unknown, or a value is out of its range.
 
     Example:
         >>> scan = simulate('flat', 60, 80, frames=12, seed=1)
@@ -152,9 +155,29 @@ def simulate(
         >>> first.image.shape, len(scan)
         ((60, 80), 12)
     """
-    if isinstance(instrument, str) and instrument not in INSTRUMENTS:
-        raise SettingError(f'There is no instrument {instrument!r}; use one of: {", ".join(INSTRUMENTS)}.')
-    optics = INSTRUMENTS[instrument] if isinstance(instrument, str) else instrument
+    optics = _named_optics(instrument) if isinstance(instrument, str) else instrument
+    _check_scan(frames, z_step, flicker, renderer)
+    if isinstance(specimen, str):
+        specimen = make_specimen(specimen, rows, columns, pitch=optics.pitch, seed=seed)
+    start, z_step, frames = _plan_scan(specimen, optics, frames, z_step)
+    return Simulation(
+        specimen=specimen,
+        optics=optics,
+        camera=Camera() if camera is None else camera,
+        travel=travel(stage or Stage(), start, z_step, frames, np.random.SeedSequence([seed, 0])),
+        seed=seed,
+        flicker=flicker,
+        renderer_name=renderer,
+    )
+
+
+def _named_optics(name: str) -> Optics:
+    if name not in INSTRUMENTS:
+        raise SettingError(f'There is no instrument {name!r}; use one of: {", ".join(INSTRUMENTS)}.')
+    return INSTRUMENTS[name]
+
+
+def _check_scan(frames: int | None, z_step: float | None, flicker: float, renderer: RendererName) -> None:
     if renderer not in ('layered', 'rays'):
         raise SettingError(f"There is no renderer {renderer!r}; use 'layered' or 'rays'.")
     if frames is not None and frames < 2:
@@ -163,24 +186,22 @@ def simulate(
         raise SettingError(f'The z step is {z_step} µm; it must be above 0.')
     if flicker < 0:
         raise SettingError(f'The flicker is {flicker}; it cannot be below 0.')
-    if isinstance(specimen, str):
-        specimen = make_specimen(specimen, rows, columns, pitch=optics.pitch, seed=seed)
 
-    # Curves need their feet: the scan goes on for 1.5 depths of field above and below the surface.
+
+def _plan_scan(
+    specimen: Specimen, optics: Optics, frames: int | None, z_step: float | None
+) -> tuple[float, float, int]:
+    """Place the frames symmetrically about the surface.
+
+    The default scan extends 1.5 depths of field above and below the surface, so that focus curves are complete.
+
+    Returns:
+        z of the first frame, the distance of two frames, both in µm, and the number of frames.
+    """
     low, high = float(specimen.surface.min()), float(specimen.surface.max())
     span = high - low + 3 * optics.depth_of_field
     if z_step is None:
         z_step = span / (frames - 1) if frames is not None else optics.depth_of_field / 4
     if frames is None:
         frames = int(np.ceil(span / z_step)) + 1
-    start = (low + high - (frames - 1) * z_step) / 2
-    moves = travel(Stage() if stage is None else stage, start, z_step, frames, np.random.SeedSequence([seed, 0]))
-    return Simulation(
-        specimen=specimen,
-        optics=optics,
-        camera=Camera() if camera is None else camera,
-        travel=moves,
-        seed=seed,
-        flicker=flicker,
-        renderer_name=renderer,
-    )
+    return (low + high - (frames - 1) * z_step) / 2, z_step, frames

@@ -1,7 +1,7 @@
-"""Outliers put into a cloud of known truth: isolated points, and dense clusters displaced together.
+"""Outliers added to a height map: isolated points, and dense clusters that are displaced together.
 
-These are painted on, so that how many, how large and where is known exactly; where outliers must come
-out of physics, use the virtual instrument instead. Reference: the paper's figures 1 and 7.
+Number, size and place of these outliers are known exactly. For outliers with physical causes, use the virtual
+instrument (`simulate`). The model is that of figures 1 and 7 of the paper.
 """
 
 from dataclasses import dataclass
@@ -20,19 +20,19 @@ Flank = Literal['sharp', 'blurred', 'mixed']
 
 @dataclass(frozen=True)
 class Contamination:
-    """How many outliers, of which kind, how far off.
+    """Number, kind and size of the outliers.
 
     Attributes:
-        share: of all measured points that become outliers, 0 to below 1; met exactly.
-        clustered: share of the outliers that lie in clusters, 0 to 1.
-        unit: what `amplitude` counts in, µm: the noise's standard deviation, or the pitch.
-        amplitude: smallest and largest displacement, in `unit`; up or down by chance.
-        radius: smallest and largest extent of a cluster, in points.
-        flank: of a cluster: 'sharp' falls to 0 from one point to the next, 'blurred' over its whole
-            radius, 'mixed' takes either by chance.
-        spread: how rough a cluster is in itself, as a share of its displacement.
-        bound: displacement from which a point is an outlier, in `unit`; between 0 and that it is ambiguous.
-        densest: share of outliers that no area exceeds, whatever its weight, unless the whole cloud does.
+        share: of the measured points that become outliers, from 0 to below 1; met exactly.
+        clustered: share of the outliers that are in clusters, 0 to 1.
+        unit: of `amplitude` and `bound`, in µm: the standard deviation of the noise, or the pitch.
+        amplitude: smallest and largest displacement, in `unit`; up or down at random.
+        radius: smallest and largest radius of a cluster, in points.
+        flank: of a cluster: 'sharp' falls to 0 from one point to the next, 'blurred' over the whole radius,
+            'mixed' is either of them at random.
+        spread: roughness of a cluster, as a share of its displacement.
+        bound: displacement from which a point is an outlier, in `unit`; smaller displacements are ambiguous.
+        densest: largest share of outliers in any area, whatever its weight, unless `share` itself is larger.
     """
 
     share: float = 0.0955
@@ -49,21 +49,21 @@ class Contamination:
         """Check the values.
 
         Raises:
-            SettingError: one is out of its range.
+            SettingError: a value is out of its range.
         """
         if not 0 <= self.share < 1:
-            raise SettingError(f'A share of outliers of {self.share} is not possible; give 0 to below 1.')
+            raise SettingError(f'The share of outliers is {self.share}; it must be from 0 to below 1.')
         if not 0 < self.densest <= 1:
-            raise SettingError(f'A densest share of {self.densest} is not possible; give above 0 to 1.')
+            raise SettingError(f'The densest share is {self.densest}; it must be above 0 and at most 1.')
         if not 0 <= self.clustered <= 1:
-            raise SettingError(f'A clustered share of {self.clustered} is not possible; give 0 to 1.')
+            raise SettingError(f'The clustered share is {self.clustered}; it must be from 0 to 1.')
         if not self.bound < self.amplitude[0] <= self.amplitude[1]:
             raise SettingError(
-                f'Displacements of {self.amplitude} would not all be outliers at a bound of {self.bound};'
+                f'Displacements of {self.amplitude} are not all outliers at a bound of {self.bound};'
                 ' give smallest ≤ largest, both above the bound.'
             )
         if not 0.5 <= self.radius[0] <= self.radius[1]:
-            raise SettingError(f'Cluster radii of {self.radius} are not possible; give 0.5 ≤ smallest ≤ largest.')
+            raise SettingError(f'The cluster radii are {self.radius}; give 0.5 ≤ smallest ≤ largest.')
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,10 @@ class Contaminated:
 
     Attributes:
         heights: (H, W) float64, µm.
-        outlier: (H, W) bool, True where displaced by at least the bound.
-        displacement: (H, W) float64, µm: what was added.
-        cluster: (H, W) int32: 0 not moved, -1 isolated, from 1 the number of the cluster.
+        outlier: (H, W) bool, True where the displacement is at least the bound.
+        displacement: (H, W) float64, µm, from the original heights.
+        cluster: (H, W) int32: 0 for a point that is not displaced, -1 for an isolated one, otherwise the number of
+            the cluster, from 1.
     """
 
     heights: HeightMap
@@ -84,27 +85,27 @@ class Contaminated:
 
     @property
     def ambiguous(self) -> Mask:
-        """(H, W) bool, True where moved by less than the bound: leave these out of any score."""
-        moved_little: Mask = (self.displacement != 0) & ~self.outlier
-        return moved_little
+        """(H, W) bool, True where a point is displaced by less than the bound. Leave these out of scores."""
+        ambiguous: Mask = (self.displacement != 0) & ~self.outlier
+        return ambiguous
 
 
 def add_outliers(
-    heights: HeightMap, contamination: Contamination, seed: Seed, weight: HeightMap | None = None
+    heights: HeightMap, contamination: Contamination, seed: Seed, weight: NDArray[np.float64] | None = None
 ) -> Contaminated:
     """Displace points of a height map.
 
     Args:
-        heights: (H, W) float64, µm; NaN where not measured, which stays so.
-        contamination: how many and of which kind.
+        heights: (H, W) float64, µm; NaN where not measured. These points stay NaN.
+        contamination: number, kind and size of the outliers.
         seed: of places, sizes and displacements.
-        weight: (H, W), ≥ 0: how likely an outlier is at each point, against the others; alike if None.
+        weight: (H, W), ≥ 0: relative probability of an outlier at each point; None: equal everywhere.
 
     Returns:
         The heights with outliers, and the truth.
 
     Raises:
-        CloudError: fewer points can be moved than the share asks for.
+        CloudError: the share asks for more outliers than there are points with a weight.
     """
     places, sizes = np.random.default_rng(seed).spawn(2)
     measured = np.isfinite(heights)
@@ -112,10 +113,10 @@ def add_outliers(
     wanted = round(contamination.share * int(measured.sum()))
     if wanted > int((chance > 0).sum()):
         raise CloudError(
-            f'{wanted} points cannot be made outliers where only {int((chance > 0).sum())} have a weight;'
-            ' lower the share or widen the weight.'
+            f'{wanted} points cannot become outliers, because only {int((chance > 0).sum())} have a weight;'
+            ' lower the share or give more points a weight.'
         )
-    chance = _levelled(chance, wanted, contamination.densest)
+    chance = _limited(chance, wanted, contamination.densest)
     displacement = np.zeros(heights.shape)
     cluster = np.zeros(heights.shape, dtype=np.int32)
     in_clusters = round(contamination.clustered * wanted)
@@ -125,7 +126,7 @@ def add_outliers(
 
     free = np.where(cluster == 0, chance, 0.0)
     with np.errstate(divide='ignore'):
-        # The largest of log(weight) + Gumbel noise are a weighted draw without replacement.
+        # The largest values of log(weight) + Gumbel noise are a weighted sample without replacement.
         keys = np.log(free).ravel() + places.gumbel(size=free.size)
     alone = min(alone, int((free > 0).sum()))
     chosen = np.sort(np.argpartition(-keys, alone)[:alone]) if alone else np.zeros(0, dtype=np.int64)
@@ -139,10 +140,10 @@ def add_outliers(
     )
 
 
-def _levelled(chance: HeightMap, wanted: int, densest: float) -> HeightMap:
-    """Weights lowered where they would make more than `densest` of the points there outliers.
+def _limited(chance: NDArray[np.float64], wanted: int, densest: float) -> NDArray[np.float64]:
+    """Lower the weights where they would make more than `densest` of the points outliers.
 
-    Without this, a groove weighted 20 times would be nothing but outliers at a share of 30 %.
+    Without the limit, all points of a groove with a weight of 20 would be outliers at a share of 30 %.
     """
     limited = chance
     for _ in range(30):
@@ -156,13 +157,13 @@ def _levelled(chance: HeightMap, wanted: int, densest: float) -> HeightMap:
 def _put_clusters(
     displacement: HeightMap,
     cluster: NDArray[np.int32],
-    chance: HeightMap,
+    chance: NDArray[np.float64],
     wanted: int,
     contamination: Contamination,
     places: np.random.Generator,
     sizes: np.random.Generator,
 ) -> None:
-    """Add clusters in place until `wanted` points are outliers, or no more room is found."""
+    """Add clusters, in place, until `wanted` points are outliers or no more room is found."""
     bound = contamination.bound * contamination.unit
     total = np.cumsum(chance.ravel())
     rows, columns = chance.shape
@@ -183,7 +184,7 @@ def _put_clusters(
         profile = _profile(dx, dy, radius, contamination.flank, sizes)
         moved = profile * _amplitudes(contamination, sizes, 1)[0]
         moved *= 1 + contamination.spread * np.clip(sizes.standard_normal(profile.shape), -2, 2)
-        # Where the weight is 0, or another cluster lies, nothing is moved: a cluster has one cause.
+        # Points of weight 0 and points of another cluster are not displaced: a cluster has one cause.
         moved[(chance[box] == 0) | (cluster[box] != 0)] = 0
         outside = np.argsort(-np.abs(moved), axis=None, kind='stable')
         outliers = int((np.abs(moved) >= bound).sum())
@@ -198,7 +199,7 @@ def _put_clusters(
 
 def _profile(
     dx: NDArray[np.int64], dy: NDArray[np.int64], radius: float, flank: Flank, rng: np.random.Generator
-) -> HeightMap:
+) -> NDArray[np.float64]:
     """The shape of a cluster, 0 to 1: a blob with a wavy, elongated outline."""
     angle, stretch = rng.uniform(0, np.pi), rng.uniform(0.6, 1.0)
     u = np.cos(angle) * dx + np.sin(angle) * dy
@@ -210,15 +211,16 @@ def _profile(
     inward = 1 - np.hypot(u, v) / (radius * (1 + wave.reshape(u.shape)))
     blurred = flank == 'blurred' or (flank == 'mixed' and rng.random() < 0.5)
     if not blurred:
-        sharp: HeightMap = (inward > 0).astype(np.float64)
+        sharp: NDArray[np.float64] = (inward > 0).astype(np.float64)
         return sharp
     rise = np.clip(inward, 0.0, 1.0)
-    smooth: HeightMap = rise**2 * (3 - 2 * rise)
+    smooth: NDArray[np.float64] = rise**2 * (3 - 2 * rise)
     return smooth
 
 
-def _amplitudes(contamination: Contamination, rng: np.random.Generator, count: int) -> HeightMap:
+def _amplitudes(contamination: Contamination, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+    """Draw the displacements of some points or clusters, (count,), µm."""
     low, high = contamination.amplitude
     size = contamination.unit * rng.uniform(low, high, count)
-    signed: HeightMap = size * rng.choice(np.array([-1.0, 1.0]), count)
+    signed: NDArray[np.float64] = size * rng.choice(np.array([-1.0, 1.0]), count)
     return signed

@@ -1,7 +1,7 @@
-"""Named scenes: a surface, measured with noise, with outliers of known truth.
+"""Named scenes: a surface with measurement noise and known outliers, as a cloud.
 
-For demonstrations and experiments that need a cloud at once. The heights are the surface plus white noise
-plus what `outliers` adds; for clouds out of a rendered focus stack see the virtual instrument.
+The heights are those of the surface, plus white noise, plus the displacements from `outliers`. For clouds measured
+from a rendered focus stack, see `instrument`.
 """
 
 from collections.abc import Callable
@@ -28,10 +28,11 @@ class Scene:
     Attributes:
         name: of the scene.
         points: (H, W, 3) float32, x, y, z in `unit`.
-        outlier: (H, W) bool, True where the point is an outlier.
-        ambiguous: (H, W) bool, True where a point was moved too little to be called either; not for scores.
-        cluster: (H, W) int32: 0 not moved, -1 isolated, from 1 the number of the cluster.
-        z_true: (H, W) float64, the surface, in `unit`.
+        outlier: (H, W) bool.
+        ambiguous: (H, W) bool, True where a point is displaced by less than an outlier; leave it out of scores.
+        cluster: (H, W) int32: 0 for a point that is not displaced, -1 for an isolated one, otherwise the number of
+            the cluster, from 1.
+        z_true: (H, W) float64, heights of the surface, in `unit`.
         pitch: along x and y, in `unit`.
         unit: 'um' or 'm'.
     """
@@ -48,17 +49,17 @@ class Scene:
 
 @dataclass(frozen=True)
 class Layout:
-    """What a scene is made of, before it is measured.
+    """The ingredients of a scene.
 
     Attributes:
         surface: (H, W) float64, µm.
-        weight: (H, W) ≥ 0: how likely an outlier is at each point.
+        weight: (H, W) ≥ 0: relative probability of an outlier at each point.
         noise: standard deviation of the heights, µm.
-        contamination: the scene's own; `share` and the rest can be overridden.
+        contamination: the default outliers of the scene.
     """
 
     surface: HeightMap
-    weight: HeightMap
+    weight: NDArray[np.float64]
     noise: float
     contamination: Contamination
 
@@ -77,25 +78,30 @@ def make_scene(
     pitch: tuple[float, float] = (1.0, 1.0),
     unit: Unit = 'um',
 ) -> Scene:
-    """A named scene as a cloud with truth; the same arguments give the same bytes.
+    """Make a named scene. The same arguments give the same bytes.
 
     Args:
         name: one of `SCENES`.
         rows: of the cloud.
         columns: of the cloud.
         seed: of everything random.
-        share: of outliers, 0 to below 1; the scene's own (0.0955, as removed in Table 1) if None.
-        contamination: the outliers in all detail, in place of the scene's own; `share` still counts.
+        share: of outliers, from 0 to below 1; None: that of `contamination` or of the scene, which is 0.0955, the
+            share that Table 1 of the paper removes.
+        contamination: the outliers; None: those of the scene.
         pitch: along x and y, µm.
-        unit: of what is returned: micrometres or metres.
+        unit: of the scene: 'um' (micrometres) or 'm' (metres).
 
     Raises:
-        SettingError: no such scene, or a value is out of its range.
+        SettingError: there is no such scene, or a value is out of its range.
+
+    Example:
+        >>> make_scene('flat', 60, 80, seed=1).points.shape
+        (60, 80, 3)
     """
     if name not in SCENES:
         raise SettingError(f'There is no scene {name!r}; use one of: {", ".join(SCENES)}.')
     if unit not in ('um', 'm'):
-        raise SettingError(f"The unit {unit!r} is not known; use 'um' or 'm'.")
+        raise SettingError(f"The unit {unit!r} is not supported; use 'um' or 'm'.")
     grid = Grid(rows, columns, *pitch)
     build, noise, place = np.random.default_rng(seed).spawn(3)
     layout = SCENES[name](grid, build.spawn(4))
@@ -128,15 +134,15 @@ def _extent(grid: Grid) -> tuple[float, float]:
     return grid.columns * grid.dx, grid.rows * grid.dy
 
 
-def _walls(form: HeightMap, grid: Grid) -> HeightMap:
+def _walls(form: HeightMap, grid: Grid) -> NDArray[np.float64]:
     """1 where the form is steeper than 20°, 0 elsewhere."""
     slope = np.hypot(*np.gradient(form, grid.dy, grid.dx)) if min(grid.shape) > 1 else np.zeros(grid.shape)
-    steep: HeightMap = (slope > np.tan(np.deg2rad(20))).astype(np.float64)
+    steep: NDArray[np.float64] = (slope > np.tan(np.deg2rad(20))).astype(np.float64)
     return steep
 
 
 def _groove(grid: Grid, streams: Streams, wall_angle: float) -> Layout:
-    """Ground lands, a milled groove whose walls and floor scatter the light: the paper's figures 1 and 7."""
+    """Ground lands and a milled groove, most outliers on its walls and floor: figures 1 and 7 of the paper."""
     width = 0.4 * _extent(grid)[0]
     depth = min(0.3 * width, 60 * _pitch(grid))
     form = surfaces.groove(grid, width, depth, wall_angle, wander=0.5 * _pitch(grid), seed=streams[0])
@@ -153,17 +159,17 @@ def _groove(grid: Grid, streams: Streams, wall_angle: float) -> Layout:
 
 
 def _metal_groove(grid: Grid, streams: Streams) -> Layout:
-    """Walls of 45°: neighbours differ by less than 2 pitches, so that the exact mode climbs them."""
+    """Walls of 45°: neighbours differ by less than 2 pitches, so that the paper mode connects them."""
     return _groove(grid, streams, 45.0)
 
 
 def _steep_groove(grid: Grid, streams: Streams) -> Layout:
-    """Walls of 80°: beyond the 63° that the exact mode can climb."""
+    """Walls of 80°, above the 63° up to which the paper mode connects neighbours."""
     return _groove(grid, streams, 80.0)
 
 
 def _closed_groove(grid: Grid, streams: Streams) -> Layout:
-    """A steep groove that closes round a disc: three surfaces that touch nowhere."""
+    """A closed steep groove around a disc: three surfaces that are not connected."""
     across = min(_extent(grid))
     form = surfaces.ring_groove(grid, 0.3 * across, 0.12 * across, 0.1 * across, 85.0)
     rough = surfaces.fractal(grid, 0.2 * _pitch(grid), streams[0])
@@ -176,7 +182,7 @@ def _closed_groove(grid: Grid, streams: Streams) -> Layout:
 
 
 def _composite(grid: Grid, streams: Streams) -> Layout:
-    """Woven fibres in resin: outliers where the resin between the tows shows little texture."""
+    """Woven fibres in resin; most outliers are in the resin between the tows, which has little texture."""
     pitch = _pitch(grid)
     surface = surfaces.weave(
         grid, 0.25 * _extent(grid)[0], 24 * pitch, streams[0], fibre=9 * pitch, fibre_height=1.5 * pitch
@@ -191,14 +197,14 @@ def _composite(grid: Grid, streams: Streams) -> Layout:
 
 
 def _flat(grid: Grid, streams: Streams) -> Layout:
-    """A blasted plane, heights far below the pitch; outliers count in its noise."""
+    """A blasted plane with heights far below the pitch; the unit of the outliers is its noise."""
     noise = 0.05 * _pitch(grid)
     surface = surfaces.tilt(grid, 0.01) + surfaces.fractal(grid, 0.1 * _pitch(grid), streams[0])
     return Layout(surface, np.ones(grid.shape), noise, Contamination(unit=noise))
 
 
 def _ball(grid: Grid, streams: Streams) -> Layout:
-    """The cap of a rough sphere: form far larger than the noise."""
+    """The cap of a rough sphere: its form is far larger than the noise."""
     surface = surfaces.sphere(grid, 1.5 * max(_extent(grid))) + surfaces.fractal(
         grid, 0.1 * _pitch(grid), streams[0]
     )
@@ -208,7 +214,7 @@ def _ball(grid: Grid, streams: Streams) -> Layout:
 
 
 def _on_plane(grid: Grid, parts: HeightMap, stream: np.random.Generator) -> Layout:
-    """Parts with steep walls on a rough plane, outliers more often at the walls."""
+    """Parts with steep walls on a rough plane, with more outliers at the walls."""
     surface = parts + surfaces.fractal(grid, 0.1 * _pitch(grid), stream)
     weight = 1 + 6 * _walls(parts, grid)
     return Layout(surface, weight, 0.05 * _pitch(grid), Contamination(unit=_pitch(grid)))
@@ -220,7 +226,7 @@ def _steps(grid: Grid, streams: Streams) -> Layout:
 
 
 def _discs(grid: Grid, streams: Streams) -> Layout:
-    """Discs with vertical walls, each a surface of its own."""
+    """Discs with vertical walls, each a separate surface."""
     pitch = _pitch(grid)
     parts = surfaces.discs(grid, 12, (15 * pitch, 40 * pitch), (5 * pitch, 25 * pitch), streams[1])
     return _on_plane(grid, parts, streams[0])
@@ -234,13 +240,13 @@ def _pits(grid: Grid, streams: Streams) -> Layout:
 
 
 def _islands(grid: Grid, streams: Streams) -> Layout:
-    """An etched layer: texture made of islands, as many up as down."""
+    """An etched layer of islands that cover half of the area."""
     parts = surfaces.islands(grid, 4 * _pitch(grid), 16 * _pitch(grid), 0.5, streams[1])
     return _on_plane(grid, parts, streams[0])
 
 
 def _quantised(grid: Grid, streams: Streams) -> Layout:
-    """Heights in steps of the stage, as simple software stores them: many neighbours differ by exactly 0."""
+    """Heights rounded to steps of the stage, as simple software stores them: many neighbours are equal."""
     step = 0.25 * _pitch(grid)
     surface = surfaces.tilt(grid, 0.02, 0.005) + surfaces.fractal(grid, 0.1 * _pitch(grid), streams[0])
     levels = np.round(surface / step) * step

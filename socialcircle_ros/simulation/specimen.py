@@ -1,8 +1,9 @@
-"""What the instrument looks at: a surface, how it throws the light back, and its glints.
+"""The specimen: a surface, the light that it reflects, and its glints.
 
-Light comes through the objective (coaxial). A facet throws back ρ · (k_d cos θ + k_s exp(-tan² θ / 2m²)):
-a matte part, and a glossy lobe that walls turn away from the lens; steep walls are dark by that alone.
-ρ carries the fine texture that focus variation lives on; polished zones have next to none of it.
+The light comes through the objective (coaxial illumination). A facet with the slope angle θ reflects
+ρ · (k_d cos θ + k_s exp(-tan² θ / 2m²)): a matte part and a glossy lobe. Steep walls are dark, because they
+reflect the lobe away from the lens. ρ is the reflectance. It has the fine texture that focus variation needs;
+polished areas have almost none.
 """
 
 from dataclasses import dataclass
@@ -19,23 +20,23 @@ from .surfaces import Grid, HeightMap
 
 @dataclass(frozen=True)
 class Material:
-    """How a surface looks.
+    """The optical properties of a surface.
 
     Attributes:
-        matte: k_d, the share of light that is scattered everywhere.
-        gloss: k_s, the strength of the glossy lobe.
-        lobe: m, root mean square slope of what the grid does not resolve.
+        matte: k_d, strength of the matte part.
+        gloss: k_s, strength of the glossy lobe.
+        lobe: m, root mean square slope of the roughness that the grid does not resolve.
         contrast: standard deviation of the reflectance from point to point.
-        grain: extent of the texture's finest spots, in points; as much again is four times coarser.
-        polished: share of the area without texture.
-        polished_contrast: what contrast is left there.
-        smeared: share of the contrast that is left where the scene expects outliers, as under clear resin.
+        grain: correlation length of the fine texture, in points; half of the variance is four times coarser.
+        polished: share of the area that is polished.
+        polished_contrast: contrast of polished areas.
+        smeared: factor of the contrast where the scene expects outliers, as under clear resin.
         stained: share of the area under dark stains.
-        stain: reflectance there, against 1.
+        stain: factor of the reflectance of stains.
         burnished: share of the area that is so bright that it saturates.
-        burnish: reflectance there, against 1.
-        glints: per 10 000 points; facets that throw the lamp straight back.
-        glint_strength: median light of a glint, in points of full brightness.
+        burnish: factor of the reflectance of burnished areas.
+        glints: number per 10 000 points; facets that reflect the lamp straight into the lens.
+        glint_strength: median light of a glint, in multiples of the light of a bright point.
     """
 
     matte: float = 0.12
@@ -56,31 +57,31 @@ class Material:
 
 @dataclass(frozen=True)
 class Glints:
-    """Point sources at a depth of their own: a facet of curvature r images the lamp at r/2 from itself.
+    """Point sources off the surface: a facet with a radius of curvature r images the lamp at a distance of r/2.
 
     Attributes:
         row: (G,) int64.
         column: (G,) int64.
-        light: (G,) float64, in points of brightness 1.
-        z: (G,) float64, depth of the lamp's image, µm.
+        light: (G,) float64, in multiples of the light of a bright point.
+        z: (G,) float64, of the image of the lamp, µm.
     """
 
     row: NDArray[np.int64]
     column: NDArray[np.int64]
-    light: HeightMap
-    z: HeightMap
+    light: NDArray[np.float64]
+    z: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Specimen:
-    """A surface with its looks.
+    """A surface with its reflected light.
 
     Attributes:
         name: of the specimen.
-        grid: where its points are.
-        surface: (H, W) float64, µm: the true depth of every pixel.
-        radiance: (H, W) float32: what each point sends to the lens; 1 is bright, flat, matte metal.
-        glints: the mirrors on it.
+        grid: of its points.
+        surface: (H, W) float64, µm: the true depth of each pixel.
+        radiance: (H, W) float32: light from each point to the lens; 1 is flat, bright metal.
+        glints: its specular reflections.
     """
 
     name: str
@@ -102,7 +103,7 @@ MATERIALS: dict[str, Material] = {
     'pits': Material(),
     'islands': Material(),
 }
-"""The specimens, by the scene whose surface they have."""
+"""The materials of the named specimens. A specimen has the surface of the scene of the same name."""
 
 
 def make_specimen(
@@ -114,36 +115,36 @@ def make_specimen(
     material: Material | None = None,
     seed: int = 0,
 ) -> Specimen:
-    """A named specimen; the same arguments give the same bytes.
+    """Make a named specimen. The same arguments give the same bytes.
 
     Args:
         name: one of `MATERIALS`.
         rows: of the grid.
         columns: of the grid.
-        pitch: µm.
-        material: in place of the specimen's own.
+        pitch: along x and y, µm.
+        material: its optical properties; None: those of `MATERIALS`.
         seed: of surface, texture and glints.
 
     Raises:
-        SettingError: no such specimen.
+        SettingError: there is no such specimen.
     """
     if name not in MATERIALS:
         raise SettingError(f'There is no specimen {name!r}; use one of: {", ".join(MATERIALS)}.')
     grid = Grid(rows, columns, pitch, pitch)
-    build, look, glint = np.random.default_rng(seed).spawn(3)
+    build, texture, glint = np.random.default_rng(seed).spawn(3)
     layout = SCENES[name](grid, build.spawn(4))
-    looks = MATERIALS[name] if material is None else material
+    material = MATERIALS[name] if material is None else material
     return Specimen(
         name=name,
         grid=grid,
         surface=layout.surface,
-        radiance=_radiance(layout, grid, looks, look),
-        glints=_glints(layout, grid, looks, glint),
+        radiance=_radiance(layout, grid, material, texture),
+        glints=_glints(layout, grid, material, glint),
     )
 
 
 def _radiance(layout: Layout, grid: Grid, material: Material, rng: np.random.Generator) -> NDArray[np.float32]:
-    """What each point sends to the lens, (H, W) float32."""
+    """Light from each point to the lens, (H, W) float32."""
     streams = rng.spawn(5)
     pitch = grid.dx
     fine, coarse = (
@@ -169,7 +170,7 @@ def _radiance(layout: Layout, grid: Grid, material: Material, rng: np.random.Gen
 
 
 def _glints(layout: Layout, grid: Grid, material: Material, rng: np.random.Generator) -> Glints:
-    """Mirrors, rather where the layout expects trouble; strength log-normal, curvature of either sign."""
+    """Draw the glints: more where the scene expects outliers, log-normal light, curvatures of either sign."""
     weight = np.sqrt(layout.weight)
     count = int(rng.poisson(material.glints * 1e-4 * weight.sum()))
     total = np.cumsum(weight.ravel())

@@ -1,4 +1,4 @@
-"""The stage: where the focus is at each moment, and where the encoder says that it is."""
+"""The stage: the position of the focus over time, and what the encoder reports of it."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,8 @@ class Stage:
 
     Attributes:
         frame_rate: frames per second.
-        jitter: root mean square deviation from constant speed, µm; slower than 20 Hz.
-        encoder_noise: root mean square error of what is reported, µm.
+        jitter: root mean square deviation from the motion at constant speed, µm; below 20 Hz.
+        encoder_noise: root mean square error of the reported positions, µm.
         joint_rate: reported positions per second.
     """
 
@@ -30,7 +30,7 @@ class Stage:
         """Check the values.
 
         Raises:
-            SettingError: one is out of its range.
+            SettingError: a value is out of its range.
         """
         if not (self.frame_rate > 0 and self.joint_rate > 0):
             raise SettingError('The rates of the stage must be above 0.')
@@ -40,15 +40,15 @@ class Stage:
 
 @dataclass(frozen=True)
 class Travel:
-    """One run of the stage; all heights in µm, times in ns from the first frame.
+    """One run of the stage: positions in µm, times in ns from the first frame.
 
     Attributes:
-        stamps: (N,) int64, of the frames; the middle of the exposure.
-        z_nominal: (N,) float64, where the frames were meant to be: start + index · step.
-        z_true: (N,) float64, where they were.
-        z: (N,) float64, where the encoder said that they were.
-        joint_stamps: (M,) int64, from before the first to after the last frame.
-        joint_z: (M,) float64, what the encoder reported then.
+        stamps: (N,) int64, the middle of the exposure of each frame.
+        z_nominal: (N,) float64, nominal position of each frame: start + index · step.
+        z_true: (N,) float64, true position of each frame.
+        z: (N,) float64, position of each frame that the encoder reports.
+        joint_stamps: (M,) int64, times of the reports, from before the first frame to after the last one.
+        joint_z: (M,) float64, the reported positions at these times.
     """
 
     stamps: NDArray[np.int64]
@@ -60,37 +60,37 @@ class Travel:
 
 
 def travel(stage: Stage, start: float, step: float, frames: int, seed: Seed) -> Travel:
-    """Move through a scan.
+    """Move the stage through a scan.
 
-    The jitter is a sum of sines, so that positions between the reported ones can be interpolated, as the
-    node does it for the frames' stamps.
+    The jitter is a sum of sines. Positions between the reported ones can therefore be interpolated, as the node
+    does for the stamps of the frames.
 
     Args:
-        stage: how it moves.
-        start: z of the first frame, µm.
-        step: from frame to frame, µm.
-        frames: how many.
-        seed: of jitter and encoder noise.
+        stage: the stage.
+        start: nominal z of the first frame, µm.
+        step: distance of two frames, µm.
+        frames: number of frames.
+        seed: of the jitter and the encoder noise.
     """
     rng = np.random.default_rng(seed)
     frequency = rng.uniform(0.5, 20.0, 12)
     phase = rng.uniform(0, 2 * np.pi, 12)
 
-    def position(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-        sines = np.sin(2 * np.pi * np.outer(seconds, frequency) + phase).sum(axis=1) / np.sqrt(6)
-        z: NDArray[np.float64] = start + step * stage.frame_rate * seconds + stage.jitter * sines
+    def position(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        sines = np.sin(2 * np.pi * np.outer(time_s, frequency) + phase).sum(axis=1) / np.sqrt(6)
+        z: NDArray[np.float64] = start + step * stage.frame_rate * time_s + stage.jitter * sines
         return z
 
     index = np.arange(frames, dtype=np.float64)
-    seconds = index / stage.frame_rate
-    count = int(np.ceil(seconds[-1] * stage.joint_rate)) + 5
-    joint_seconds = (np.arange(count) - 2) / stage.joint_rate
-    z_true = position(seconds)
+    time_s = index / stage.frame_rate
+    count = int(np.ceil(time_s[-1] * stage.joint_rate)) + 5
+    joint_time_s = (np.arange(count) - 2) / stage.joint_rate
+    z_true = position(time_s)
     return Travel(
-        stamps=np.rint(seconds * 1e9).astype(np.int64),
+        stamps=np.rint(time_s * 1e9).astype(np.int64),
         z_nominal=start + step * index,
         z_true=z_true,
         z=z_true + stage.encoder_noise * rng.standard_normal(frames),
-        joint_stamps=np.rint(joint_seconds * 1e9).astype(np.int64),
-        joint_z=position(joint_seconds) + stage.encoder_noise * rng.standard_normal(count),
+        joint_stamps=np.rint(joint_time_s * 1e9).astype(np.int64),
+        joint_z=position(joint_time_s) + stage.encoder_noise * rng.standard_normal(count),
     )

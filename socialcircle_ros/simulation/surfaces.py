@@ -1,8 +1,8 @@
 """Height maps of surfaces: form, roughness, grooves, steps, pits, discs, woven fibres.
 
-Every function gives the heights (H, W) float64 in µm on a `Grid`, and heights add up: a rough groove is
-`groove(...) + fractal(...)`. Whatever is random takes a seed, and the same seed gives the same bytes.
-No measurement lives here: neither noise, nor outliers, nor optics.
+Each function returns the heights (H, W) float64 in µm on a `Grid`. Heights add up: a rough groove is
+`groove(...) + fractal(...)`. Random surfaces take a seed, and the same seed gives the same bytes. Noise, outliers
+and optics are in other modules.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 from socialcircle_ros.errors import SettingError
 
 HeightMap = NDArray[np.float64]
+"""Heights (H, W) in µm."""
+
 Seed = int | np.random.Generator | np.random.SeedSequence
-"""What numpy's `default_rng` takes; a generator is used as it is, and moves on."""
+"""An argument of `numpy.random.default_rng`. A generator is used directly, so that its state changes."""
+
+_Amplitude = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Where the points of a surface lie: H rows along y, W columns along x, pitch in µm."""
+    """The positions of the points of a surface: H rows along y, W columns along x, pitch in µm."""
 
     rows: int
     columns: int
@@ -31,7 +35,7 @@ class Grid:
         """Check the sizes.
 
         Raises:
-            SettingError: there is no point, or a pitch is not positive.
+            SettingError: the grid has no points, or a pitch is not positive.
         """
         if self.rows < 1 or self.columns < 1:
             raise SettingError(f'A grid of {self.rows}×{self.columns} has no points; give at least 1×1.')
@@ -44,12 +48,12 @@ class Grid:
         return self.rows, self.columns
 
     @property
-    def x(self) -> HeightMap:
+    def x(self) -> NDArray[np.float64]:
         """Positions of the columns, (1, W), from 0, µm."""
         return np.arange(self.columns, dtype=np.float64)[np.newaxis, :] * self.dx
 
     @property
-    def y(self) -> HeightMap:
+    def y(self) -> NDArray[np.float64]:
         """Positions of the rows, (H, 1), from 0, µm."""
         return np.arange(self.rows, dtype=np.float64)[:, np.newaxis] * self.dy
 
@@ -63,24 +67,25 @@ class Grid:
 
 
 def tilt(grid: Grid, slope_x: float, slope_y: float = 0.0) -> HeightMap:
-    """A plane through 0 in the middle; slopes in µm per µm."""
+    """A plane with height 0 in the middle; slopes in µm per µm."""
     cx, cy = grid.centre
     plane: HeightMap = slope_x * (grid.x - cx) + slope_y * (grid.y - cy)
     return plane
 
 
 def cylinder(grid: Grid, radius: float) -> HeightMap:
-    """The top of a cylinder that lies along y, 0 on its crest, falling to its sides; radius in µm."""
+    """The top of a cylinder along y: 0 on its crest, negative beside it; radius in µm."""
     return _cap((grid.x - grid.centre[0]) ** 2 + 0 * grid.y, radius)
 
 
 def sphere(grid: Grid, radius: float) -> HeightMap:
-    """The top of a sphere, 0 in the middle; radius in µm."""
+    """The top of a sphere: 0 in the middle, negative around it; radius in µm."""
     cx, cy = grid.centre
     return _cap((grid.x - cx) ** 2 + (grid.y - cy) ** 2, radius)
 
 
-def _cap(squared: HeightMap, radius: float) -> HeightMap:
+def _cap(squared: NDArray[np.float64], radius: float) -> HeightMap:
+    """The cap of a sphere or cylinder, by the squared distances from its top or crest."""
     farthest = float(np.sqrt(squared.max()))
     if not radius > farthest:
         raise SettingError(
@@ -94,13 +99,13 @@ def _cap(squared: HeightMap, radius: float) -> HeightMap:
 
 
 def gaussian(grid: Grid, sq: float, correlation: float, seed: Seed) -> HeightMap:
-    """Roughness whose autocorrelation is a Gaussian: one lateral scale.
+    """Roughness with a Gaussian autocorrelation: it has one lateral scale.
 
     Args:
-        grid: where.
+        grid: of the points.
         sq: root mean square height (ISO 25178 Sq), µm; met exactly.
         correlation: the lag at which the autocorrelation falls to 1/e, µm.
-        seed: of the random phases.
+        seed: of the random heights.
     """
     decay = (np.pi * correlation) ** 2 / 2
 
@@ -110,34 +115,34 @@ def gaussian(grid: Grid, sq: float, correlation: float, seed: Seed) -> HeightMap
 def fractal(
     grid: Grid, sq: float, seed: Seed, *, hurst: float = 0.8, longest: float = 100.0, lay: float = 1.0
 ) -> HeightMap:
-    """Self-affine roughness, like ground, blasted or broken metal: all scales below one.
+    """Self-affine roughness, as of ground, blasted or broken metal: it has all scales below the longest one.
 
-    The power spectrum is (1 + (f·longest)²)^-(1 + hurst): flat above the longest wavelength, a power law
-    below it (Jacobs, Junge, Pastewka: Surf. Topogr. 5 (2017) 013001).
+    The power spectrum is (1 + (f·longest)²)^-(1 + hurst): constant above the longest wavelength, a power law below
+    it. Source: T. D. B. Jacobs, T. Junge, L. Pastewka, Quantitative characterization of surface topography using
+    spectral analysis, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001, DOI 10.1088/2051-672X/aa51f8.
 
     Args:
-        grid: where.
+        grid: of the points.
         sq: root mean square height (ISO 25178 Sq), µm; met exactly.
-        seed: of the random phases.
-        hurst: Hurst exponent, 0 (rugged) to 1 (smooth).
-        longest: wavelength above which heights no longer grow, µm.
-        lay: how much longer the texture is along y than along x, 1 for none.
+        seed: of the random heights.
+        hurst: Hurst exponent, from 0 (rugged) to 1 (smooth).
+        longest: wavelength above which the heights no longer grow, µm.
+        lay: length of the texture along y divided by that along x; 1: no lay.
     """
 
-    def gain(fx: HeightMap, fy: HeightMap) -> HeightMap:
-        squared: HeightMap = (fx**2 + (lay * fy) ** 2) * longest**2
-        gained: HeightMap = (1 + squared) ** (-(1 + hurst) / 2)
-        return gained
+    def amplitude(fx: NDArray[np.float64], fy: NDArray[np.float64]) -> NDArray[np.float64]:
+        squared: NDArray[np.float64] = (fx**2 + (lay * fy) ** 2) * longest**2
+        return (1 + squared) ** (-(1 + hurst) / 2)
 
-    return _shaped(grid, sq, gain, seed)
+    return _shaped(grid, sq, amplitude, seed)
 
 
-def _shaped(grid: Grid, sq: float, gain: Callable[[HeightMap, HeightMap], HeightMap], seed: Seed) -> HeightMap:
-    """White noise with the amplitude spectrum `gain(fx, fy)`, frequencies in 1/µm; periodic in the field."""
+def _shaped(grid: Grid, sq: float, amplitude: _Amplitude, seed: Seed) -> HeightMap:
+    """Noise with the amplitude spectrum `amplitude(fx, fy)`, frequencies in 1/µm; periodic in the field."""
     spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal(grid.shape))
     fx = np.fft.rfftfreq(grid.columns, grid.dx).astype(np.float64)[np.newaxis, :]
     fy = np.fft.fftfreq(grid.rows, grid.dy).astype(np.float64)[:, np.newaxis]
-    spectrum *= gain(fx, fy)
+    spectrum *= amplitude(fx, fy)
     spectrum[0, 0] = 0
     rough: HeightMap = np.fft.irfft2(spectrum, s=grid.shape)
     spread = float(rough.std())
@@ -145,17 +150,17 @@ def _shaped(grid: Grid, sq: float, gain: Callable[[HeightMap, HeightMap], Height
 
 
 def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed: Seed) -> HeightMap:
-    """The arcs that a face mill leaves at each feed, cusps up.
+    """The arcs of a face mill, one for each feed, with cusps between them.
 
     Args:
-        grid: where.
-        depth: mean height from valley to cusp, µm; it varies by a tenth from arc to arc.
-        spacing: feed per tooth, µm; it varies by a twentieth.
+        grid: of the points.
+        depth: mean height from valley to cusp, µm; it varies by 10 % from arc to arc.
+        spacing: feed per tooth, µm; it varies by 5 %.
         cutter: radius of the cutter, µm.
         seed: of the variations.
     """
     rng = np.random.default_rng(seed)
-    # The cutter moves along y with its axis over the middle: position of the arc through each point.
+    # The cutter moves along y with its axis over the middle: this is the position of the arc through each point.
     along = grid.y - np.sqrt(np.maximum(cutter**2 - (grid.x - grid.centre[0]) ** 2, 0.0))
     along = along - along.min()
     count = int(along.max() / (spacing * 0.5)) + 2
@@ -174,57 +179,63 @@ def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed:
 def groove(
     grid: Grid, width: float, depth: float, wall_angle: float, *, wander: float = 0.0, seed: Seed = 0
 ) -> HeightMap:
-    """A groove along y in the middle: lands at 0, flat floor at -depth.
+    """A groove along y in the middle, with lands at 0 and a flat floor at -depth.
 
     Args:
-        grid: where.
+        grid: of the points.
         width: between the upper edges, µm.
-        depth: µm.
-        wall_angle: of the walls against the lands, degrees, up to 90.
-        wander: root mean square by which the edges leave the straight line, µm.
-        seed: of the wandering.
+        depth: of the floor, µm.
+        wall_angle: between walls and lands, degrees, up to 90.
+        wander: root mean square deviation of the edges from a straight line, µm.
+        seed: of these deviations.
+
+    Raises:
+        SettingError: the angle is out of its range, or the groove is too narrow for a floor.
     """
     offset = _wander(grid, wander, seed)
     return _walled(width / 2 - np.abs(grid.x - grid.centre[0] - offset), width, depth, wall_angle)
 
 
 def ring_groove(grid: Grid, radius: float, width: float, depth: float, wall_angle: float) -> HeightMap:
-    """A closed groove round the middle: the disc within it hangs together with the land round it nowhere.
+    """A circular groove around the middle: it separates the disc inside from the land outside.
 
     Args:
-        grid: where.
+        grid: of the points.
         radius: of the middle line, µm.
         width: between the upper edges, µm.
-        depth: µm.
-        wall_angle: degrees, up to 90.
+        depth: of the floor, µm.
+        wall_angle: between walls and lands, degrees, up to 90.
+
+    Raises:
+        SettingError: the angle is out of its range, or the groove is too narrow for a floor.
     """
     cx, cy = grid.centre
     return _walled(width / 2 - np.abs(np.hypot(grid.x - cx, grid.y - cy) - radius), width, depth, wall_angle)
 
 
-def _walled(inward: HeightMap, width: float, depth: float, wall_angle: float) -> HeightMap:
-    """0 to -depth, by the distance `inward` from the upper edge."""
+def _walled(inward: NDArray[np.float64], width: float, depth: float, wall_angle: float) -> HeightMap:
+    """A groove, from the distance `inward` of each point from the upper edge, µm."""
     if not 0 < wall_angle <= 90:
-        raise SettingError(f'A wall of {wall_angle}° is not possible; give more than 0 and at most 90.')
+        raise SettingError(f'The wall angle is {wall_angle}°; it must be above 0 and at most 90.')
     run = depth / np.tan(np.deg2rad(wall_angle))
     if 2 * run >= width:
         raise SettingError(
-            f'A groove {width} µm wide has no floor at a depth of {depth} µm and walls of {wall_angle}°;'
+            f'A groove {width} µm wide has no floor at a depth of {depth} µm with walls of {wall_angle}°;'
             f' give a width above {2 * run:.0f} µm.'
         )
     down: HeightMap = np.clip(inward / max(run, 1e-9), 0.0, 1.0)
     return -depth * down
 
 
-def _wander(grid: Grid, rms: float, seed: Seed) -> HeightMap:
-    """A smooth sideways deviation for each row, (H, 1), µm."""
+def _wander(grid: Grid, rms: float, seed: Seed) -> NDArray[np.float64]:
+    """A smooth lateral deviation of each row, (H, 1), µm."""
     if rms == 0:
         return np.zeros((grid.rows, 1))
     return gaussian(Grid(grid.rows, 1, dy=grid.dy), rms, 40.0, seed)
 
 
 def steps(grid: Grid, heights: Sequence[float]) -> HeightMap:
-    """Lands of equal width side by side along x, at the given heights in µm, vertical walls between them."""
+    """Lands of equal width side by side along x, at the given heights in µm, with vertical walls between them."""
     if not heights:
         raise SettingError('Steps need at least one height.')
     index = np.arange(grid.columns) * len(heights) // grid.columns
@@ -233,11 +244,11 @@ def steps(grid: Grid, heights: Sequence[float]) -> HeightMap:
 
 
 def pits(grid: Grid, count: int, radius: tuple[float, float], depth: tuple[float, float], seed: Seed) -> HeightMap:
-    """Round pits with the shape of a paraboloid, 0 elsewhere; where two meet, the deeper counts.
+    """Paraboloidal pits, 0 elsewhere; the deeper one counts where two overlap.
 
     Args:
-        grid: where.
-        count: how many.
+        grid: of the points.
+        count: number of pits.
         radius: smallest and largest, µm.
         depth: smallest and largest, µm.
         seed: of places and sizes.
@@ -261,15 +272,15 @@ def discs(
     *,
     wall_angle: float = 90.0,
 ) -> HeightMap:
-    """Raised discs with flat tops, 0 elsewhere; where two meet, the higher counts.
+    """Raised discs with flat tops, 0 elsewhere; the higher one counts where two overlap.
 
     Args:
-        grid: where.
-        count: how many.
+        grid: of the points.
+        count: number of discs.
         radius: smallest and largest, at the foot, µm.
         height: smallest and largest, µm.
         seed: of places and sizes.
-        wall_angle: degrees, up to 90.
+        wall_angle: between walls and plane, degrees, up to 90.
     """
     rng = np.random.default_rng(seed)
     surface = np.zeros(grid.shape)
@@ -283,14 +294,14 @@ def discs(
 
 
 def islands(grid: Grid, height: float, size: float, share: float, seed: Seed) -> HeightMap:
-    """Ragged plateaus with vertical walls over 0, as an etched or printed layer leaves them.
+    """Ragged plateaus with vertical walls on a plane at 0, as of an etched or printed layer.
 
     Args:
-        grid: where.
+        grid: of the points.
         height: of the plateaus, µm.
-        size: typical extent of one, µm.
+        size: typical extent of a plateau, µm.
         share: of the area that the plateaus cover, 0 to 1.
-        seed: of their shapes.
+        seed: of the shapes.
     """
     relief = gaussian(grid, 1.0, size / 2, seed)
     raised: HeightMap = np.where(relief > np.quantile(relief, 1 - share), height, 0.0)
@@ -300,15 +311,15 @@ def islands(grid: Grid, height: float, size: float, share: float, seed: Seed) ->
 def weave(
     grid: Grid, tow: float, crimp: float, seed: Seed, *, fibre: float = 7.0, fibre_height: float = 1.2
 ) -> HeightMap:
-    """A fibre composite in plain weave: tows over and under each other, single fibres, resin between.
+    """A fibre composite in plain weave: tows over and under each other, with single fibres, and resin between.
 
     Args:
-        grid: where.
-        tow: width of a bundle, µm.
+        grid: of the points.
+        tow: width of a tow, µm.
         crimp: height from the lowest resin to the highest crest, µm.
-        seed: of the fibres' wandering and of each tow's level.
+        seed: of the positions of the fibres and the levels of the tows.
         fibre: diameter of a fibre, µm.
-        fibre_height: how far a fibre stands out of the resin between two, µm.
+        fibre_height: height of a fibre above the resin between two fibres, µm.
     """
     streams = np.random.default_rng(seed).spawn(2)
     along_y = _tows(grid, tow, crimp, streams[0], fibre=fibre, fibre_height=fibre_height, parity=0)
@@ -329,7 +340,7 @@ def _tows(
     fibre_height: float,
     parity: int,
 ) -> HeightMap:
-    """The tows that run along y; they cross over where column and row of the weave have `parity`."""
+    """The tows along y; they are on top where the sum of column and row of the weave has this parity."""
     index = np.floor(grid.x / tow).astype(np.int64)
     across = grid.x / tow - index - 0.5  # -0.5..0.5
     level = rng.normal(0.0, 0.03 * crimp, int(index.max()) + 1)[index]
@@ -337,7 +348,7 @@ def _tows(
     wander = wander + gaussian(grid, 0.15 * fibre, 4 * fibre, rng)
     sign = 1 - 2 * ((index + parity) % 2)
     undulation = 0.25 * crimp * sign * np.sin(np.pi * grid.y / tow)
-    crown = -crimp * across**2  # flat ellipse, falling by a quarter of the crimp to its sides
+    crown = -crimp * across**2  # a flat ellipse, lower by a quarter of the crimp at its sides
     ridges = fibre_height * (np.abs(np.cos(np.pi * (grid.x + wander) / fibre)) - 1)
     tows: HeightMap = level + undulation + crown + ridges - 0.25 * crimp
     return tows

@@ -1,7 +1,7 @@
-"""What a measured depth map is worth against the truth: good, ambiguous or bad, and why.
+"""The true depth of a simulated stack, and how good, ambiguous or bad a measured depth is.
 
-An outlier is defined by physics: its depth is off by more than a bound. Between the bound of the good and
-that of the bad a point is ambiguous, and belongs in no score.
+An outlier is a point with a depth error above a bound. A point between the bound of good and that of bad depths is
+ambiguous, and is left out of scores.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from .surfaces import Grid, HeightMap
 
 
 class Cause(IntFlag):
-    """Why a point may be bad; a point can have several, the first of these is its main one."""
+    """Why a point may be bad. A point can have several causes; its main cause is the first in this order."""
 
     NONE = 0
     GLINT = 1
@@ -30,32 +30,32 @@ class Cause(IntFlag):
 
 @dataclass(frozen=True)
 class PixelVerdict:
-    """A measured depth map, judged; each mask (H, W) bool, exactly one of the four True at each point.
+    """The verdict on each pixel of a measured depth map: exactly one of the four masks (H, W) is True.
 
     Attributes:
-        good: off by at most the good bound.
-        ambiguous: between.
-        bad: off by more than the bad bound, with regard to what the optics resolve.
+        good: the error is at most the good bound.
+        ambiguous: neither good nor bad.
+        bad: the error is above the bad bound, see `DepthTruth.classify`.
         missing: not measured.
-        error: (H, W) float64, measured less true depth, µm; NaN where missing.
+        error: (H, W) float64, measured minus true depth, µm; NaN where missing.
     """
 
     good: Mask
     ambiguous: Mask
     bad: Mask
     missing: Mask
-    error: HeightMap
+    error: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class DepthTruth:
-    """The true depth of every pixel, and the trouble that lies in wait there.
+    """The true depth of each pixel, and why its measurement may fail.
 
     Attributes:
         depth: (H, W) float64, µm.
-        cause: (H, W) uint8, flags of `Cause`, from the optics and the specimen, whether it did harm or not.
-        good_bound: µm.
-        bad_bound: µm.
+        cause: (H, W) uint8, flags of `Cause`: why the measurement may fail, whether it does or not.
+        good_bound: largest error of a good depth, µm.
+        bad_bound: error above which a depth is bad, µm.
     """
 
     depth: HeightMap
@@ -67,11 +67,11 @@ class DepthTruth:
         """Check the bounds.
 
         Raises:
-            SettingError: they are not 0 < good ≤ bad.
+            SettingError: 0 < good ≤ bad does not hold.
         """
         if not 0 < self.good_bound <= self.bad_bound:
             raise SettingError(
-                f'Bounds of {self.good_bound} µm for good and {self.bad_bound} µm for bad are not possible;'
+                f'The bounds are {self.good_bound} µm for good and {self.bad_bound} µm for bad depths;'
                 ' give 0 < good ≤ bad.'
             )
 
@@ -82,20 +82,20 @@ class DepthTruth:
         return lowest
 
     def classify(self, depth: NDArray[np.floating]) -> PixelVerdict:
-        """Judge a measured depth map.
+        """Compare a measured depth map with the truth.
 
-        A depth that lies between the true ones of the neighbours is no outlier, however steep the wall:
-        badness is the distance to the range of the true depth over 3×3 points.
+        A depth between the true depths of the neighbours is not an outlier, however steep the wall. A depth is
+        therefore bad by its distance from the range of the true depths over 3×3 points.
 
         Args:
             depth: (H, W), µm, NaN where not measured.
 
         Raises:
-            CloudError: another size than the truth.
+            CloudError: the depth map has another size than the truth.
         """
         if depth.shape != self.depth.shape:
             raise CloudError(
-                f'The depth map is {depth.shape}, the truth {self.depth.shape}; they must be of one size.'
+                f'The depth map is {depth.shape}, the truth {self.depth.shape}; they must have the same shape.'
             )
         missing = ~np.isfinite(depth)
         error = np.where(missing, np.nan, depth - self.depth)
@@ -114,23 +114,29 @@ def causes(
     camera: Camera,
     reach: int = 3,
 ) -> NDArray[np.uint8]:
-    """Where the physics asks for trouble.
+    """Find the pixels whose depth measurement may fail, from the window of the focus measure.
+
+    | cause        | condition                                                                      |
+    |--------------|--------------------------------------------------------------------------------|
+    | glint        | light of a glint above 0.02 and above three standard deviations of the texture |
+    | saturated    | more than a quarter of the pixels saturated, without glints                    |
+    | dark         | mean light below 0.15 of flat bright metal                                     |
+    | steep        | a slope above 35°                                                              |
+    | low contrast | standard deviation of the fine texture below twice the noise                   |
 
     Args:
         surface: (H, W), µm.
         grid: of the surface.
-        sharp: (H, W), the light with every pixel in focus, no glints.
-        glare: (H, W), the most light that glints ever throw there.
-        camera: whose noise and saturation count.
-        reach: half side of the window in which a depth is found, points.
+        sharp: (H, W), the light with every pixel in focus, without glints.
+        glare: (H, W), the most light of glints over all positions of the stage.
+        camera: for noise and saturation.
+        reach: half-window of the focus measure, points.
 
     Returns:
-        (H, W) uint8, flags of `Cause`. Glint: they throw more than three times what the texture varies by.
-        Saturated: a quarter of the window, without glints. Dark: below 0.15 of flat bright metal. Steep:
-        above 35°. Low contrast: the fine texture varies by less than twice the noise.
+        (H, W) uint8, flags of `Cause`.
     """
     mean = _box_mean(sharp, reach)
-    detail = sharp - _box_mean(sharp, 1)  # what a Laplacian sees: shading is no texture
+    detail = sharp - _box_mean(sharp, 1)  # as a Laplacian measures it: shading is not texture
     texture = np.sqrt(_box_mean(detail**2, reach))
     slope = np.zeros(grid.shape)
     for axis, step in enumerate((grid.dy, grid.dx)):
@@ -149,8 +155,8 @@ def causes(
     return flags
 
 
-def _highest(field: NDArray[np.floating], reach: int) -> HeightMap:
-    """The maximum over (2·reach + 1)² points round each, fewer at the border."""
+def _highest(field: NDArray[np.floating], reach: int) -> NDArray[np.float64]:
+    """The maximum over the (2·reach + 1)² points around each point, fewer at the border."""
     highest = field.astype(np.float64)
     for axis in (0, 1):
         moved = np.moveaxis(highest, axis, 0)
@@ -162,8 +168,8 @@ def _highest(field: NDArray[np.floating], reach: int) -> HeightMap:
     return highest
 
 
-def _box_mean(field: NDArray[np.floating], reach: int) -> HeightMap:
-    """The mean over (2·reach + 1)² points round each, fewer at the border."""
+def _box_mean(field: NDArray[np.floating], reach: int) -> NDArray[np.float64]:
+    """The mean over the (2·reach + 1)² points around each point, fewer at the border."""
     mean = field.astype(np.float64)
     for axis in (0, 1):
         size = field.shape[axis]

@@ -1,4 +1,4 @@
-"""The whole instrument: reproducible stacks, and outliers that come out of the physics."""
+"""The whole instrument: stacks are reproducible, and outliers have physical causes."""
 
 import numpy as np
 import pytest
@@ -18,22 +18,22 @@ def measured(scan):
 
 
 def group_sizes(mask):
-    """Sizes of the groups of 8-connected points."""
-    left = {tuple(place) for place in np.argwhere(mask)}
+    """Sizes of the groups of points that touch along a side or at a corner."""
+    remaining = {tuple(place) for place in np.argwhere(mask)}
     sizes = []
-    while left:
-        edge, size = [left.pop()], 0
+    while remaining:
+        edge, size = [remaining.pop()], 0
         while edge:
             row, column = edge.pop()
             size += 1
-            near = {(row + y, column + x) for y in (-1, 0, 1) for x in (-1, 0, 1)} & left
-            left -= near
+            near = {(row + y, column + x) for y in (-1, 0, 1) for x in (-1, 0, 1)} & remaining
+            remaining -= near
             edge += near
         sizes.append(size)
     return np.array(sizes)
 
 
-def test_the_same_seed_gives_the_same_bytes():
+def test_same_seed_gives_the_same_bytes():
     one, again, other = (simulate('metal_groove', 48, 64, frames=6, seed=seed) for seed in (1, 1, 2))
     first = b''.join(frame.image.tobytes() for frame in one.frames())
     assert first == b''.join(frame.image.tobytes() for frame in again.frames())
@@ -41,7 +41,7 @@ def test_the_same_seed_gives_the_same_bytes():
     assert first != b''.join(frame.image.tobytes() for frame in other.frames())
 
 
-def test_frames_come_with_stamp_and_position():
+def test_frame_has_its_stamp_and_position():
     scan = simulate('flat', 48, 64, frames=5, z_step=2.0, camera=Camera(bits=12))
     frames = list(scan.frames())
     assert len(scan) == len(frames) == 5
@@ -52,7 +52,7 @@ def test_frames_come_with_stamp_and_position():
 
 
 @pytest.mark.parametrize('name', MATERIALS)
-def test_the_scan_reaches_above_and_below_the_surface(name):
+def test_scan_extends_above_and_below_the_surface(name):
     scan = simulate(name, 48, 64)
     surface = scan.specimen.surface
     assert scan.travel.z_nominal[0] <= surface.min() - 9
@@ -62,21 +62,21 @@ def test_the_scan_reaches_above_and_below_the_surface(name):
 
 @pytest.mark.parametrize('seed', [1, 2])
 @pytest.mark.parametrize('name', ['metal_groove', 'steep_groove'])
-def test_a_groove_measures_well_but_for_outliers_where_the_light_is_bad(name, seed):
+def test_outliers_of_a_groove_have_a_known_cause(name, seed):
     scan = simulate(name, 160, 208, seed=seed)
     truth = scan.truth
     verdict = truth.classify(measured(scan))
     assert 0.02 < verdict.bad.mean() < 0.15
     assert verdict.good.mean() > 0.8
-    asked_for = truth.cause != Cause.NONE
-    assert (verdict.bad & asked_for).sum() > 0.85 * verdict.bad.sum()
-    assert verdict.bad[~asked_for].mean() < 0.01
+    has_cause = truth.cause != Cause.NONE
+    assert (verdict.bad & has_cause).sum() > 0.85 * verdict.bad.sum()
+    assert verdict.bad[~has_cause].mean() < 0.01
     sizes = group_sizes(verdict.bad)
     assert sizes[sizes >= 10].sum() > 0.5 * sizes.sum()
     assert (sizes <= 3).sum() >= 3
 
 
-def test_a_textured_plane_measures_well_but_for_its_polish_and_glints():
+def test_outliers_of_a_textured_plane_are_where_the_contrast_is_low():
     scan = simulate('flat', 160, 208, seed=1)
     verdict = scan.truth.classify(measured(scan))
     assert verdict.good.mean() > 0.96
@@ -87,7 +87,7 @@ def test_a_textured_plane_measures_well_but_for_its_polish_and_glints():
     assert verdict.bad[weak].mean() > 20 * verdict.bad[scan.truth.cause == 0].mean()
 
 
-def test_a_dimmer_camera_makes_more_outliers():
+def test_camera_with_a_smaller_full_well_gives_more_outliers():
     good, poor = (
         simulate('metal_groove', 96, 128, seed=1, camera=Camera(full_well=well)) for well in (30_000.0, 3000.0)
     )
@@ -95,7 +95,7 @@ def test_a_dimmer_camera_makes_more_outliers():
     assert many > 1.2 * few
 
 
-def test_optics_of_ones_own():
+def test_optics_can_be_given():
     scan = simulate('flat', 48, 64, instrument=Optics(20.0, 0.45, pixel=5.0), frames=8)
     assert scan.specimen.grid.dx == 0.25
     assert len(list(scan.frames())) == 8
@@ -111,6 +111,6 @@ def test_optics_of_ones_own():
         ({'flicker': -1.0}, 'cannot be below 0'),
     ],
 )
-def test_impossible_scans_are_refused(arguments, message):
+def test_scan_with_values_out_of_range_is_refused(arguments, message):
     with pytest.raises(SettingError, match=message):
         simulate('flat', 48, 64, **arguments)

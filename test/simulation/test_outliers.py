@@ -1,4 +1,4 @@
-"""Outliers come in the number, the size and the place that were asked for, with the truth about each."""
+"""Outliers have the requested number, size and place, and their truth is known."""
 
 from dataclasses import replace
 
@@ -13,19 +13,19 @@ FLAT = np.zeros((120, 160))
 
 @pytest.mark.parametrize('share', [0.0, 0.01, 0.1, 0.45])
 @pytest.mark.parametrize('flank', ['sharp', 'blurred', 'mixed'])
-def test_the_share_is_met_exactly(share, flank):
+def test_share_is_met_exactly(share, flank):
     result = add_outliers(FLAT, Contamination(share=share, flank=flank), 0)
     assert result.outlier.sum() == round(share * FLAT.size)
 
 
-def test_the_same_seed_gives_the_same_bytes():
+def test_same_seed_gives_the_same_bytes():
     first, again = (add_outliers(FLAT, Contamination(), 7) for _ in range(2))
     assert first.heights.tobytes() == again.heights.tobytes()
     assert first.cluster.tobytes() == again.cluster.tobytes()
     assert add_outliers(FLAT, Contamination(), 8).heights.tobytes() != first.heights.tobytes()
 
 
-def test_half_of_the_outliers_lie_in_clusters_of_several_points():
+def test_half_of_the_outliers_are_in_clusters_of_several_points():
     result = add_outliers(FLAT, Contamination(share=0.1, clustered=0.5), 0)
     assert (result.outlier & (result.cluster > 0)).sum() == round(0.05 * FLAT.size)
     sizes = np.bincount(result.cluster[result.cluster > 0])[1:]
@@ -33,14 +33,14 @@ def test_half_of_the_outliers_lie_in_clusters_of_several_points():
     assert np.median(sizes) >= 10
 
 
-def test_a_cluster_moves_together():
+def test_points_of_a_cluster_are_displaced_together():
     result = add_outliers(FLAT, Contamination(share=0.1, flank='sharp', clustered=1.0), 0)
     for number in range(1, result.cluster.max() + 1):
         moved = result.displacement[result.cluster == number]
         assert np.ptp(moved) <= 0.25 * np.abs(moved).max()
 
 
-def test_what_moved_and_how_far_is_known():
+def test_displacements_are_known():
     result = add_outliers(FLAT, Contamination(unit=0.5, bound=4.0, flank='blurred'), 0)
     np.testing.assert_array_equal(result.heights, result.displacement)
     np.testing.assert_array_equal(result.outlier, np.abs(result.displacement) >= 2.0)
@@ -49,11 +49,11 @@ def test_what_moved_and_how_far_is_known():
     assert not (result.ambiguous & result.outlier).any()
 
 
-def test_sharp_clusters_leave_nothing_ambiguous():
+def test_sharp_clusters_have_no_ambiguous_points():
     assert not add_outliers(FLAT, Contamination(flank='sharp'), 0).ambiguous.any()
 
 
-def test_outliers_lie_where_the_weight_is():
+def test_outliers_are_where_the_weight_is():
     weight = np.where(np.arange(160) < 80, 9.0, 1.0) * np.ones_like(FLAT)
     result = add_outliers(FLAT, Contamination(share=0.05), 0, weight)
     assert result.outlier[:, :80].sum() > 5 * result.outlier[:, 80:].sum()
@@ -61,14 +61,14 @@ def test_outliers_lie_where_the_weight_is():
     assert not add_outliers(FLAT, Contamination(), 0, nowhere).outlier[:, 80:].any()
 
 
-def test_no_area_is_more_contaminated_than_its_densest():
+def test_share_of_an_area_is_limited():
     weight = np.where(np.arange(160) < 40, 50.0, 1.0) * np.ones_like(FLAT)
     result = add_outliers(FLAT, Contamination(share=0.3, densest=0.6), 0, weight)
     assert 0.45 < result.outlier[:, :36].mean() < 0.61
     assert result.outlier.mean() == pytest.approx(0.3, abs=1e-4)
 
 
-def test_what_is_not_measured_stays_so():
+def test_points_that_are_not_measured_stay_so():
     holes = FLAT.copy()
     holes[::3] = np.nan
     result = add_outliers(holes, Contamination(share=0.1), 0)
@@ -76,7 +76,7 @@ def test_what_is_not_measured_stays_so():
     assert result.outlier.sum() == round(0.1 * np.isfinite(holes).sum())
 
 
-def test_more_outliers_than_places_are_refused():
+def test_more_outliers_than_points_with_a_weight_are_refused():
     weight = np.zeros_like(FLAT)
     weight[0, :5] = 1.0
     with pytest.raises(CloudError, match='only 5 have a weight'):
@@ -86,13 +86,13 @@ def test_more_outliers_than_places_are_refused():
 @pytest.mark.parametrize(
     ('change', 'message'),
     [
-        ({'share': 1.0}, 'share of outliers of 1.0'),
-        ({'densest': 0.0}, 'densest share of 0.0'),
-        ({'clustered': 1.5}, 'clustered share of 1.5'),
+        ({'share': 1.0}, 'share of outliers is 1.0'),
+        ({'densest': 0.0}, 'densest share is 0.0'),
+        ({'clustered': 1.5}, 'clustered share is 1.5'),
         ({'amplitude': (3.0, 9.0)}, 'both above the bound'),
-        ({'radius': (4.0, 2.0)}, 'Cluster radii'),
+        ({'radius': (4.0, 2.0)}, 'cluster radii are'),
     ],
 )
-def test_impossible_values_are_refused(change, message):
+def test_values_out_of_range_are_refused(change, message):
     with pytest.raises(SettingError, match=message):
         replace(Contamination(), **change)

@@ -1,8 +1,12 @@
-"""Two renderers that make the blur in ways of their own give the same image, but for walls.
+"""Two renderers that compute defocus in different ways give the same image, except at steep walls.
 
-The bounds, in units of the light of flat bright metal, root mean square over the field: 0.3 % where the
-surface is flat and rough, 0.6 % on a ball, 2 % on walls of 45°. At walls that cut the light cone they part:
-only the rays know what stands in the way.
+The bounds are root mean square differences over the field, as a share of the light of flat, bright metal:
+
+- 0.3 % on a flat rough surface;
+- 0.6 % on a ball;
+- 2 % on walls of 45°.
+
+The renderers differ at walls that block the light cone, because only the ray renderer includes occlusion.
 """
 
 import tracemalloc
@@ -17,7 +21,7 @@ from socialcircle_ros.errors import SettingError
 from socialcircle_ros.simulation.camera import NOISELESS
 from socialcircle_ros.simulation.instrument import simulate
 from socialcircle_ros.simulation.optics import INSTRUMENTS
-from socialcircle_ros.simulation.rendering import LayeredRenderer, RayRenderer, aperture_openness
+from socialcircle_ros.simulation.rendering import LayeredRenderer, RayRenderer
 from socialcircle_ros.simulation.specimen import Glints, Material, Specimen, make_specimen
 from socialcircle_ros.simulation.stage import Stage
 from socialcircle_ros.simulation.surfaces import Grid, steps, tilt
@@ -40,7 +44,7 @@ def point(size=65):
 
 
 @pytest.mark.parametrize(('name', 'bound'), [('flat', 0.003), ('ball', 0.006), ('metal_groove', 0.02)])
-def test_the_two_renderers_agree(name, bound):
+def test_renderers_agree(name, bound):
     specimen = make_specimen(name, 80, 96, material=CLEAN, seed=1)
     low, high = specimen.surface.min() - 9, specimen.surface.max() + 9
     layered, rays = (kind(specimen, OPTICS, low, high) for kind in (LayeredRenderer, RayRenderer))
@@ -51,7 +55,7 @@ def test_the_two_renderers_agree(name, bound):
 
 
 @pytest.mark.parametrize(('kind', 'bound'), [(LayeredRenderer, 0.002), (RayRenderer, 0.01)])
-def test_each_pixel_is_blurred_as_its_own_distance_asks(kind, bound):
+def test_pixel_is_blurred_by_its_distance_from_focus(kind, bound):
     waves = Waves(0)
     surface = tilt(Grid(96, 128), 0.1, -0.05)
     renderer = kind(field(surface, waves.radiance((96, 128))), OPTICS, -20, 20)
@@ -62,7 +66,7 @@ def test_each_pixel_is_blurred_as_its_own_distance_asks(kind, bound):
             assert image[row, column] == pytest.approx(expected, abs=bound)
 
 
-def test_depths_found_in_the_images_of_either_renderer_agree_within_a_fiftieth_of_a_step():
+def test_depths_measured_with_either_renderer_agree_within_a_fiftieth_of_a_step():
     specimen = make_specimen('flat', 64, 80, material=CLEAN, seed=3)
     depths = []
     for renderer in ('layered', 'rays'):
@@ -79,7 +83,7 @@ def test_depths_found_in_the_images_of_either_renderer_agree_within_a_fiftieth_o
     assert abs(error.mean()) < 0.01
 
 
-def test_a_point_becomes_a_disc_with_the_radius_of_the_cone():
+def test_point_becomes_a_disc_with_the_radius_of_the_light_cone():
     image = LayeredRenderer(point(), OPTICS, -30, 30).render(25.0)
     assert image.sum() == pytest.approx(100.0, rel=0.01)
     radius = 25 * OPTICS.cone
@@ -89,14 +93,14 @@ def test_a_point_becomes_a_disc_with_the_radius_of_the_cone():
     assert np.abs(image[outside]).max() < 0.05 * image[inside].mean()
 
 
-def test_blur_is_the_same_above_and_below_the_focus_and_least_in_it():
+def test_blur_is_symmetric_about_focus_and_least_in_focus():
     renderer = LayeredRenderer(point(), OPTICS, -30, 30)
     np.testing.assert_array_equal(renderer.render(-7.3), renderer.render(7.3))
     peaks = [renderer.render(z).max() for z in (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)]
     assert peaks == sorted(peaks, reverse=True)
 
 
-def test_a_glint_is_a_point_at_a_depth_of_its_own():
+def test_glint_is_a_point_at_its_own_depth():
     glints = Glints(np.array([32]), np.array([32]), np.array([100.0]), np.array([12.0]))
     specimen = field(np.zeros((65, 65)), np.zeros((65, 65)), glints)
     renderer = LayeredRenderer(specimen, OPTICS, -5, 30)
@@ -108,25 +112,14 @@ def test_a_glint_is_a_point_at_a_depth_of_its_own():
     assert (renderer.glare() >= renderer.render(12.0) - 1e-6).all()
 
 
-@pytest.mark.parametrize('distance', [2.0, 5.0, 9.0])
-def test_a_wall_cuts_a_segment_out_of_the_light_cone(distance):
-    surface = steps(Grid(81, 120), [40.0, 0.0])
-    radius = 40 * OPTICS.cone
-    share = aperture_openness(surface, OPTICS)[40, 60 + int(distance) - 1]
-    t = (distance - 0.5) / radius
-    cut = (np.arccos(t) - t * np.sqrt(1 - t**2)) / np.pi
-    assert share == pytest.approx(1 - cut, abs=0.06)
-    assert aperture_openness(surface, OPTICS)[40, 30] == 1.0
-
-
-def test_rays_know_what_stands_in_the_way():
-    """Focused on the upper land, the bright floor must not shine through its edge; nor in the layers."""
+def test_ray_renderer_includes_occlusion():
+    """With focus on the upper land, neither renderer lets the bright floor shine through its edge."""
     surface = steps(Grid(64, 96), [30.0, 0.0])
     radiance = np.where(surface > 0, 0.2, 1.0)
     for kind in (LayeredRenderer, RayRenderer):
         image = kind(field(surface, radiance), OPTICS, -5, 35).render(30.0)
         assert image[32, 44] == pytest.approx(0.2, abs=0.02)
-    # Focused on the floor, the land out of focus veils the floor at its foot: only rays see that.
+    # With focus on the floor, the blurred land covers the floor at its foot. Only the ray renderer shows this.
     layered, rays = (
         kind(field(surface, radiance), OPTICS, -5, 35).render(0.0)[32, 50]
         for kind in (LayeredRenderer, RayRenderer)
@@ -134,12 +127,12 @@ def test_rays_know_what_stands_in_the_way():
     assert abs(layered - rays) > 0.05
 
 
-def test_z_outside_of_the_prepared_range_is_refused():
+def test_z_outside_the_prepared_range_is_refused():
     with pytest.raises(SettingError, match=r'z = 31.000 µm is outside -30.000 to 30.000 µm'):
         LayeredRenderer(point(), OPTICS, -30, 30).render(31.0)
 
 
-def test_a_specimen_of_another_pitch_is_refused():
+def test_specimen_of_another_pitch_is_refused():
     specimen = replace(point(), grid=Grid(65, 65, 0.5, 0.5))
     with pytest.raises(SettingError, match=r'make the specimen with pitch=1.0'):
         LayeredRenderer(specimen, OPTICS, -30, 30)

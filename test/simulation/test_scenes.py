@@ -1,4 +1,4 @@
-"""Named scenes: right in shape, reproducible, and the grooves as the exact mode needs them."""
+"""Named scenes are reproducible, their truth is known, and the paper mode can follow the metal groove."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from socialcircle_ros.simulation.scenes import SCENES, make_scene
 
 
 @pytest.mark.parametrize('name', SCENES)
-def test_a_scene_is_a_cloud_with_truth(name):
+def test_scene_is_a_cloud_with_its_truth(name):
     scene = make_scene(name, 96, 128, seed=3)
     assert scene.points.shape == (96, 128, 3)
     assert scene.points.dtype == np.float32
@@ -21,24 +21,24 @@ def test_a_scene_is_a_cloud_with_truth(name):
 
 
 @pytest.mark.parametrize('shape', [(96, 128), (480, 640)])
-def test_the_exact_mode_can_climb_the_metal_groove(shape):
+def test_neighbours_in_the_metal_groove_are_within_two_pitches(shape):
     scene = make_scene('metal_groove', *shape, seed=0)
     z = np.where(scene.outlier, np.nan, scene.points[..., 2])
     assert np.nanmax(np.abs(np.diff(z, axis=0))) < 2.0
     assert np.nanmax(np.abs(np.diff(z, axis=1))) < 2.0
 
 
-def test_the_exact_mode_cannot_climb_the_steep_groove():
+def test_neighbours_in_the_steep_groove_are_not_within_two_pitches():
     assert np.abs(np.diff(make_scene('steep_groove').z_true, axis=1)).max() > 2.0
 
 
-def test_the_walls_of_a_groove_hold_most_outliers():
+def test_share_of_outliers_is_largest_in_the_groove():
     scene = make_scene('metal_groove', seed=0)
     on_land = scene.z_true > -2
     assert scene.outlier[~on_land].mean() > 4 * scene.outlier[on_land].mean()
 
 
-def test_metres_are_micrometres_times_a_millionth():
+def test_unit_scales_points_and_pitch():
     micro = make_scene('flat', 64, 64, pitch=(0.5, 0.8))
     metres = make_scene('flat', 64, 64, pitch=(0.5, 0.8), unit='m')
     np.testing.assert_allclose(metres.points, micro.points * 1e-6, rtol=1e-5, atol=1e-12)
@@ -46,13 +46,13 @@ def test_metres_are_micrometres_times_a_millionth():
     assert micro.points[1, 1, :2] == pytest.approx((0.5, 0.8))
 
 
-def test_the_share_can_be_chosen():
+def test_share_of_outliers_can_be_given():
     assert make_scene('flat', 64, 64, share=0.3).outlier.sum() == round(0.3 * 64 * 64)
     assert not make_scene('flat', 64, 64, share=0.0).outlier.any()
 
 
-def test_an_unknown_scene_is_refused_with_the_known_ones():
+def test_unknown_scene_or_unit_is_refused():
     with pytest.raises(SettingError, match="no scene 'moon'; use one of: metal_groove"):
         make_scene('moon')
-    with pytest.raises(SettingError, match="'mm' is not known"):
+    with pytest.raises(SettingError, match="'mm' is not supported"):
         make_scene('flat', unit='mm')

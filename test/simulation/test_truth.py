@@ -1,4 +1,4 @@
-"""Depth maps are judged by physics: bounds, an ambiguous band, and causes."""
+"""Measured depths are classified by their errors, and the causes of failure are found."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ NOTHING = np.zeros(SHAPE, dtype=np.uint8)
 TRUTH = DepthTruth(np.zeros(SHAPE), NOTHING, good_bound=1.0, bad_bound=3.0)
 
 
-def test_a_depth_is_good_ambiguous_bad_or_missing():
+def test_depth_is_good_ambiguous_bad_or_missing():
     depth = np.zeros(SHAPE)
     depth[0, :5] = [0.9, -1.1, 2.9, -3.1, np.nan]
     verdict = TRUTH.classify(depth)
@@ -29,17 +29,17 @@ def test_a_depth_is_good_ambiguous_bad_or_missing():
     assert np.isnan(verdict.error[0, 4])
 
 
-def test_a_depth_between_those_of_the_neighbours_is_no_outlier():
+def test_depth_between_those_of_the_neighbours_is_not_an_outlier():
     truth = replace(TRUTH, depth=steps(Grid(*SHAPE), [0.0, 20.0]))
     depth = truth.depth.copy()
-    depth[5, 14:16] = 10.0  # half way up the wall
+    depth[5, 14:16] = 10.0  # halfway up the wall
     depth[5, 5] = 10.0
     verdict = truth.classify(depth)
     assert verdict.ambiguous[5, 14:16].all()
     assert verdict.bad[5, 5]
 
 
-def test_another_size_and_impossible_bounds_are_refused():
+def test_another_size_and_wrong_bounds_are_refused():
     with pytest.raises(CloudError, match=r'\(3, 3\), the truth \(20, 30\)'):
         TRUTH.classify(np.zeros((3, 3)))
     with pytest.raises(SettingError, match='0 < good ≤ bad'):
@@ -59,7 +59,7 @@ def cause_of(*, light=1.0, texture=0.2, glare=0.0, surface=None):
     return Cause(int(flags[10, 14]))
 
 
-def test_each_cause_is_told_from_the_others():
+def test_each_cause_is_found():
     assert cause_of() is Cause.NONE
     assert cause_of(glare=2.0) is Cause.GLINT
     assert cause_of(light=2.2, texture=0.05) is Cause.SATURATED
@@ -68,7 +68,7 @@ def test_each_cause_is_told_from_the_others():
     assert cause_of(surface=steps(Grid(*SHAPE), [0.0, 9.0])) is Cause.STEEP
 
 
-def test_the_main_cause_is_the_first_of_several():
+def test_main_cause_is_the_first_of_several():
     flags = np.zeros(SHAPE, dtype=np.uint8)
     flags[0, 0] = Cause.DARK | Cause.STEEP
     flags[0, 1] = Cause.GLINT | Cause.LOW_CONTRAST
