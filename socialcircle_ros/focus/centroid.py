@@ -31,7 +31,7 @@ _STRIP = 4
 """Rows that share their slopes. A slope changes little over so few rows, and it takes most of the time."""
 
 
-class ScanRange(NamedTuple):
+class _ScanRange(NamedTuple):
     """The range of the stack in z, in the unit of z."""
 
     lowest: float
@@ -102,7 +102,7 @@ def correct_for_centroid(
         return depth
     result = np.empty_like(depth)
     maps = _Maps(depth, quality, image)
-    scan = ScanRange(float(z[0]), float(z[-1]), float(np.median(np.diff(z))))
+    scan = _ScanRange(float(z[0]), float(z[-1]), float(np.median(np.diff(z))))
 
     def correct(rows: slice) -> None:
         _correct(maps, rows.start, rows.stop, scan, parameters, result[rows])
@@ -113,7 +113,7 @@ def correct_for_centroid(
 
 @kernel
 def _correct(
-    maps: _Maps, first: int, end: int, scan: ScanRange, parameters: MeasureParameters, result: NDArray[np.float64]
+    maps: _Maps, first: int, end: int, scan: _ScanRange, parameters: MeasureParameters, result: NDArray[np.float64]
 ) -> None:
     """`correct_for_centroid` for the rows from `first` to `end`; no result depends on where they are divided."""
     height, width = maps.depth.shape
@@ -192,7 +192,7 @@ def _move_down(
 def _take_heights(
     depth: NDArray[np.float64],
     quality: NDArray[np.float32],
-    scan: ScanRange,
+    scan: _ScanRange,
     heights: NDArray[np.float32],
     counted: NDArray[np.float32],
 ) -> None:
@@ -206,7 +206,7 @@ def _take_heights(
 
 @kernel
 def _sum_halves(window: _Window, middle: int, half: int) -> None:
-    """Write the sums over the halves of all windows whose middle row is `middle`."""
+    """Write the sums over the halves of all windows with the middle row `middle`."""
     side = 2 * half + 1
     vertical, sums = window.vertical, window.sums
     _sum_columns(window.heights, middle, half, vertical[0], vertical[1], vertical[2])
@@ -328,7 +328,7 @@ def _shift(
     depth: NDArray[np.float64],
     moments: NDArray[np.int32],
     slopes: NDArray[np.float32],
-    scan: ScanRange,
+    scan: _ScanRange,
     result: NDArray[np.float64],
 ) -> None:
     """Write the depths of a row less the slope times the centroid."""

@@ -102,7 +102,7 @@ def encode(
 
 @kernel
 def mark_sharper(codes: Codes, place: int, curve: CurveArrays, sharper: Mask) -> tuple[int, int]:
-    """Mark in `sharper` the pixels of a row whose sharpest frame so far is this one.
+    """Mark in `sharper` the pixels of a row that have their sharpest frame so far in this one.
 
     Of two equally sharp frames the lower one wins, in whichever order they come.
 
@@ -179,7 +179,7 @@ def update_outside(neighbour: int, left: int, curve: CurveArrays, sharper: Mask)
         neighbour: the centre so far.
         left: the place that the slots no longer hold once the centre has moved.
         curve: of the row.
-        sharper: the pixels whose centre moves, from here or elsewhere.
+        sharper: the pixels with a centre that moves, from `neighbour` or from elsewhere.
 
     A longer move needs no update: what it leaves behind is the flank of an old centre. That centre is still in
     the slots, or `move_validity` counts it.
@@ -205,7 +205,7 @@ def move_validity(place: int, first: int, last: int, curve: CurveArrays, sharper
         first: the lowest place of all frames.
         last: the highest place of all frames.
         curve: of the row.
-        sharper: the pixels whose centre moves.
+        sharper: the pixels with a centre that moves.
         joined: overwritten.
     """
     centre, peak, outside = curve.centre, curve.peak, curve.outside

@@ -29,7 +29,7 @@ SUMS = 10
 NATURAL_LOG_PER_CODE = np.float32(np.log(2) / CODES_PER_OCTAVE)
 
 _WEIGHTLESS = int(np.ceil(CODES_PER_OCTAVE / np.log(2)))
-"""A frame whose code is this far below that of the peak, F_peak / e, weighs nothing."""
+"""A frame with a code this far below that of the peak, at F_peak / e, weighs nothing."""
 
 _LEAST_WEIGHT = 0.01
 """Least weight of the frames next to the sharpest one, so that the fit always has three frames."""

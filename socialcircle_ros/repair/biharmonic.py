@@ -11,15 +11,8 @@ from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
 from .holes import MEASURED, PADDING, UNUSABLE, Floats, Holes
-from .profile import (
-    DifferenceTables,
-    Profile,
-    find_profile,
-    height_on,
-    measured_heights,
-    sum_differences,
-    usual_squared_difference,
-)
+from .profile import Profile, find_profile, height_on
+from .second_differences import DifferenceTables, measured_heights, sum_differences, usual_squared_difference
 
 _LEAST = 1000
 """Points of holes below which a thread costs more than it saves."""
@@ -63,7 +56,7 @@ _ITEMS, _PRODUCTS = _views()
 
 
 def _stencil() -> NDArray[np.float64]:
-    """The row of the normal matrix of a point whose 12 neighbours all have heights."""
+    """The row of the normal matrix of a point if its 12 neighbours all have heights."""
     factors = np.zeros(len(_AROUND))
     np.add.at(factors, _ITEMS, _PRODUCTS)
     return factors

@@ -126,7 +126,7 @@ def find_rims(holes: Holes, mask: Mask, measured: Mask, largest: int) -> NDArray
 def choose_points(
     holes: Holes, rims: NDArray[np.int32], measured: Mask, z: Floats, sides: int, heights_agree: float
 ) -> tuple[Mask, Mask]:
-    """Choose the points that are filled, and those whose heights must be found for that.
+    """Choose the points to fill, and the points that need a height for that.
 
     Args:
         holes: from `find_holes`.
@@ -170,7 +170,7 @@ def number_points(points: NDArray[np.int32], inner: Mask, measured: Mask) -> NDA
 
     Args:
         points: (N, 2) of the holes.
-        inner: (N,), the points whose heights are unknowns.
+        inner: (N,), the points with an unknown height.
         measured: (H, W) of the measured points outside the holes.
 
     Returns:

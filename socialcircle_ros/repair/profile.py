@@ -1,9 +1,9 @@
 """Steps and grooves through a hole: a profile along one direction, found from the points near the hole.
 
-A straight step is a function of one direction, f(n · p), whatever its angle and however blurred it is. So is a
-straight groove. If such a profile is subtracted from the heights, the rest has no step.
+A straight step is a function of one direction, f(n · p), at any angle and with any blur. So is a straight groove.
+If such a profile is subtracted from the heights, the rest has no step.
 
-- n is the direction whose profile has the least leave-one-out error: projection pursuit regression with one term
+- n is the direction of the profile with the least leave-one-out error: projection pursuit regression with one term
   (J. H. Friedman, W. Stuetzle, J. Am. Stat. Assoc. 76 (1981) 817-823, DOI 10.1080/01621459.1981.10477729).
 - f is a local linear regression of the heights over their places along n, with Gaussian weights (W. S. Cleveland,
   J. Am. Stat. Assoc. 74 (1979) 829-836, DOI 10.1080/01621459.1979.10481038). The heights are those above their
@@ -20,16 +20,11 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, Floats
+from .holes import PADDING, Floats
+from .second_differences import DifferenceTables, squared_differences
 
 _MARGIN = 4
 """The neighbourhood of a hole is its bounding box and this many rows and columns on each side."""
-
-_SAMPLES = 20000
-"""Approximate number of points from which the usual second difference of a cloud is found."""
-
-_MEDIAN_OF_SQUARES = 0.4549
-"""Median of the square of a normal variable of variance 1."""
 
 _EXCESS = 6.0
 """A profile is searched for if the mean of n squared second differences is above 1 + _EXCESS/√n usual ones."""
@@ -39,9 +34,6 @@ _EXPLAINED = 0.5
 
 _WORTH = 0.5
 """... below this factor times the mean squared second difference times the number of points of the hole."""
-
-_LARGEST = 1e4
-"""Limit of a squared second difference, as a multiple of the usual one."""
 
 _SPACING = 0.25
 """Distance of two places of a profile, and standard deviation of the Gaussian weights, in points."""
@@ -61,20 +53,6 @@ _FLATNESS = 0.05
 
 _LARGEST_LEVERAGE = 0.8
 """A point with a larger weight in its own fit is left out of the leave-one-out error."""
-
-
-class DifferenceTables(NamedTuple):
-    """Summed-area tables of squared second differences, (H + 1, W + 1) each.
-
-    The value at (r, c) belongs to the differences whose middle is in a row above r and a column left of c. Source:
-    F. C. Crow, Summed-area tables for texture mapping, SIGGRAPH 1984, DOI 10.1145/800031.808600.
-    """
-
-    sums: NDArray[np.float64]
-    """Sum of the differences, each a multiple of the usual one and `_LARGEST` at most."""
-
-    counts: NDArray[np.float64]
-    """Number of the differences."""
 
 
 class Profile(NamedTuple):
@@ -100,89 +78,6 @@ class _Box(NamedTuple):
     bottom: int
     left: int
     right: int
-
-
-@kernel
-def measured_heights(z: Floats, unknowns: NDArray[np.int32]) -> Floats:
-    """Copy the measured heights to a contiguous array.
-
-    Args:
-        z: (H, W) heights.
-        unknowns: padded map of the unknowns, from `number_points`.
-
-    Returns:
-        The heights in the shape of `unknowns` and the data type of `z`, NaN where nothing is measured.
-    """
-    height, width = z.shape
-    heights = np.full(unknowns.shape, np.nan, z.dtype)
-    for row in range(height):
-        for column in range(width):
-            if unknowns[row + PADDING, column + PADDING] == MEASURED:
-                heights[row + PADDING, column + PADDING] = z[row, column]
-    return heights
-
-
-@kernel
-def usual_squared_difference(heights: Floats) -> float:
-    """Estimate the mean squared second difference along rows and columns, from the median: steps do not change it.
-
-    Args:
-        heights: padded, from `measured_heights`.
-
-    Returns:
-        The mean square, in the squared unit of the heights; 0 where nothing is measured.
-    """
-    height, width = heights.shape
-    stride = max(1, int(np.sqrt(height * width / _SAMPLES)))
-    squares = np.empty(2 * (height // stride + 1) * (width // stride + 1))
-    count = 0
-    for row in range(PADDING, height - PADDING, stride):
-        for column in range(PADDING, width - PADDING, stride):
-            for square in _squared_differences(heights, row, column):
-                if not np.isnan(square):
-                    squares[count] = square
-                    count += 1
-    return np.median(squares[:count]) / _MEDIAN_OF_SQUARES if count > 0 else 0.0
-
-
-@kernel
-def _squared_differences(heights: Floats, row: int, column: int) -> tuple[float, float]:
-    """Squared second differences along the row and along the column; NaN where one of the points is missing."""
-    twice = 2.0 * heights[row, column]
-    along = heights[row, column - 1] - twice + heights[row, column + 1]
-    across = heights[row - 1, column] - twice + heights[row + 1, column]
-    return along * along, across * across
-
-
-@kernel
-def sum_differences(heights: Floats, usual: float) -> DifferenceTables:
-    """Make the summed-area tables of the squared second differences.
-
-    Args:
-        heights: padded, from `measured_heights`.
-        usual: from `usual_squared_difference`.
-
-    Returns:
-        The tables. The differences are limited, so that a spike does not make rounding hide the others.
-    """
-    height, width = heights.shape[0] - 2 * PADDING, heights.shape[1] - 2 * PADDING
-    sums, counts = np.zeros((height + 1, width + 1)), np.zeros((height + 1, width + 1))
-    scale = 1.0 / usual if usual > 0 else np.inf
-    line, numbers = np.empty(width), np.empty(width)
-    for row in range(height):
-        for column in range(width):
-            along, across = _squared_differences(heights, row + PADDING, column + PADDING)
-            line[column] = (min(along * scale, _LARGEST) if along > 0 else 0.0) + (
-                min(across * scale, _LARGEST) if across > 0 else 0.0
-            )
-            numbers[column] = (1.0 if along >= 0 else 0.0) + (1.0 if across >= 0 else 0.0)
-        total, number = 0.0, 0.0
-        for column in range(width):
-            total += line[column]
-            number += numbers[column]
-            sums[row + 1, column + 1] = sums[row, column + 1] + total
-            counts[row + 1, column + 1] = counts[row, column + 1] + number
-    return DifferenceTables(sums, counts)
 
 
 @kernel
@@ -265,7 +160,7 @@ def _collect(measured: Floats, box: _Box, count: float) -> tuple[NDArray[np.floa
                 points[found] = row, column
                 heights[found] = height
                 found += 1
-                for square in _squared_differences(measured, row + PADDING, column + PADDING):
+                for square in squared_differences(measured, row + PADDING, column + PADDING):
                     mean_square += square / count if not np.isnan(square) else 0.0
     return points[:found], heights[:found], mean_square
 

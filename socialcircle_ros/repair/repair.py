@@ -44,8 +44,8 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
 
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
-        holes: (H, W) bool, the points that may be filled, whatever their values. Points that are not measured
-            and not in a hole stay as they are.
+        holes: (H, W) bool, the points that may be filled, with any values. Points that are not measured and
+            not in a hole stay as they are.
         settings: the parameters; None: the defaults.
 
     Returns:

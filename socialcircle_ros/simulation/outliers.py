@@ -32,7 +32,7 @@ class Contamination:
             'mixed' is either of them at random.
         spread: roughness of a cluster, as a share of its displacement.
         bound: displacement from which a point is an outlier, in `unit`; smaller displacements are ambiguous.
-        densest: largest share of outliers in any area, whatever its weight, unless `share` itself is larger.
+        densest: largest share of outliers in any area, for any weight, unless `share` itself is larger.
     """
 
     share: float = 0.0955

@@ -43,7 +43,7 @@ class Renderer(Protocol):
 class LayeredRenderer:
     """Interpolates between blurred images of the radiance, see the module.
 
-    It takes 4 bytes per point and layer, whatever the number of frames.
+    It takes 4 bytes per point and layer, for any number of frames.
     """
 
     def __init__(self, specimen: Specimen, optics: Optics, low: float, high: float) -> None:

@@ -114,7 +114,7 @@ def causes(
     camera: Camera,
     reach: int = 3,
 ) -> NDArray[np.uint8]:
-    """Find the pixels whose depth measurement may fail, from the window of the focus measure.
+    """Find the pixels where the depth measurement may fail, from the window of the focus measure.
 
     | cause        | condition                                                                      |
     |--------------|--------------------------------------------------------------------------------|

@@ -1,4 +1,4 @@
-"""Pixels whose depth is not to be trusted are marked with the reason."""
+"""Pixels with a depth that is not to be trusted are marked with the reason."""
 
 import numpy as np
 from focus.stacks import INNER

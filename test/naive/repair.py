@@ -99,7 +99,7 @@ def fill(hole, inner, measured, usual):
 
 
 def squared_differences(points, measured):
-    """Squared second differences along rows and columns whose middle is one of the points."""
+    """Squared second differences along rows and columns with the middle in one of the points."""
     for r, c in points:
         for i, j in [(0, 1), (1, 0)]:
             ends = (r - i, c - j), (r + i, c + j)
