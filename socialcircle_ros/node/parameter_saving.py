@@ -16,7 +16,7 @@ from socialcircle_ros.storage import write_file
 
 _TIMEOUT_S = 5.0  # more than a disk needs that is busy with a recording
 
-Answer = tuple[bool, str]
+SaveOutcome = tuple[bool, str]
 """Whether the parameters were saved, and a sentence for the caller of the service."""
 
 
@@ -37,7 +37,7 @@ class ParameterSaver:
 
     async def save(
         self, node: Node, values: Mapping[str, RosValue], overrides: Mapping[str, object] | None = None
-    ) -> Answer:
+    ) -> SaveOutcome:
         """Write the parameters to the file that `parameters_file` names, or to the default file of the node.
 
         To be awaited in a callback with a callback group of its own; the other callbacks go on meanwhile.
@@ -65,11 +65,11 @@ class ParameterSaver:
         timer.daemon = True
         timer.start()
         threading.Thread(target=work, name='save_parameters', daemon=True).start()
-        answer: Answer = await future
+        answer: SaveOutcome = await future
         timer.cancel()
         return answer
 
-    def _answer(self, future: Future, executor: Executor | None, answer: Answer) -> None:
+    def _answer(self, future: Future, executor: Executor | None, answer: SaveOutcome) -> None:
         with self._answering:
             if future.done():
                 return
@@ -116,7 +116,7 @@ def parameter_text(values: Mapping[str, RosValue], node_name: str, overrides: Ma
     return text
 
 
-def _saved(node_name: str, values: Mapping[str, RosValue], overrides: Mapping[str, object]) -> Answer:
+def _saved(node_name: str, values: Mapping[str, RosValue], overrides: Mapping[str, object]) -> SaveOutcome:
     """Write the file, and say what became of it; on the thread, so that nothing may escape."""
     try:
         path = parameter_path(str(values['parameters_file']), node_name)

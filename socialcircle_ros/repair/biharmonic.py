@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, UNUSABLE, Floats, Holes
+from .holes import MEASURED, PADDING, UNUSABLE, Floats64, Holes
 from .profile import Profile, find_profile, height_on
 from .second_differences import DifferenceTables, measured_heights, sum_differences, usual_squared_difference
 
@@ -65,7 +65,7 @@ def _stencil() -> NDArray[np.float64]:
 _STENCIL = _stencil()
 
 
-def biharmonic_heights(z: Floats, unknowns: NDArray[np.int32], holes: Holes) -> NDArray[np.float64]:
+def biharmonic_heights(z: Floats64, unknowns: NDArray[np.int32], holes: Holes) -> NDArray[np.float64]:
     """Find the heights of least thin-plate energy, one hole at a time.
 
     A difference that needs a point that is neither measured nor in the hole is left out of the energy. The normal
@@ -100,7 +100,7 @@ def biharmonic_heights(z: Floats, unknowns: NDArray[np.int32], holes: Holes) -> 
 
 @kernel
 def _solve_holes(
-    measured: Floats,
+    measured: Floats64,
     tables: DifferenceTables,
     unknowns: NDArray[np.int32],
     holes: Holes,
@@ -162,7 +162,7 @@ def _bandwidth(unknowns: NDArray[np.int32], points: NDArray[np.int32], first: in
 
 @kernel
 def _ring(
-    measured: Floats,
+    measured: Floats64,
     unknowns: NDArray[np.int32],
     points: NDArray[np.int32],
     first: int,
@@ -185,7 +185,7 @@ def _ring(
 
 @kernel
 def _assemble(
-    measured: Floats,
+    measured: Floats64,
     profile: Profile,
     unknowns: NDArray[np.int32],
     points: NDArray[np.int32],

@@ -9,7 +9,7 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.union_find import root_of
 
-Floats = NDArray[np.float32] | NDArray[np.float64]
+Floats64 = NDArray[np.float32] | NDArray[np.float64]
 """Values in either data type of a cloud."""
 
 MEASURED, UNUSABLE = -1, -2
@@ -124,7 +124,7 @@ def find_rims(holes: Holes, mask: Mask, measured: Mask, largest: int) -> NDArray
 
 @kernel
 def choose_points(
-    holes: Holes, rims: NDArray[np.int32], measured: Mask, z: Floats, sides: int, heights_agree: float
+    holes: Holes, rims: NDArray[np.int32], measured: Mask, z: Floats64, sides: int, heights_agree: float
 ) -> tuple[Mask, Mask]:
     """Choose the points to fill, and the points that need a height for that.
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import PADDING, Floats
+from .holes import PADDING, Floats64
 from .second_differences import DifferenceTables, squared_differences
 
 _MARGIN = 4
@@ -71,7 +71,7 @@ class Profile(NamedTuple):
     """The heights, `_SPACING` apart; none if there is no profile."""
 
 
-class _Box(NamedTuple):
+class _Surround(NamedTuple):
     """Rows from top to before bottom, columns from left to before right."""
 
     top: int
@@ -82,7 +82,7 @@ class _Box(NamedTuple):
 
 @kernel
 def find_profile(
-    measured: Floats, tables: DifferenceTables, points: NDArray[np.int32], first: int, last: int
+    measured: Floats64, tables: DifferenceTables, points: NDArray[np.int32], first: int, last: int
 ) -> Profile:
     """Find the profile that is nearest to the heights in the neighbourhood of a hole, see the module.
 
@@ -115,14 +115,14 @@ def find_profile(
 
 
 @kernel
-def _neighbourhood(points: NDArray[np.int32], first: int, last: int, height: int, width: int) -> _Box:
+def _neighbourhood(points: NDArray[np.int32], first: int, last: int, height: int, width: int) -> _Surround:
     """Return the bounding box of the hole from `first` to before `last`, with a margin, within the cloud."""
     top, bottom, left, right = points[first, 0], points[first, 0], points[first, 1], points[first, 1]
     for point in range(first, last):
         row, column = points[point]
         top, bottom = min(top, row), max(bottom, row)
         left, right = min(left, column), max(right, column)
-    return _Box(
+    return _Surround(
         max(top - _MARGIN, 0),
         min(bottom + _MARGIN + 1, height),
         max(left - _MARGIN, 0),
@@ -131,14 +131,16 @@ def _neighbourhood(points: NDArray[np.int32], first: int, last: int, height: int
 
 
 @kernel
-def _sum_in_box(table: NDArray[np.float64], box: _Box) -> float:
+def _sum_in_box(table: NDArray[np.float64], box: _Surround) -> float:
     top, bottom, left, right = box
     inside: float = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
     return inside
 
 
 @kernel
-def _collect(measured: Floats, box: _Box, count: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _collect(
+    measured: Floats64, box: _Surround, count: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Collect the measured points in a box.
 
     Args:

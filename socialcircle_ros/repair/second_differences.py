@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, Floats
+from .holes import MEASURED, PADDING, Floats64
 
 _SAMPLES = 20000
 """Approximate number of points from which the usual second difference of a cloud is found."""
@@ -34,7 +34,7 @@ class DifferenceTables(NamedTuple):
 
 
 @kernel
-def measured_heights(z: Floats, unknowns: NDArray[np.int32]) -> Floats:
+def measured_heights(z: Floats64, unknowns: NDArray[np.int32]) -> Floats64:
     """Copy the measured heights to a contiguous array.
 
     Args:
@@ -54,7 +54,7 @@ def measured_heights(z: Floats, unknowns: NDArray[np.int32]) -> Floats:
 
 
 @kernel
-def usual_squared_difference(heights: Floats) -> float:
+def usual_squared_difference(heights: Floats64) -> float:
     """Estimate the mean squared second difference along rows and columns, from the median: steps do not change it.
 
     Args:
@@ -77,7 +77,7 @@ def usual_squared_difference(heights: Floats) -> float:
 
 
 @kernel
-def squared_differences(heights: Floats, row: int, column: int) -> tuple[float, float]:
+def squared_differences(heights: Floats64, row: int, column: int) -> tuple[float, float]:
     """Squared second differences along the row and along the column; NaN where one of the points is missing."""
     twice = 2.0 * heights[row, column]
     along = heights[row, column - 1] - twice + heights[row, column + 1]
@@ -86,7 +86,7 @@ def squared_differences(heights: Floats, row: int, column: int) -> tuple[float, 
 
 
 @kernel
-def sum_differences(heights: Floats, usual: float) -> DifferenceTables:
+def sum_differences(heights: Floats64, usual: float) -> DifferenceTables:
     """Make the summed-area tables of the squared second differences.
 
     Args:

@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, Floats
+from .holes import MEASURED, PADDING, Floats64
 
 
-def spline_heights(z: Floats, unknowns: NDArray[np.int32], rims: NDArray[np.int32]) -> NDArray[np.float64]:
+def spline_heights(z: Floats64, unknowns: NDArray[np.int32], rims: NDArray[np.int32]) -> NDArray[np.float64]:
     """Interpolate along rows and along columns, and average the two with the weights 1/gap².
 
     The cubic B-spline through all measured points of a line is the interpolating cubic spline of that line, here
@@ -34,7 +34,7 @@ def spline_heights(z: Floats, unknowns: NDArray[np.int32], rims: NDArray[np.int3
 
 @kernel
 def _add_lines(
-    z: Floats,
+    z: Floats64,
     unknowns: NDArray[np.int32],
     rims: NDArray[np.int32],
     total: NDArray[np.float64],

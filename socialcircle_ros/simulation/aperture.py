@@ -7,10 +7,10 @@ from socialcircle_ros.kernels.compiled import kernel
 
 from .optics import Optics
 from .sampling import Light
-from .surfaces import HeightMap
+from .surfaces import TrueHeights
 
 
-def aperture_openness(surface: HeightMap, optics: Optics) -> Light:
+def aperture_openness(surface: TrueHeights, optics: Optics) -> Light:
     """Return the share of the light cone above each point that no wall blocks, (H, W) float32, 0 to 1."""
     steepest = max(
         (float(np.abs(np.diff(surface, axis=axis)).max()) for axis in (0, 1) if surface.shape[axis] > 1),
@@ -35,7 +35,7 @@ def pupil(count: int) -> NDArray[np.float64]:
 
 
 @kernel
-def _write_openness(surface: HeightMap, slopes: NDArray[np.float64], top: float, share: Light) -> None:
+def _write_openness(surface: TrueHeights, slopes: NDArray[np.float64], top: float, share: Light) -> None:
     """Write the share of the rays from each point upward that the surface does not block.
 
     Args:

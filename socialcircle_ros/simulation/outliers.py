@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import CloudError, SettingError
 
-from .surfaces import HeightMap, Seed
+from .surfaces import Seed, TrueHeights
 
 Flank = Literal['sharp', 'blurred', 'mixed']
 
@@ -78,9 +78,9 @@ class Contaminated:
             the cluster, from 1.
     """
 
-    heights: HeightMap
+    heights: TrueHeights
     outlier: Mask
-    displacement: HeightMap
+    displacement: TrueHeights
     cluster: NDArray[np.int32]
 
     @property
@@ -91,7 +91,7 @@ class Contaminated:
 
 
 def add_outliers(
-    heights: HeightMap, contamination: Contamination, seed: Seed, weight: NDArray[np.float64] | None = None
+    heights: TrueHeights, contamination: Contamination, seed: Seed, weight: NDArray[np.float64] | None = None
 ) -> Contaminated:
     """Displace points of a height map.
 
@@ -155,7 +155,7 @@ def _limited(chance: NDArray[np.float64], wanted: int, densest: float) -> NDArra
 
 
 def _put_clusters(
-    displacement: HeightMap,
+    displacement: TrueHeights,
     cluster: NDArray[np.int32],
     chance: NDArray[np.float64],
     wanted: int,

@@ -27,7 +27,7 @@ from .glare import Glare
 from .optics import Optics
 from .sampling import Light, check_pitch, frequencies, layer_distances, margin_of, mirrored
 from .specimen import Specimen
-from .surfaces import HeightMap
+from .surfaces import TrueHeights
 
 _FINER = 4
 """Samples of the radiance per pixel along each axis for the rays, so that interpolation does not blur it."""
@@ -154,7 +154,7 @@ def _gather(
     layers: Light,
     distances: NDArray[np.float64],
     lookup: NDArray[np.int64],
-    surface: HeightMap,
+    surface: TrueHeights,
     z: float,
     light: Light,
 ) -> None:
@@ -200,7 +200,7 @@ def _upsampled(field: NDArray[np.float64], optics: Optics) -> Light:
 
 
 @kernel
-def _bilinear(field: Light | HeightMap, row: float, column: float) -> float:
+def _bilinear(field: Light | TrueHeights, row: float, column: float) -> float:
     """Interpolate a field bilinearly; beyond the border it has the value of the border."""
     row = min(max(row, 0.0), field.shape[0] - 1.001)
     column = min(max(column, 0.0), field.shape[1] - 1.001)
@@ -214,7 +214,7 @@ def _bilinear(field: Light | HeightMap, row: float, column: float) -> float:
 @kernel
 def _trace(
     radiance: Light,
-    surface: HeightMap,
+    surface: TrueHeights,
     pad: int,
     slopes: NDArray[np.float64],
     z: float,

@@ -16,7 +16,7 @@ from socialcircle_ros.errors import SettingError
 
 from . import surfaces
 from .outliers import Contamination, add_outliers
-from .surfaces import Grid, HeightMap
+from .surfaces import Grid, TrueHeights
 
 Unit = Literal['um', 'm']
 
@@ -42,7 +42,7 @@ class Scene:
     outlier: Mask
     ambiguous: Mask
     cluster: NDArray[np.int32]
-    z_true: HeightMap
+    z_true: TrueHeights
     pitch: tuple[float, float]
     unit: Unit
 
@@ -58,7 +58,7 @@ class Layout:
         contamination: the default outliers of the scene.
     """
 
-    surface: HeightMap
+    surface: TrueHeights
     weight: NDArray[np.float64]
     noise: float
     contamination: Contamination
@@ -134,7 +134,7 @@ def _extent(grid: Grid) -> tuple[float, float]:
     return grid.columns * grid.dx, grid.rows * grid.dy
 
 
-def _walls(form: HeightMap, grid: Grid) -> NDArray[np.float64]:
+def _walls(form: TrueHeights, grid: Grid) -> NDArray[np.float64]:
     """1 where the form is steeper than 20°, 0 elsewhere."""
     slope = np.hypot(*np.gradient(form, grid.dy, grid.dx)) if min(grid.shape) > 1 else np.zeros(grid.shape)
     steep: NDArray[np.float64] = (slope > np.tan(np.deg2rad(20))).astype(np.float64)
@@ -213,7 +213,7 @@ def _ball(grid: Grid, streams: Streams) -> Layout:
     )
 
 
-def _on_plane(grid: Grid, parts: HeightMap, stream: np.random.Generator) -> Layout:
+def _on_plane(grid: Grid, parts: TrueHeights, stream: np.random.Generator) -> Layout:
     """Parts with steep walls on a rough plane, with more outliers at the walls."""
     surface = parts + surfaces.fractal(grid, 0.1 * _pitch(grid), stream)
     weight = 1 + 6 * _walls(parts, grid)

@@ -15,7 +15,7 @@ from socialcircle_ros.errors import SettingError
 
 from . import surfaces
 from .scenes import SCENES, Layout
-from .surfaces import Grid, HeightMap
+from .surfaces import Grid, TrueHeights
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Specimen:
 
     name: str
     grid: Grid
-    surface: HeightMap
+    surface: TrueHeights
     radiance: NDArray[np.float32]
     glints: Glints
 

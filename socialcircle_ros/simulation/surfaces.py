@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import SettingError
 
-HeightMap = NDArray[np.float64]
+TrueHeights = NDArray[np.float64]
 """Heights (H, W) in µm."""
 
 Seed = int | np.random.Generator | np.random.SeedSequence
@@ -66,39 +66,39 @@ class Grid:
 # Form
 
 
-def tilt(grid: Grid, slope_x: float, slope_y: float = 0.0) -> HeightMap:
+def tilt(grid: Grid, slope_x: float, slope_y: float = 0.0) -> TrueHeights:
     """A plane with height 0 in the middle; slopes in µm per µm."""
     cx, cy = grid.centre
-    plane: HeightMap = slope_x * (grid.x - cx) + slope_y * (grid.y - cy)
+    plane: TrueHeights = slope_x * (grid.x - cx) + slope_y * (grid.y - cy)
     return plane
 
 
-def cylinder(grid: Grid, radius: float) -> HeightMap:
+def cylinder(grid: Grid, radius: float) -> TrueHeights:
     """The top of a cylinder along y: 0 on its crest, negative beside it; radius in µm."""
     return _cap((grid.x - grid.centre[0]) ** 2 + 0 * grid.y, radius)
 
 
-def sphere(grid: Grid, radius: float) -> HeightMap:
+def sphere(grid: Grid, radius: float) -> TrueHeights:
     """The top of a sphere: 0 in the middle, negative around it; radius in µm."""
     cx, cy = grid.centre
     return _cap((grid.x - cx) ** 2 + (grid.y - cy) ** 2, radius)
 
 
-def _cap(squared: NDArray[np.float64], radius: float) -> HeightMap:
+def _cap(squared: NDArray[np.float64], radius: float) -> TrueHeights:
     """The cap of a sphere or cylinder, by the squared distances from its top or crest."""
     farthest = float(np.sqrt(squared.max()))
     if not radius > farthest:
         raise SettingError(
             f'A radius of {radius} µm does not reach the edge of the field; give more than {farthest:.0f} µm.'
         )
-    cap: HeightMap = np.sqrt(radius**2 - squared) - radius
+    cap: TrueHeights = np.sqrt(radius**2 - squared) - radius
     return cap
 
 
 # Roughness
 
 
-def gaussian(grid: Grid, sq: float, correlation: float, seed: Seed) -> HeightMap:
+def gaussian(grid: Grid, sq: float, correlation: float, seed: Seed) -> TrueHeights:
     """Roughness with a Gaussian autocorrelation: it has one lateral scale.
 
     Args:
@@ -114,7 +114,7 @@ def gaussian(grid: Grid, sq: float, correlation: float, seed: Seed) -> HeightMap
 
 def fractal(
     grid: Grid, sq: float, seed: Seed, *, hurst: float = 0.8, longest: float = 100.0, lay: float = 1.0
-) -> HeightMap:
+) -> TrueHeights:
     """Self-affine roughness, as of ground, blasted or broken metal: it has all scales below the longest one.
 
     The power spectrum is (1 + (f·longest)²)^-(1 + hurst): constant above the longest wavelength, a power law below
@@ -137,19 +137,19 @@ def fractal(
     return _shaped(grid, sq, amplitude, seed)
 
 
-def _shaped(grid: Grid, sq: float, amplitude: _Amplitude, seed: Seed) -> HeightMap:
+def _shaped(grid: Grid, sq: float, amplitude: _Amplitude, seed: Seed) -> TrueHeights:
     """Noise with the amplitude spectrum `amplitude(fx, fy)`, frequencies in 1/µm; periodic in the field."""
     spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal(grid.shape))
     fx = np.fft.rfftfreq(grid.columns, grid.dx).astype(np.float64)[np.newaxis, :]
     fy = np.fft.fftfreq(grid.rows, grid.dy).astype(np.float64)[:, np.newaxis]
     spectrum *= amplitude(fx, fy)
     spectrum[0, 0] = 0
-    rough: HeightMap = np.fft.irfft2(spectrum, s=grid.shape)
+    rough: TrueHeights = np.fft.irfft2(spectrum, s=grid.shape)
     spread = float(rough.std())
     return rough * (sq / spread) if spread > 0 else rough
 
 
-def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed: Seed) -> HeightMap:
+def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed: Seed) -> TrueHeights:
     """The arcs of a face mill, one for each feed, with cusps between them.
 
     Args:
@@ -169,7 +169,7 @@ def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed:
     starts = np.concatenate([[0.0], edges])
     inside = (along - starts[arc]) / (starts[arc + 1] - starts[arc])
     height = depth * (1 + 0.1 * rng.standard_normal(count + 1))
-    marks: HeightMap = height[arc] * ((2 * inside - 1) ** 2 - 1 / 3)
+    marks: TrueHeights = height[arc] * ((2 * inside - 1) ** 2 - 1 / 3)
     return marks
 
 
@@ -178,7 +178,7 @@ def milling_marks(grid: Grid, depth: float, spacing: float, cutter: float, seed:
 
 def groove(
     grid: Grid, width: float, depth: float, wall_angle: float, *, wander: float = 0.0, seed: Seed = 0
-) -> HeightMap:
+) -> TrueHeights:
     """A groove along y in the middle, with lands at 0 and a flat floor at -depth.
 
     Args:
@@ -196,7 +196,7 @@ def groove(
     return _walled(width / 2 - np.abs(grid.x - grid.centre[0] - offset), width, depth, wall_angle)
 
 
-def ring_groove(grid: Grid, radius: float, width: float, depth: float, wall_angle: float) -> HeightMap:
+def ring_groove(grid: Grid, radius: float, width: float, depth: float, wall_angle: float) -> TrueHeights:
     """A circular groove around the middle: it separates the disc inside from the land outside.
 
     Args:
@@ -213,7 +213,7 @@ def ring_groove(grid: Grid, radius: float, width: float, depth: float, wall_angl
     return _walled(width / 2 - np.abs(np.hypot(grid.x - cx, grid.y - cy) - radius), width, depth, wall_angle)
 
 
-def _walled(inward: NDArray[np.float64], width: float, depth: float, wall_angle: float) -> HeightMap:
+def _walled(inward: NDArray[np.float64], width: float, depth: float, wall_angle: float) -> TrueHeights:
     """A groove, from the distance `inward` of each point from the upper edge, µm."""
     if not 0 < wall_angle <= 90:
         raise SettingError(f'The wall angle is {wall_angle}°; it must be above 0 and at most 90.')
@@ -223,7 +223,7 @@ def _walled(inward: NDArray[np.float64], width: float, depth: float, wall_angle:
             f'A groove {width} µm wide has no floor at a depth of {depth} µm with walls of {wall_angle}°;'
             f' give a width above {2 * run:.0f} µm.'
         )
-    down: HeightMap = np.clip(inward / max(run, 1e-9), 0.0, 1.0)
+    down: TrueHeights = np.clip(inward / max(run, 1e-9), 0.0, 1.0)
     return -depth * down
 
 
@@ -234,16 +234,18 @@ def _wander(grid: Grid, rms: float, seed: Seed) -> NDArray[np.float64]:
     return gaussian(Grid(grid.rows, 1, dy=grid.dy), rms, 40.0, seed)
 
 
-def steps(grid: Grid, heights: Sequence[float]) -> HeightMap:
+def steps(grid: Grid, heights: Sequence[float]) -> TrueHeights:
     """Lands of equal width side by side along x, at the given heights in µm, with vertical walls between them."""
     if not heights:
         raise SettingError('Steps need at least one height.')
     index = np.arange(grid.columns) * len(heights) // grid.columns
-    levels: HeightMap = np.asarray(heights, dtype=np.float64)[index]
+    levels: TrueHeights = np.asarray(heights, dtype=np.float64)[index]
     return np.broadcast_to(levels, grid.shape).copy()
 
 
-def pits(grid: Grid, count: int, radius: tuple[float, float], depth: tuple[float, float], seed: Seed) -> HeightMap:
+def pits(
+    grid: Grid, count: int, radius: tuple[float, float], depth: tuple[float, float], seed: Seed
+) -> TrueHeights:
     """Paraboloidal pits, 0 elsewhere; the deeper one counts where two overlap.
 
     Args:
@@ -271,7 +273,7 @@ def discs(
     seed: Seed,
     *,
     wall_angle: float = 90.0,
-) -> HeightMap:
+) -> TrueHeights:
     """Raised discs with flat tops, 0 elsewhere; the higher one counts where two overlap.
 
     Args:
@@ -293,7 +295,7 @@ def discs(
     return surface
 
 
-def islands(grid: Grid, height: float, size: float, share: float, seed: Seed) -> HeightMap:
+def islands(grid: Grid, height: float, size: float, share: float, seed: Seed) -> TrueHeights:
     """Ragged plateaus with vertical walls on a plane at 0, as of an etched or printed layer.
 
     Args:
@@ -304,13 +306,13 @@ def islands(grid: Grid, height: float, size: float, share: float, seed: Seed) ->
         seed: of the shapes.
     """
     relief = gaussian(grid, 1.0, size / 2, seed)
-    raised: HeightMap = np.where(relief > np.quantile(relief, 1 - share), height, 0.0)
+    raised: TrueHeights = np.where(relief > np.quantile(relief, 1 - share), height, 0.0)
     return raised
 
 
 def weave(
     grid: Grid, tow: float, crimp: float, seed: Seed, *, fibre: float = 7.0, fibre_height: float = 1.2
-) -> HeightMap:
+) -> TrueHeights:
     """A fibre composite in plain weave: tows over and under each other, with single fibres, and resin between.
 
     Args:
@@ -326,7 +328,7 @@ def weave(
     turned = Grid(grid.columns, grid.rows, dx=grid.dy, dy=grid.dx)
     along_x = _tows(turned, tow, crimp, streams[1], fibre=fibre, fibre_height=fibre_height, parity=1).T
     resin = -0.75 * crimp
-    woven: HeightMap = np.maximum(np.maximum(along_y, along_x), resin)
+    woven: TrueHeights = np.maximum(np.maximum(along_y, along_x), resin)
     return woven
 
 
@@ -339,7 +341,7 @@ def _tows(
     fibre: float,
     fibre_height: float,
     parity: int,
-) -> HeightMap:
+) -> TrueHeights:
     """The tows along y; they are on top where the sum of column and row of the weave has this parity."""
     index = np.floor(grid.x / tow).astype(np.int64)
     across = grid.x / tow - index - 0.5  # -0.5..0.5
@@ -350,5 +352,5 @@ def _tows(
     undulation = 0.25 * crimp * sign * np.sin(np.pi * grid.y / tow)
     crown = -crimp * across**2  # a flat ellipse, lower by a quarter of the crimp at its sides
     ridges = fibre_height * (np.abs(np.cos(np.pi * (grid.x + wander) / fibre)) - 1)
-    tows: HeightMap = level + undulation + crown + ridges - 0.25 * crimp
+    tows: TrueHeights = level + undulation + crown + ridges - 0.25 * crimp
     return tows

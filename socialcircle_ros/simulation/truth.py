@@ -14,7 +14,7 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import CloudError, SettingError
 
 from .camera import Camera
-from .surfaces import Grid, HeightMap
+from .surfaces import Grid, TrueHeights
 
 
 class Cause(IntFlag):
@@ -58,7 +58,7 @@ class DepthTruth:
         bad_bound: error above which a depth is bad, µm.
     """
 
-    depth: HeightMap
+    depth: TrueHeights
     cause: NDArray[np.uint8]
     good_bound: float
     bad_bound: float
@@ -107,7 +107,7 @@ class DepthTruth:
 
 
 def causes(
-    surface: HeightMap,
+    surface: TrueHeights,
     grid: Grid,
     sharp: NDArray[np.float32],
     glare: NDArray[np.float32],
