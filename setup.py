@@ -16,6 +16,7 @@ ROS = [
 ]
 PICTURES = ['matplotlib>=3.6', 'Pillow>=9']
 TUNING = ['optuna>=4']
+FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
 PANEL = ['viser>=1.1,<2', *PICTURES]
 TEST = [
     'pytest>=7.4',
@@ -71,6 +72,7 @@ setup(
         'pictures': PICTURES,
         'tuning': [*TUNING, *PICTURES],
         'panel': PANEL,
+        'formats': FORMATS,
         'test': [*TEST, *PANEL, *TUNING],
         'dev': [*TEST, *PANEL, *TUNING, *LINT],
     },

@@ -31,7 +31,7 @@ def declared():
         exec(compile(source, 'setup.py', 'exec'), {'__file__': str(PACKAGE.parent / 'setup.py')})  # noqa: S102
     base = {name_of(each) for each in setup.call_args.kwargs['install_requires']}
     extras = setup.call_args.kwargs['extras_require']
-    product = {name_of(each) for extra in ('pictures', 'tuning', 'panel') for each in extras[extra]}
+    product = {name_of(each) for extra in ('pictures', 'tuning', 'panel', 'formats') for each in extras[extra]}
     return base, base | product
 
 
@@ -50,7 +50,8 @@ def distributions(*, at_the_top):
         names |= set(imported(ast.parse(path.read_text(encoding='utf-8')), at_the_top=at_the_top))
     names -= {*sys.stdlib_module_names, 'socialcircle_ros', *ROS, *PEERS}
     known = packages_distributions()
-    return {name_of(known[name][0]) for name in names}
+    # A distribution that is not installed is told by the name of its module.
+    return {name_of(known.get(name, [name])[0]) for name in names}
 
 
 def test_what_is_imported_is_declared(declared):

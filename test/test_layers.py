@@ -23,7 +23,7 @@ LEVELS = [
     {'recording'},
     {'pipeline'},
     {'interface'},
-    {'simulation', 'messages'},
+    {'simulation', 'messages', 'formats'},
     {'circle', 'focus', 'repair', 'baselines', 'metrics'},
     {'cloud'},
     {'settings', 'kernels', 'storage'},

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.formats import Surface, read_file
+from socialcircle_ros.formats.points import comments_of
 
 from .point_files import Column, PointTable, read_pcd, read_ply
 
@@ -43,7 +45,7 @@ def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> I
     planes of an array (planes, rows, columns).
 
     Args:
-        path: an `.npz`, `.ply` or `.pcd` file.
+        path: an `.npz`, `.ply` or `.pcd` file, or one of the formats of `formats.FORMATS`.
         shape: (rows, columns) of a PLY or PCD file that does not hold its shape.
 
     Raises:
@@ -53,10 +55,8 @@ def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> I
     readers = {'.npz': _read_height_map, '.ply': _read_points, '.pcd': _read_points}
     if not path.suffix and not path.exists():
         raise ImportFileError(f'{path} does not exist: check the name of the file or folder.')
-    if path.suffix.lower() not in readers:
-        raise ImportFileError(f'{path} has an unknown file type: give an .npz, .ply or .pcd file.')
     try:
-        return readers[path.suffix.lower()](path, shape)
+        return readers.get(path.suffix.lower(), _read_other)(path, shape)
     except FileNotFoundError:
         raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
     except OSError as error:
@@ -134,6 +134,16 @@ def _pitch(path: Path, key: str, value: Column) -> float:
     raise ImportFileError(f'{path} has no usable {key!r}: it must be one positive number, the pitch in µm.')
 
 
+def _read_other(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
+    """Read a file of another format, such as that of an instrument."""
+    found = read_file(path)
+    cloud = found.cloud() if isinstance(found, Surface) else found
+    rows, columns = cloud.points.shape[:2]
+    if shape is not None and shape != (rows, columns):
+        raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
+    return _checked(path, ImportedCloud(path.stem, cloud.points, dict(cloud.fields), cloud.unit))
+
+
 def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
     """Read a PLY or PCD file."""
     table = read_pcd(path) if path.suffix.lower() == '.pcd' else read_ply(path)
@@ -149,7 +159,7 @@ def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
             fields[name] = grid.place(_as_field(values), 0)
         else:
             fields |= {f'{name}_{i}': grid.place(_as_field(values[:, i]), 0) for i in range(values.shape[1])}
-    return _checked(path, ImportedCloud(path.stem, points, fields, unit=None))
+    return _checked(path, ImportedCloud(path.stem, points, fields, comments_of(path).get('unit')))
 
 
 class _Grid:

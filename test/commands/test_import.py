@@ -30,7 +30,7 @@ def test_height_maps_become_clouds_in_the_given_order(run, tmp_path):
     ('arguments', 'code', 'sentence'),
     [
         (['nowhere.npz', '-o', 'x.mcap'], 1, 'nowhere.npz does not exist'),
-        (['notes.txt', '-o', 'x.mcap'], 1, 'notes.txt has an unknown file type'),
+        (['notes.doc', '-o', 'x.mcap'], 1, 'notes.doc has an unknown file type'),
         (['frames', '-o', 'x.mcap'], 1, 'frames does not exist'),
         (['cut.npz', '-o', 'x.mcap'], 1, 'cut.npz is not an .npz archive'),
         (['good.npz', '-o', 'x.mcap', '--period', '0'], 2, 'must be above 0'),
@@ -46,7 +46,7 @@ def test_height_maps_become_clouds_in_the_given_order(run, tmp_path):
 def test_an_error_is_one_sentence_and_leaves_no_recording(run, tmp_path, arguments, code, sentence):
     save(tmp_path / 'good.npz')
     (tmp_path / 'cut.npz').write_bytes((tmp_path / 'good.npz').read_bytes()[:99])
-    (tmp_path / 'notes.txt').write_text('hello')
+    (tmp_path / 'notes.doc').write_text('hello')
     done = run('import', *arguments)
     assert done.code == code
     assert sentence in done.err

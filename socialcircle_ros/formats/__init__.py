@@ -1,0 +1,22 @@
+"""Measurement files of other programs: which formats there are, and heights and clouds in and out of them.
+
+`.npz`, `.ply` and `.pcd` are read by `recording.importers`. Nothing here knows recordings or messages.
+"""
+
+from .files import read_file, write_cloud_file, write_surface
+from .surface import OrganizedCloud, Surface, surface_of
+from .table import FORMATS, Format, format_of, formats_table, suffixes
+
+__all__ = [
+    'FORMATS',
+    'Format',
+    'OrganizedCloud',
+    'Surface',
+    'format_of',
+    'formats_table',
+    'read_file',
+    'suffixes',
+    'surface_of',
+    'write_cloud_file',
+    'write_surface',
+]

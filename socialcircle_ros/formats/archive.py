@@ -1,0 +1,50 @@
+""".npz archives, as `import` reads them, and .npy arrays of heights."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from socialcircle_ros.errors import ImportFileError
+
+from .surface import Column, Surface, given_pitch
+
+if TYPE_CHECKING:
+    from socialcircle_ros.cloud import HeightMap
+
+_RESERVED = ('z', 'dx', 'dy', 'x', 'y', 'unit', 'frames', 'metadata')
+
+
+def write_npz(path: Path, surface: Surface) -> None:
+    """Write z, dx, dy, unit and metadata, and each field under its name."""
+    arrays: dict[str, Column] = {
+        'z': np.ascontiguousarray(surface.heights),
+        'dx': np.float64(surface.pitch[0]),  # type: ignore[dict-item]
+        'dy': np.float64(surface.pitch[1]),  # type: ignore[dict-item]
+    }
+    if surface.unit:
+        arrays['unit'] = np.array(surface.unit)
+    if surface.metadata:
+        arrays['metadata'] = np.array(json.dumps(dict(surface.metadata), ensure_ascii=True))
+    for name, values in surface.fields.items():
+        arrays[f'{name}_' if name in _RESERVED else name] = np.ascontiguousarray(values)
+    with path.open('wb') as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+
+
+def read_npy(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> Surface:
+    """Read heights (rows, columns), to which the caller adds pitch and unit.
+
+    Raises:
+        ImportFileError: the file holds something else, or no pitch is given.
+    """
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError):
+        raise ImportFileError(f'{path} is not an .npy array of numbers, or is cut off: save it again.') from None
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or not values.size or values.dtype.kind not in 'fiu':
+        raise ImportFileError(f'{path} holds no array of numbers in rows and columns.')
+    single = values.dtype.kind == 'f' and values.dtype.itemsize <= 4
+    heights = values.astype(np.float32 if single else np.float64)
+    return Surface(cast('HeightMap', heights), given_pitch(path, pitch), unit)

@@ -1,0 +1,162 @@
+"""Measurement files in and out, by their suffix."""
+
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from socialcircle_ros.errors import ImportFileError, SocialCircleError
+
+from . import archive, points, sdf, tiff, x3p
+from .surface import OrganizedCloud, Surface, surface_of
+from .table import Format, format_of, suffixes
+from .units import known_unit, metres_per
+from .vendor import read_vendor_file
+
+if TYPE_CHECKING:
+    from socialcircle_ros.cloud import HeightMap
+
+_CLOUD_WRITERS: dict[str, Callable[[Path, OrganizedCloud], None]] = {
+    '.ply': points.write_ply,
+    '.pcd': points.write_pcd,
+    '.csv': points.write_text,
+    '.xyz': points.write_text,
+}
+_SURFACE_WRITERS: dict[str, Callable[[Path, Surface], None]] = {
+    '.npz': archive.write_npz,
+    '.x3p': x3p.write_x3p,
+    '.sdf': sdf.write_sdf,
+    '.tif': tiff.write_tiff,
+    '.tiff': tiff.write_tiff,
+}
+
+
+def read_file(
+    path: Path, *, pitch: tuple[float, float] | None = None, unit: str | None = None
+) -> Surface | OrganizedCloud:
+    """Read a file of a format other than .npz, .ply and .pcd, which `recording.importers` reads.
+
+    Args:
+        path: of the file.
+        pitch: dx and dy, for a file that does not state them.
+        unit: of a file that does not name it.
+
+    Raises:
+        ImportFileError: the file cannot be used, or its library is not installed; the message says what to do.
+    """
+    known, suffix = format_of(path), path.suffix.lower()
+    if known is None or not known.reads:
+        raise ImportFileError(
+            f'{path} has an unknown file type: give one of {", ".join(suffixes(written=False))}.'
+        )
+    if suffix == '.x3p':
+        return x3p.read_x3p(path)
+    if suffix == '.sdf':
+        return sdf.read_sdf(path)
+    if suffix in ('.tif', '.tiff'):
+        return tiff.read_tiff(path, pitch, unit)
+    if suffix == '.npy':
+        return archive.read_npy(path, pitch, unit)
+    with path.open('rb'):
+        pass  # a file that is missing or may not be read is told as such, not as the library tells it
+    if suffix in ('.csv', '.xyz') and points.is_own_text(path):
+        return points.read_text(path)
+    return read_vendor_file(path, known.readers, pitch, unit)
+
+
+def write_surface(path: str | Path, surface: Surface, *, overwrite: bool = False) -> tuple[str, ...]:
+    """Write a surface into a file; the suffix names the format.
+
+    Args:
+        path: the file: .npz, .ply, .pcd, .x3p, .sdf, .tiff, .csv or .xyz.
+        surface: the heights, their pitch and unit.
+        overwrite: whether to replace an existing file.
+
+    Returns:
+        One sentence for each thing that the format cannot hold; none if it holds all.
+
+    Raises:
+        SettingError: the format is always in m, and the unit of the surface is not known.
+        SocialCircleError: the format is not known, or the file exists already or cannot be written.
+    """
+    path = Path(path)
+    form = _writable(path)
+    if form.any_points:
+        _written(path, overwrite, lambda partial: _CLOUD_WRITERS[path.suffix.lower()](partial, surface.cloud()))
+        return ()
+    fitted, notes = _fitted(form, surface)
+    _written(path, overwrite, lambda partial: _SURFACE_WRITERS[path.suffix.lower()](partial, fitted))
+    return notes
+
+
+def write_cloud_file(path: str | Path, cloud: OrganizedCloud, *, overwrite: bool = False) -> tuple[str, ...]:
+    """Write an organized cloud into a file; the suffix names the format.
+
+    Returns:
+        One sentence for each thing that the format cannot hold.
+
+    Raises:
+        CloudError: the format holds height maps only, and the points are not on a regular grid.
+        SettingError, SocialCircleError: as `write_surface`.
+    """
+    path = Path(path)
+    if _writable(path).any_points:
+        _written(path, overwrite, lambda partial: _CLOUD_WRITERS[path.suffix.lower()](partial, cloud))
+        return ()
+    flat = surface_of(cloud)
+    return flat.notes + write_surface(path, flat.surface, overwrite=overwrite)
+
+
+def _writable(path: Path) -> Format:
+    form = format_of(path)
+    if form is None or not form.writes:
+        raise SocialCircleError(
+            f'{path} cannot be written: its suffix must be one of {", ".join(suffixes(written=True))}.'
+        )
+    return form
+
+
+def _fitted(form: Format, surface: Surface) -> tuple[Surface, tuple[str, ...]]:
+    """The surface as the format holds it, and what it does not hold."""
+    notes = []
+    suffix = form.suffixes[0]
+    if form.metres and known_unit(surface.unit) != 'm':
+        factor = metres_per(surface.unit)
+        heights = cast('HeightMap', surface.heights.astype(np.float64) * factor)
+        pitch = (surface.pitch[0] * factor, surface.pitch[1] * factor)
+        notes.append(f'{suffix} is always in m: the lengths are converted from {surface.unit}, in float64.')
+        surface = replace(surface, heights=heights, pitch=pitch, unit='m')
+    if not form.double:
+        with np.errstate(over='ignore'):
+            single = surface.heights.astype(np.float32)
+        if not np.array_equal(single.astype(surface.heights.dtype), surface.heights, equal_nan=True):
+            notes.append(f'{suffix} holds float32: the heights are rounded from {surface.heights.dtype}.')
+        surface = replace(surface, heights=cast('HeightMap', single))
+    if surface.fields and not form.fields:
+        notes.append(f'{suffix} holds heights only: {", ".join(surface.fields)} is left out.')
+        surface = replace(surface, fields={})
+    return surface, tuple(notes)
+
+
+def _written(path: Path, overwrite: bool, write: Callable[[Path], None]) -> None:
+    """Write a file under another name first, so that it is whole or not there.
+
+    Raises:
+        SocialCircleError: it exists already, or cannot be written.
+    """
+    if path.exists() and (not overwrite or path.is_dir()):
+        hint = 'it is a directory; give another name' if path.is_dir() else 'give --overwrite to replace it'
+        raise SocialCircleError(f'{path} exists already: {hint}.')
+    partial = path.with_name(f'.{path.stem}.{os.getpid()}.partial{path.suffix}')
+    try:
+        write(partial)
+        partial.replace(path)
+    except OSError as error:
+        raise SocialCircleError(f'{path} cannot be written: {error.strerror or error}.') from None
+    finally:
+        with suppress(OSError):
+            partial.unlink()

@@ -1,0 +1,153 @@
+"""Clouds into files that hold every coordinate: PLY, PCD, text with x, y and z; and the text back."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from socialcircle_ros.errors import ImportFileError
+
+from .surface import Column, OrganizedCloud
+
+if TYPE_CHECKING:
+    from socialcircle_ros.cloud import Cloud
+
+_PLY_TYPES = {
+    'i1': 'char', 'u1': 'uchar', 'i2': 'short', 'u2': 'ushort', 'i4': 'int', 'u4': 'uint', 'f4': 'float',
+    'f8': 'double',
+}  # fmt: skip
+_SEPARATORS = {'.csv': ',', '.xyz': ' '}
+_SIGNATURE = '# socialcircle cloud'
+_LONGEST_HEADER = 1 << 16  # bytes
+
+
+def write_ply(path: Path, cloud: OrganizedCloud) -> None:
+    """Write a binary PLY file with the numbers of rows and columns, as `obj_info`."""
+    table = _table(cloud)
+    rows, columns = table.shape
+    properties = ''.join(
+        f'property {_PLY_TYPES[table.dtype[name].str[1:]]} {name}\n' for name in table.dtype.names or ()
+    )
+    header = (
+        'ply\nformat binary_little_endian 1.0\n'
+        f'{_comments(cloud, "comment")}obj_info num_cols {columns}\nobj_info num_rows {rows}\n'
+        f'element vertex {table.size}\n{properties}end_header\n'
+    )
+    path.write_bytes(header.encode() + table.tobytes())
+
+
+def write_pcd(path: Path, cloud: OrganizedCloud) -> None:
+    """Write a binary PCD file, whose WIDTH and HEIGHT are the columns and rows."""
+    table = _table(cloud)
+    rows, columns = table.shape
+    names = table.dtype.names or ()
+    kinds = [table.dtype[name] for name in names]
+    header = (
+        '# .PCD v0.7 - Point Cloud Data file format\n'
+        f'{_comments(cloud, "#")}VERSION 0.7\nFIELDS {" ".join(names)}\n'
+        f'SIZE {" ".join(str(kind.itemsize) for kind in kinds)}\n'
+        f'TYPE {" ".join(kind.kind.upper() for kind in kinds)}\nCOUNT {" ".join("1" for _ in names)}\n'
+        f'WIDTH {columns}\nHEIGHT {rows}\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {table.size}\nDATA binary\n'
+    )
+    path.write_bytes(header.encode() + table.tobytes())
+
+
+def write_text(path: Path, cloud: OrganizedCloud) -> None:
+    """Write one line per point, with as many digits as give the same numbers back.
+
+    The separator is a comma in `.csv` and a space in `.xyz`.
+    """
+    table = _table(cloud)
+    separator = _SEPARATORS[path.suffix.lower()]
+    names = table.dtype.names or ()
+    forms = {'f4': '%.9g', 'f8': '%.17g'}
+    formats = [forms.get(table.dtype[name].str[1:], '%d') for name in names]
+    kinds = ' '.join(table.dtype[name].str[1:] for name in names)
+    rows, columns = table.shape
+    header = (
+        f'{_SIGNATURE}\n{_comments(cloud, "#")}# rows {rows}\n# columns {columns}\n# types {kinds}\n'
+        f'{separator.join(names)}\n'
+    )
+    with path.open('w', encoding='utf-8', newline='\n') as file:
+        file.write(header)
+        np.savetxt(file, table.ravel(), formats, separator)
+
+
+def is_own_text(path: Path) -> bool:
+    """Whether `write_text` wrote a file."""
+    with path.open('rb') as file:
+        return file.read(len(_SIGNATURE)) == _SIGNATURE.encode()
+
+
+def read_text(path: Path) -> OrganizedCloud:
+    """Read what `write_text` wrote.
+
+    Raises:
+        ImportFileError: the file was changed so that it contradicts its header, or is cut off.
+    """
+    comments = comments_of(path)
+    with path.open(encoding='utf-8', errors='replace') as file:
+        line = next((line for line in file if not line.startswith('#')), '')
+        separator = _SEPARATORS[path.suffix.lower()]
+        names = line.strip().split(separator)
+        try:
+            kinds = comments['types'].split()
+            layout = np.dtype([(name, f'<{kind}') for name, kind in zip(names, kinds, strict=True)])
+            shape = int(comments['rows']), int(comments['columns'])
+            table = np.loadtxt(file, layout, delimiter=separator, ndmin=1, comments=None).reshape(shape)
+            points = np.stack([table[axis] for axis in 'xyz'], axis=-1)
+        except (ValueError, KeyError, TypeError):
+            raise ImportFileError(
+                f'{path} does not match its header, or is cut off: export it again, or remove the lines that begin'
+                ' with # to import it as text of another program.'
+            ) from None
+    fields = {name: np.ascontiguousarray(table[name]) for name in names if name not in 'xyz'}
+    return OrganizedCloud(cast('Cloud', points), comments.get('unit'), fields, _metadata(comments))
+
+
+def comments_of(path: Path) -> dict[str, str]:
+    """The comments `unit`, `metadata` and so on in the header of a PLY, PCD or text file that was written here."""
+    with path.open('rb') as file:
+        head = file.read(_LONGEST_HEADER).partition(b'end_header')[0]
+    found: dict[str, str] = {}
+    for line in head.split(b'\n'):
+        words = line.decode('utf-8', errors='replace').split(' ', 2)
+        if len(words) == 3 and words[0] in ('#', 'comment'):
+            found.setdefault(words[1], words[2].strip())
+        elif line.startswith(b'DATA '):
+            break
+    return found
+
+
+def _comments(cloud: OrganizedCloud, mark: str) -> str:
+    """The lines of a header that hold the unit and the metadata."""
+    lines = f'{mark} unit {cloud.unit}\n' if cloud.unit else ''
+    if cloud.metadata:
+        lines += f'{mark} metadata {json.dumps(dict(cloud.metadata), ensure_ascii=True)}\n'
+    return lines
+
+
+def _metadata(comments: Mapping[str, str]) -> dict[str, str]:
+    try:
+        content = json.loads(comments.get('metadata', '{}'))
+    except ValueError:
+        return {}
+    return {str(key): str(value) for key, value in content.items()} if isinstance(content, dict) else {}
+
+
+def _table(cloud: OrganizedCloud) -> NDArray[np.void]:
+    """The cloud as records, (rows, columns), little-endian, x, y and z first."""
+    columns: dict[str, Column] = {axis: cloud.points[..., place] for place, axis in enumerate('xyz')}
+    for name, values in cloud.fields.items():
+        plain = ''.join(sign if sign.isalnum() and sign.isascii() else '_' for sign in name) or 'field'
+        while plain in columns:
+            plain += '_'
+        columns[plain] = values
+    layout = np.dtype([(name, f'<{values.dtype.str[1:]}') for name, values in columns.items()])
+    table = np.empty(cloud.points.shape[:2], layout)
+    for name, values in columns.items():
+        table[name] = values
+    return table

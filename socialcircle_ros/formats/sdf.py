@@ -1,0 +1,118 @@
+"""SDF files, ISO 25178-71: a header of texts, and heights as text or in binary, in m."""
+
+import json
+import struct
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from socialcircle_ros.errors import ImportFileError
+
+from .surface import Surface
+
+if TYPE_CHECKING:
+    from socialcircle_ros.cloud import HeightMap
+
+_TYPES = {0: '<u1', 1: '<u2', 2: '<u4', 3: '<f4', 4: '<i1', 5: '<i2', 6: '<i4', 7: '<f8'}
+_INVALID = {1: 2**16 - 1, 2: 2**32 - 1, 5: -(2**15), 6: -(2**31)}
+_BINARY = struct.Struct('<8s10s12s12sHHddddBBB')
+_KEYS = ('NumPoints', 'NumProfiles', 'Xscale', 'Yscale', 'Zscale', 'Compression', 'DataType')
+_METADATA = 'socialcircle = '
+
+
+def write_sdf(path: Path, surface: Surface) -> None:
+    """Write a surface in m as text, with as many digits as give the same numbers back; BAD: not measured."""
+    heights = surface.heights
+    rows, columns = heights.shape
+    single = heights.dtype.itemsize == 4
+    header = (
+        'aISO-1.0\n'
+        'ManufacID   = SOCIALCIRC\n'
+        'CreateDate  = 000000000000\n'
+        'ModDate     = 000000000000\n'
+        f'NumPoints   = {columns}\n'
+        f'NumProfiles = {rows}\n'
+        f'Xscale      = {float(surface.pitch[0])!r}\n'
+        f'Yscale      = {float(surface.pitch[1])!r}\n'
+        'Zscale      = 1.0\n'
+        'Zresolution = -1.0\n'
+        'Compression = 0\n'
+        f'DataType    = {3 if single else 7}\n'
+        'CheckType   = 0\n'
+        '*\n'
+    )
+    form = '{:.9g}' if single else '{:.17g}'
+    with path.open('w', encoding='utf-8', newline='\n') as file:
+        file.write(header)
+        for row in heights.tolist():
+            file.write(' '.join(form.format(value) if value - value == 0 else 'BAD' for value in row))
+            file.write('\n')
+        file.write(f'*\n{_METADATA}{json.dumps(dict(surface.metadata), ensure_ascii=True)}\n*\n')
+
+
+def read_sdf(path: Path) -> Surface:
+    """Read a surface; its unit is m.
+
+    Raises:
+        ImportFileError: the file is no SDF file, is cut off, or is compressed.
+    """
+    content = path.read_bytes()
+    try:
+        if content.startswith(b'bISO-1.0'):
+            return _read_binary(path, content)
+        if content.startswith(b'aISO-1.0'):
+            return _read_text(path, content.decode('utf-8', errors='replace'))
+    except (ValueError, KeyError, IndexError, struct.error):
+        raise ImportFileError(f'{path} has an invalid SDF header, or is cut off: save it again.') from None
+    raise ImportFileError(f'{path} is not an SDF file of ISO 25178-71: it must begin with aISO-1.0 or bISO-1.0.')
+
+
+def _read_binary(path: Path, content: bytes) -> Surface:
+    _, _, _, _, columns, rows, dx, dy, scale, _, packed, kind, _ = _BINARY.unpack_from(content)
+    dtype = np.dtype(_TYPES[kind])
+    size = rows * columns * dtype.itemsize
+    raw = np.frombuffer(content[_BINARY.size : _BINARY.size + size], dtype).reshape(rows, columns)
+    return _surface(path, raw, kind, (dx, dy), scale, packed)
+
+
+def _read_text(path: Path, text: str) -> Surface:
+    parts = [part.strip('\n') for part in text.replace('\r', '\n').split('\n*')]
+    lines = [line.partition('=') for line in parts[0].split('\n') if '=' in line]
+    header = {name.strip().lower(): value.split('=')[-1].strip() for name, _, value in lines}
+    columns, rows, dx, dy, scale, packed, kind = (header[key.lower()] for key in _KEYS)
+    dtype = np.dtype(_TYPES[int(kind)])
+    words = ['nan' if word.upper() == 'BAD' else word for word in parts[1].split()]
+    if len(words) != int(rows) * int(columns):
+        raise ImportFileError(f'{path} has {len(words)} heights, not {rows} × {columns}: it is cut off.')
+    target = dtype if dtype.kind == 'f' else np.dtype(np.float64)
+    raw = np.array(words, np.float64).astype(target).reshape(int(rows), int(columns))
+    surface = _surface(path, raw, int(kind), (float(dx), float(dy)), float(scale), int(packed))
+    for line in '\n'.join(parts[2:]).split('\n'):
+        if line.startswith(_METADATA):
+            metadata = json.loads(line.removeprefix(_METADATA))
+            return Surface(surface.heights, surface.pitch, 'm', {}, metadata)
+    return surface
+
+
+def _surface(
+    path: Path,
+    raw: NDArray[np.generic],
+    kind: int,
+    pitch: tuple[float, float],
+    scale: float,
+    packed: int,
+) -> Surface:
+    if packed:
+        raise ImportFileError(
+            f'{path} is compressed, which ISO 25178-71 leaves open: save it without compression.'
+        )
+    if not all(0 < each < np.inf for each in pitch) or not raw.size:
+        raise ImportFileError(f'{path} has no pitch above 0, or no points: save it again.')
+    heights = raw.astype(raw.dtype.newbyteorder('=') if raw.dtype.kind == 'f' else np.float64)
+    if kind in _INVALID:
+        heights[heights == _INVALID[kind]] = np.nan
+    if scale != 1:
+        heights = heights.astype(np.float64) * scale
+    return Surface(cast('HeightMap', heights), pitch, 'm')

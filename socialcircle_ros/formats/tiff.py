@@ -1,0 +1,104 @@
+"""TIFF files with heights: 32-bit floats, the pitch as in GeoTIFF, and the rest as text in the description."""
+
+import json
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from socialcircle_ros.errors import ImportFileError, SocialCircleError
+
+from .surface import Surface, given_pitch
+
+if TYPE_CHECKING:
+    from socialcircle_ros.cloud import HeightMap
+
+_DESCRIPTION, _PIXEL_SCALE, _NO_DATA = 270, 33550, 42113
+_DOUBLES = 12  # the type of a tag
+_MODES = {'F': np.float32, 'I': np.int32, 'I;16': np.uint16, 'I;16B': np.uint16, 'I;16L': np.uint16}
+_HINT = (
+    'TIFF files need Pillow: pip install "socialcircle_ros[pictures]", or from a checkout'
+    ' pip install -e ".[pictures]"'
+)
+
+
+def write_tiff(path: Path, surface: Surface) -> None:
+    """Write a surface in float32.
+
+    Raises:
+        SocialCircleError: Pillow is not installed.
+    """
+    try:
+        from PIL import Image, TiffImagePlugin  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise SocialCircleError(f'{_HINT}.') from None
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
+    text = {
+        'dx': float(surface.pitch[0]),
+        'dy': float(surface.pitch[1]),
+        'unit': surface.unit,
+        'metadata': dict(surface.metadata),
+    }
+    tags[_DESCRIPTION] = json.dumps(text, ensure_ascii=True)
+    tags[_PIXEL_SCALE] = (*(float(each) for each in surface.pitch), 0.0)
+    tags.tagtype[_PIXEL_SCALE] = _DOUBLES
+    tags[_NO_DATA] = 'nan'
+    heights = np.ascontiguousarray(surface.heights, np.float32)
+    Image.fromarray(heights).save(path, format='TIFF', tiffinfo=tags)
+
+
+def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> Surface:
+    """Read heights, and their pitch where the file has it.
+
+    Args:
+        path: of the file.
+        pitch: dx and dy of a file that does not have them.
+        unit: of a file that does not name it.
+
+    Raises:
+        ImportFileError: the file has no heights, but a picture; or no pitch.
+    """
+    try:
+        from PIL import Image, UnidentifiedImageError  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise ImportFileError(f'{_HINT}.') from None
+    try:
+        with Image.open(path) as image:
+            mode, pages = image.mode, getattr(image, 'n_frames', 1)
+            tags = dict(getattr(image, 'tag_v2', {}))
+            values = np.asarray(image) if mode in _MODES and pages == 1 else None
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
+        raise ImportFileError(f'{path} is not a readable TIFF file: save it again.') from None
+    if pages != 1:
+        raise ImportFileError(f'{path} has {pages} pages; a height map is one page of numbers: split the file.')
+    if values is None:
+        raise ImportFileError(
+            f'{path} is a picture of the mode {mode}, not a height map: save heights as 32-bit float or 16-bit.'
+        )
+    described = _described(tags.get(_DESCRIPTION))
+    scale = tags.get(_PIXEL_SCALE)
+    stated = (described.get('dx'), described.get('dy')) if 'dx' in described else tuple(scale or ())[:2]
+    found = tuple(float(each) for each in stated if isinstance(each, (int, float)))
+    known = (found[0], found[1]) if len(found) == 2 and min(found) > 0 else given_pitch(path, pitch)
+    heights = values.astype(np.float32 if mode == 'F' else np.float64)
+    no_data = str(tags.get(_NO_DATA, 'nan')).strip('\0 ')
+    with suppress(ValueError):
+        heights[heights == float(no_data)] = np.nan
+    named, metadata = described.get('unit'), described.get('metadata')
+    return Surface(
+        cast('HeightMap', heights),
+        known,
+        named if isinstance(named, str) else unit,
+        {},
+        {str(key): str(value) for key, value in metadata.items()} if isinstance(metadata, dict) else {},
+    )
+
+
+def _described(text: object) -> dict[str, object]:
+    """The description of a file that `write_tiff` wrote."""
+    try:
+        content = json.loads(text) if isinstance(text, str) else None
+    except ValueError:
+        return {}
+    return content if isinstance(content, dict) else {}

@@ -1,0 +1,163 @@
+"""Every format that is written: import → export → import is exact, and what is lost is said."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from surfaces import same_bits, surfaces
+
+from socialcircle_ros.errors import CloudError, ImportFileError, SettingError, SocialCircleError
+from socialcircle_ros.formats import (
+    FORMATS,
+    OrganizedCloud,
+    Surface,
+    format_of,
+    read_file,
+    suffixes,
+    write_cloud_file,
+    write_surface,
+)
+from socialcircle_ros.recording import import_cloud
+
+WRITTEN = suffixes(written=True)
+PLANE = Surface(np.zeros((3, 4), np.float32), (1.0, 2.0), 'm')
+
+
+def imported(path):
+    cloud = import_cloud(path)
+    return OrganizedCloud(cloud.points, cloud.unit, cloud.fields)
+
+
+@pytest.mark.parametrize('suffix', WRITTEN)
+@settings(max_examples=25)
+@given(data=st.data())
+def test_import_export_import_is_exact(suffix, data):
+    form = format_of(Path(f'a{suffix}'))
+    surface = data.draw(surfaces(('f4', 'f8') if form.double else ('f4',)))
+    if form.double and not form.metres:
+        surface = Surface(surface.heights, surface.pitch, data.draw(st.sampled_from(('m', 'um'))), surface.fields)
+    with tempfile.TemporaryDirectory() as folder:
+        first, second = Path(folder) / f'first{suffix}', Path(folder) / f'second{suffix}'
+        write_surface(first, surface)
+        once = imported(first)
+        notes = write_cloud_file(second, once)
+        again = imported(second)
+    assert same_bits(once.points[..., 2], surface.heights)
+    measured = np.isfinite(once.points).all(axis=-1)
+    assert same_bits(once.points[measured], again.points[measured])
+    assert same_bits(once.points[..., 2], again.points[..., 2])
+    assert (once.unit, again.unit) == (surface.unit, surface.unit)
+    assert notes == ()
+    expected = surface.fields if form.fields else {}
+    assert sorted(again.fields) == sorted(expected)
+    assert all(same_bits(again.fields[name], expected[name]) for name in expected)
+
+
+@pytest.mark.parametrize('suffix', ['.x3p', '.sdf', '.tiff', '.csv'])
+@settings(max_examples=25)
+@given(data=st.data())
+def test_the_metadata_come_back(suffix, data):
+    surface = data.draw(surfaces(('f4',)))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f'a{suffix}'
+        write_surface(path, surface)
+        assert read_file(path).metadata == surface.metadata
+
+
+@pytest.mark.parametrize('suffix', ['.x3p', '.sdf'])
+def test_a_format_in_metres_converts_and_says_so(tmp_path, suffix):
+    heights = np.array([[1, 2.5], [np.nan, 4]], np.float32)
+    notes = write_surface(tmp_path / f'a{suffix}', Surface(heights, (2.0, 3.0), 'um'))
+    assert notes == (f'{suffix} is always in m: the lengths are converted from um, in float64.',)
+    read = read_file(tmp_path / f'a{suffix}')
+    np.testing.assert_array_equal(read.heights, heights.astype(float) * 1e-6)
+    assert (read.pitch, read.unit) == ((2.0 * 1e-6, 3.0 * 1e-6), 'm')
+    with pytest.raises(SettingError, match='The unit of the coordinates is not named'):
+        write_surface(tmp_path / f'b{suffix}', Surface(heights, (2.0, 3.0)))
+
+
+def test_heights_that_float32_does_not_hold_are_told(tmp_path):
+    heights = np.array([[0.1, 0.5], [0.25, np.nan]])
+    assert write_surface(tmp_path / 'a.tif', Surface(heights, (1, 1), 'm')) == (
+        '.tif holds float32: the heights are rounded from float64.',
+    )
+    assert write_surface(tmp_path / 'b.tif', Surface(np.round(heights), (1, 1), 'm')) == ()
+
+
+@pytest.mark.parametrize('suffix', ['.x3p', '.sdf', '.tiff'])
+def test_fields_that_a_format_does_not_hold_are_told(tmp_path, suffix):
+    surface = Surface(PLANE.heights, PLANE.pitch, 'm', {'intensity': np.ones((3, 4), np.uint8)})
+    (note,) = write_surface(tmp_path / f'a{suffix}', surface)
+    assert note.endswith('holds heights only: intensity is left out.')
+
+
+@pytest.mark.parametrize('suffix', ['.npz', '.x3p', '.sdf', '.tiff'])
+def test_points_off_a_grid_are_refused_by_height_maps_and_held_by_clouds(tmp_path, suffix):
+    points = PLANE.cloud().points
+    points[1, 2, 0] += 0.3
+    with pytest.raises(CloudError, match=r'off a regular grid by 0\.\d+ of the pitch in x.*ply or pcd'):
+        write_cloud_file(tmp_path / f'a{suffix}', OrganizedCloud(points, 'm'))
+    assert not list(tmp_path.iterdir())
+    for other in ('.ply', '.pcd', '.csv', '.xyz'):
+        write_cloud_file(tmp_path / f'a{other}', OrganizedCloud(points, 'm'))
+        assert same_bits(import_cloud(tmp_path / f'a{other}').points, points)
+
+
+@pytest.mark.parametrize('suffix', WRITTEN)
+def test_an_existing_file_is_kept(tmp_path, suffix):
+    path = tmp_path / f'a{suffix}'
+    path.write_bytes(b'precious')
+    with pytest.raises(SocialCircleError, match='exists already: give --overwrite'):
+        write_surface(path, PLANE)
+    assert path.read_bytes() == b'precious'
+    write_surface(path, PLANE, overwrite=True)
+    assert same_bits(import_cloud(path).points[..., 2], PLANE.heights)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+def test_the_same_surface_gives_the_same_bytes(tmp_path):
+    for suffix in WRITTEN:
+        for name in 'ab':
+            write_surface(tmp_path / f'{name}{suffix}', PLANE)
+        one, other = ((tmp_path / f'{name}{suffix}').read_bytes() for name in 'ab')
+        assert one == other or suffix == '.npz'  # NumPy writes the time into the archive
+
+
+def test_an_unknown_suffix_lists_those_that_are_known(tmp_path):
+    with pytest.raises(SocialCircleError, match=r'its suffix must be one of \.npz, \.ply'):
+        write_surface(tmp_path / 'a.doc', PLANE)
+    with pytest.raises(ImportFileError, match=r'unknown file type: give one of \.npz'):
+        read_file(tmp_path / 'a.doc')
+
+
+@pytest.mark.parametrize('suffix', [each for form in FORMATS for each in form.suffixes])
+@settings(max_examples=25)
+@given(content=st.binary(max_size=300))
+def test_a_file_of_nonsense_is_refused_in_one_sentence(suffix, content):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f'a{suffix}'
+        path.write_bytes(content)
+        try:
+            import_cloud(path)
+        except ImportFileError as error:
+            assert path.name in str(error)
+            assert '\n' not in str(error)
+
+
+@pytest.mark.parametrize('suffix', ['.x3p', '.sdf', '.csv', '.tiff'])
+@settings(max_examples=25)
+@given(data=st.data())
+def test_a_file_that_is_cut_off_is_refused(suffix, data):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f'a{suffix}'
+        write_surface(path, PLANE)
+        whole = path.read_bytes()
+        end = whole.rfind(b'\n*\nsocialcircle') if suffix == '.sdf' else len(whole) - 1
+        path.write_bytes(whole[: data.draw(st.integers(1, end - 1))])
+        if suffix == '.csv' and path.read_bytes().count(b'\n') == whole.count(b'\n') - 1:
+            return  # the last digits of the last number
+        with pytest.raises(ImportFileError):
+            import_cloud(path)

@@ -1,0 +1,134 @@
+"""X3P and SDF: against a reading value by value, against SurfaceTopography, and the variants of the standards."""
+
+import hashlib
+import struct
+import tempfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from naive import surface_files
+from surfaces import same_bits, surfaces
+
+from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.formats import Surface, read_file, write_surface
+
+NAIVE = {'.x3p': surface_files.read_x3p, '.sdf': surface_files.read_sdf}
+HEIGHTS = np.array([[1, 2, 3], [4, np.nan, 6]])
+
+
+@pytest.mark.parametrize('suffix', NAIVE)
+@settings(max_examples=25)
+@given(surface=surfaces())
+def test_a_reading_value_by_value_finds_the_same(suffix, surface):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f'a{suffix}'
+        write_surface(path, surface)
+        heights, dx, dy = NAIVE[suffix](path)
+    assert (dx, dy) == surface.pitch
+    assert same_bits(np.array(heights).astype(surface.heights.dtype), surface.heights)
+
+
+@pytest.mark.parametrize('suffix', NAIVE)
+@settings(max_examples=25)
+@given(surface=surfaces(('f8',)))
+def test_surface_topography_reads_the_same(suffix, surface):
+    io = pytest.importorskip('SurfaceTopography.IO')
+    surface = Surface(np.clip(surface.heights, -1, 1), surface.pitch, 'm')
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f'a{suffix}'
+        write_surface(path, surface)
+        with io.open_topography(str(path), format=suffix[1:]) as reader:
+            read = reader.topography()
+            heights, size = np.ma.filled(np.ma.masked_invalid(read.heights()), np.nan).T, read.pixel_size
+    factor = {'m': 1, 'µm': 1e-6}[read.unit]
+    np.testing.assert_allclose(heights * factor, surface.heights, rtol=1e-12)
+    np.testing.assert_allclose(np.array(size) * factor, surface.pitch, rtol=1e-12)
+
+
+def test_the_x3p_of_an_instrument_reads_as_surface_topography_reads_it(real_measurements):
+    io = pytest.importorskip('SurfaceTopography.IO')
+    path = real_measurements / 'vendor/x3p-2.x3p'
+    with io.open_topography(str(path)) as reader:
+        read = reader.topography()
+    surface = read_file(path)
+    assert same_bits(surface.heights, np.asarray(read.heights()).T)
+    np.testing.assert_allclose(surface.pitch, read.pixel_size, rtol=1e-15)
+    assert (surface.unit, read.unit) == ('m', 'm')
+
+
+def x3p(
+    path, *, kind='L', increment='2', offset='1', raw=None, valid=None, axis='I', feature='SUR', checksum=None
+):
+    data = np.arange(6, dtype={'I': '<i2', 'L': '<i4', 'F': '<f4', 'D': '<f8'}[kind]) if raw is None else raw
+    link = '<ValidPointsLink>bindata/valid.bin</ValidPointsLink>' if valid is not None else ''
+    checksum = checksum or hashlib.md5(data.tobytes(), usedforsecurity=False).hexdigest()
+    header = (
+        '<?xml version="1.0"?><p:ISO5436_2 xmlns:p="http://www.opengps.eu/2008/ISO5436_2"><Record1>'
+        f'<Revision>ISO5436 - 2000</Revision><FeatureType>{feature}</FeatureType><Axes>'
+        f'<CX><AxisType>{axis}</AxisType><DataType>L</DataType><Increment>0.5</Increment></CX>'
+        '<CY><AxisType>I</AxisType><DataType>L</DataType><Increment>0.25</Increment></CY>'
+        f'<CZ><AxisType>A</AxisType><DataType>{kind}</DataType><Increment>{increment}</Increment>'
+        f'<Offset>{offset}</Offset></CZ></Axes></Record1><Record3><MatrixDimension><SizeX>3</SizeX><SizeY>2</SizeY>'
+        '<SizeZ>1</SizeZ></MatrixDimension><DataLink><PointDataLink>bindata/data.bin</PointDataLink>'
+        f'<MD5ChecksumPointData>{checksum}</MD5ChecksumPointData>{link}</DataLink></Record3></p:ISO5436_2>'
+    )
+    with zipfile.ZipFile(path, 'w') as archive:
+        archive.writestr('main.xml', header)
+        archive.writestr('bindata/data.bin', data.tobytes())
+        if valid is not None:
+            archive.writestr('bindata/valid.bin', valid)
+    return path
+
+
+@pytest.mark.parametrize('kind', ['I', 'L', 'F', 'D'])
+def test_the_increment_and_offset_of_x3p_heights_are_applied(tmp_path, kind):
+    surface = read_file(x3p(tmp_path / 'a.x3p', kind=kind))
+    assert surface.heights.tolist() == [[1, 3, 5], [7, 9, 11]]
+    assert (surface.pitch, surface.unit) == ((0.5, 0.25), 'm')
+
+
+def test_the_valid_points_of_an_x3p_are_honoured(tmp_path):
+    surface = read_file(x3p(tmp_path / 'a.x3p', valid=bytes([0b101111])))
+    assert np.isnan(surface.heights).tolist() == [[False] * 3, [False, True, False]]
+
+
+@pytest.mark.parametrize(
+    ('changes', 'sentence'),
+    [
+        ({'feature': 'PRF'}, 'holds no height map, but a profile'),
+        ({'axis': 'A'}, 'has no regular grid'),
+        ({'increment': 'two'}, 'invalid numbers'),
+        ({'raw': np.arange(5, dtype='<i4')}, 'has 20 bytes of heights'),
+        ({'valid': b''}, 'too few bytes'),
+        ({'checksum': '0' * 32}, 'checksum of bindata/data.bin does not match'),
+    ],
+)
+def test_an_x3p_that_is_no_height_map_is_refused(tmp_path, changes, sentence):
+    with pytest.raises(ImportFileError, match=sentence):
+        read_file(x3p(tmp_path / 'a.x3p', **changes))
+
+
+@pytest.mark.parametrize(
+    ('kind', 'code', 'missing'),
+    [(3, '<f4', np.nan), (7, '<f8', np.nan), (5, '<i2', -(2**15)), (6, '<i4', -(2**31)), (1, '<u2', 2**16 - 1)],
+)
+def test_a_binary_sdf_is_read(tmp_path, kind, code, missing):
+    head = struct.pack(
+        '<8s10s12s12sHHddddBBB', b'bISO-1.0', b'x', b'', b'', 3, 2, 0.5, 0.25, 2.0, -1.0, 0, kind, 0
+    )
+    raw = np.where(np.isnan(HEIGHTS), missing, HEIGHTS).astype(code)
+    (tmp_path / 'a.sdf').write_bytes(head + raw.tobytes())
+    surface = read_file(tmp_path / 'a.sdf')
+    np.testing.assert_array_equal(surface.heights, HEIGHTS * 2)
+    assert surface.pitch == (0.5, 0.25)
+
+
+def test_a_compressed_sdf_is_refused(tmp_path):
+    write_surface(tmp_path / 'a.sdf', Surface(HEIGHTS, (1.0, 1.0), 'm'))
+    text = (tmp_path / 'a.sdf').read_text().replace('Compression = 0', 'Compression = 1')
+    (tmp_path / 'a.sdf').write_text(text)
+    with pytest.raises(ImportFileError, match='is compressed'):
+        read_file(tmp_path / 'a.sdf')

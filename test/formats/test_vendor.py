@@ -1,0 +1,62 @@
+"""Files of instruments, against the same surfaces in the data folder."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.formats import read_file
+from socialcircle_ros.formats.units import metres_per
+
+PAIRS = {
+    'al3d-1.al3d': 'alicona_fv_al3d1',
+    'opd-1.opd': 'wyko_opd_st1',
+    'metropro-1.dat': 'zygo_dat_metropro1',
+}
+SHAPES = {'plu-1.plu': (576, 768), 'x3p-2.x3p': (650, 650)}
+
+
+@pytest.mark.parametrize('name', PAIRS)
+def test_heights_pitch_unit_and_orientation_are_those_of_the_data_folder(real_measurements, name):
+    pytest.importorskip('SurfaceTopography')
+    surface = read_file(real_measurements / 'vendor' / name)
+    with np.load(real_measurements / f'{PAIRS[name]}.npz') as known:
+        expected, dx, dy = known['z'].astype(float), float(known['dx']), float(known['dy'])
+        expected += float(known['z_offset_um']) if 'z_offset_um' in known else 0.0
+    um = metres_per(surface.unit) / 1e-6
+    heights = surface.heights.astype(float) * um
+    np.testing.assert_array_equal(np.isnan(heights), np.isnan(expected))
+    # The data folder holds float32 in µm; the file of the Alicona holds float32 in m, far from 0.
+    np.testing.assert_allclose(heights, expected, atol=max(1e-5, np.nanmax(np.abs(expected)) * 2**-23))
+    np.testing.assert_allclose(np.array(surface.pitch) * um, (dx, dy), rtol=1e-12)
+
+
+@pytest.mark.parametrize('name', SHAPES)
+def test_the_other_vendor_files_are_read(real_measurements, name):
+    pytest.importorskip('SurfaceTopography')
+    surface = read_file(real_measurements / 'vendor' / name)
+    assert surface.heights.shape == SHAPES[name]
+    assert surface.unit in ('um', 'm')
+    assert np.isfinite(surface.heights).all()
+
+
+def test_without_the_library_a_sentence_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'SurfaceTopography', None)
+    monkeypatch.setitem(sys.modules, 'SurfaceTopography.IO', None)
+    (tmp_path / 'a.al3d').write_bytes(b'x')
+    with pytest.raises(ImportFileError, match=r'a\.al3d needs SurfaceTopography: pip install.*-e "\.\[formats\]"'):
+        read_file(tmp_path / 'a.al3d')
+
+
+@pytest.mark.parametrize('suffix', ['.npy', '.asc'])
+def test_a_file_without_pitch_takes_the_pitch_that_is_given(tmp_path, suffix):
+    pytest.importorskip('SurfaceTopography')
+    heights = np.arange(12.0).reshape(3, 4)
+    path = tmp_path / f'a{suffix}'
+    np.save(path, heights) if suffix == '.npy' else np.savetxt(path, heights)
+    with pytest.raises(ImportFileError, match='does not state its pitch'):
+        read_file(path)
+    surface = read_file(path, pitch=(2.0, 3.0), unit='um')
+    np.testing.assert_array_equal(surface.heights, heights)
+    assert (surface.pitch, surface.unit) == ((2.0, 3.0), 'um')
