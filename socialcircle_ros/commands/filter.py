@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     '--output',
     required=True,
     type=click.Path(path_type=Path),
-    help='Recording to write: NAME.mcap, or a directory.',
+    help='Recording to write: NAME.mcap, or a directory. For one cloud also a file, such as part.x3p.',
 )
 @click.option(
     '--topic',
@@ -45,8 +45,8 @@ def command(
 ) -> None:
     """Filter a RECORDING offline, as the node does live.
 
-    RECORDING is an MCAP file or a rosbag2 directory. The written recording has all of its messages, unchanged,
-    and for each cloud:
+    RECORDING is an MCAP file, a rosbag2 directory, or a measurement file such as part.al3d. The written recording
+    has all of its messages, unchanged, and for each cloud:
 
     \b
     points_filtered            the cloud with x, y and z of outliers NaN
@@ -56,11 +56,15 @@ def command(
     The frames of a focus stack on stack/image become a cloud on stack/points first. A stack needs parameters,
     such as stack.pitch_x in m: give them with --params-file or -p.
 
+    If the output is a measurement file, such as part.x3p, it holds the cleaned cloud of the one cloud that was
+    read. docs/formats.md lists the formats.
+
     The same recording and parameters give the same bytes.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.messages.diagnostics import OK
     from socialcircle_ros.recording import open_recording
+    from socialcircle_ros.recording.export import filter_to_file, is_file_target
     from socialcircle_ros.recording.offline import filter_recording
     from socialcircle_ros.settings import PipelineSettings
 
@@ -81,15 +85,29 @@ def command(
             warnings.update(each.message for each in measurements if each.level != OK)
             progress(read, total)
 
-        summary = filter_recording(
-            recording, output, settings, topics=topics, compression=compression, overwrite=overwrite, seen=count
-        )
+        notes: tuple[str, ...] = ()
+        if is_file_target(output):
+            summary, notes = filter_to_file(
+                recording, output, settings, topics=topics, overwrite=overwrite, seen=count
+            )
+        else:
+            summary = filter_recording(
+                recording,
+                output,
+                settings,
+                topics=topics,
+                compression=compression,
+                overwrite=overwrite,
+                seen=count,
+            )
     stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
     share = f' ({100 * outliers / measured:.2f} %)' if measured else ''
     click.echo(
         f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {outliers} of {measured} measured points are'
         f' outliers{share}; {quantity(summary.passed, "other message")} kept; written to {output}.'
     )
+    for note in notes:
+        click.echo(f'Note: {note}', err=True)
     for warning in sorted(warnings | summary.warnings.keys()):
         click.echo(f'Warning: {warning}', err=True)
     if summary.replaced:

@@ -16,6 +16,8 @@ COMMANDS = {
     'play': 'play',
     'record': 'record',
     'import': 'import_',
+    'export': 'export',
+    'info': 'info',
     'simulate': 'simulate',
     'report': 'report',
     'sweep': 'sweep',

@@ -9,6 +9,7 @@ import numpy as np
 from socialcircle_ros.errors import ImportFileError
 
 from .surface import Column, Surface, given_pitch
+from .units import metres_per
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import HeightMap
@@ -17,7 +18,12 @@ _RESERVED = ('z', 'dx', 'dy', 'x', 'y', 'unit', 'frames', 'metadata')
 
 
 def write_npz(path: Path, surface: Surface) -> None:
-    """Write z, dx, dy, unit and metadata, and each field under its name."""
+    """Write z, dx, dy, unit and metadata, and each field under its name.
+
+    Raises:
+        SettingError: the unit is not known; without a unit, the import would take µm.
+    """
+    metres_per(surface.unit)
     arrays: dict[str, Column] = {
         'z': np.ascontiguousarray(surface.heights),
         'dx': np.float64(surface.pitch[0]),  # type: ignore[dict-item]

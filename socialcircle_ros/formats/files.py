@@ -48,11 +48,25 @@ def read_file(
     Raises:
         ImportFileError: the file cannot be used, or its library is not installed; the message says what to do.
     """
-    known, suffix = format_of(path), path.suffix.lower()
+    known = format_of(path)
     if known is None or not known.reads:
         raise ImportFileError(
             f'{path} has an unknown file type: give one of {", ".join(suffixes(written=False))}.'
         )
+    try:
+        with path.open('rb'):
+            pass  # a file that is missing or may not be read is told as such, not as a library tells it
+        return _read(path, known, pitch, unit)
+    except FileNotFoundError:
+        raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
+    except OSError as error:
+        raise ImportFileError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
+
+
+def _read(
+    path: Path, known: Format, pitch: tuple[float, float] | None, unit: str | None
+) -> Surface | OrganizedCloud:
+    suffix = path.suffix.lower()
     if suffix == '.x3p':
         return x3p.read_x3p(path)
     if suffix == '.sdf':
@@ -61,8 +75,6 @@ def read_file(
         return tiff.read_tiff(path, pitch, unit)
     if suffix == '.npy':
         return archive.read_npy(path, pitch, unit)
-    with path.open('rb'):
-        pass  # a file that is missing or may not be read is told as such, not as the library tells it
     if suffix in ('.csv', '.xyz') and points.is_own_text(path):
         return points.read_text(path)
     return read_vendor_file(path, known.readers, pitch, unit)
@@ -88,7 +100,7 @@ def write_surface(path: str | Path, surface: Surface, *, overwrite: bool = False
     if form.any_points:
         _written(path, overwrite, lambda partial: _CLOUD_WRITERS[path.suffix.lower()](partial, surface.cloud()))
         return ()
-    fitted, notes = _fitted(form, surface)
+    fitted, notes = _fitted(form, path.suffix.lower(), surface)
     _written(path, overwrite, lambda partial: _SURFACE_WRITERS[path.suffix.lower()](partial, fitted))
     return notes
 
@@ -120,10 +132,9 @@ def _writable(path: Path) -> Format:
     return form
 
 
-def _fitted(form: Format, surface: Surface) -> tuple[Surface, tuple[str, ...]]:
+def _fitted(form: Format, suffix: str, surface: Surface) -> tuple[Surface, tuple[str, ...]]:
     """The surface as the format holds it, and what it does not hold."""
     notes = []
-    suffix = form.suffixes[0]
     if form.metres and known_unit(surface.unit) != 'm':
         factor = metres_per(surface.unit)
         heights = cast('HeightMap', surface.heights.astype(np.float64) * factor)

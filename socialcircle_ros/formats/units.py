@@ -34,7 +34,7 @@ def metres_per(unit: str | None) -> float:
     known = known_unit(unit)
     if known is None:
         what = 'is not named' if unit is None else f'{unit!r} is not known'
-        raise SettingError(f'The unit of the coordinates {what}: give one of {", ".join(METRES)}.')
+        raise SettingError(f'The unit of the coordinates {what}: give one of {", ".join(METRES)}, as --unit.')
     return METRES[known]
 
 

@@ -3,9 +3,11 @@
 Messages stay serialized here; `messages` reads and writes their bytes.
 """
 
+from .any_file import open_recording
 from .importers import ImportedCloud, import_cloud
-from .reader import RecordingReader, open_recording
+from .reader import RecordingReader
 from .schemas import schema_text, type_hash
+from .surfaces import read_surface
 from .topics import DEFAULT_QOS, Message, Topic, ros_topic
 from .writer import RecordingWriter
 
@@ -18,6 +20,7 @@ __all__ = [
     'Topic',
     'import_cloud',
     'open_recording',
+    'read_surface',
     'ros_topic',
     'schema_text',
     'type_hash',

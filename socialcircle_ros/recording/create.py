@@ -14,6 +14,7 @@ from .mcap_output import Compression
 from .simulated import pitch_of, write_simulation
 from .stacks import add_stack_topics, import_stack, node_parameters, parameter_file, write_frame, write_joint_state
 from .topics import ros_topic
+from .units import with_unit
 from .writer import RecordingWriter
 
 _FRAMES_PER_PERIOD = 50
@@ -45,7 +46,7 @@ def record_clouds(
     """Write a recording with one cloud per measurement file.
 
     Args:
-        files: `.npz` height maps, and organized `.ply` or `.pcd` clouds, in the order of the recording.
+        files: measurement files that `import_cloud` reads, in the order of the recording.
         output: a name that ends in `.mcap`, or a directory.
         topic: topic of the clouds.
         frame_id: frame of the clouds.
@@ -62,16 +63,27 @@ def record_clouds(
     if not period_s > 0:
         raise SettingError(f'The period must be above 0 s, not {period_s}.')
     with RecordingWriter(output, overwrite=overwrite) as writer:
+        unit: str | None = None
         for number, path in enumerate(map(Path, files)):
             cloud = import_cloud(path, shape=shape)
+            if number and cloud.unit != unit:
+                raise ImportFileError(
+                    f'{path} is in {_unit_text(cloud.unit)}, but the files before it are in {_unit_text(unit)}:'
+                    ' import them into recordings of their own.'
+                )
+            unit = cloud.unit
             write_cloud(writer, topic, cloud, stamp=int((number + 1) * period_s * 1e9), frame_id=frame_id)
             if written is not None:
                 written(path, cloud)
 
 
+def _unit_text(unit: str | None) -> str:
+    return unit or 'a unit that it does not name'
+
+
 def write_cloud(writer: RecordingWriter, topic: str, cloud: ImportedCloud, *, stamp: int, frame_id: str) -> None:
     """Write an imported cloud as a PointCloud2, with the stamp in ns also as its log time."""
-    writer.add_topic(ros_topic(topic, point_cloud.TYPE))
+    writer.add_topic(with_unit(ros_topic(topic, point_cloud.TYPE), cloud.unit))
     message = point_cloud.encode_point_cloud(Header.at(stamp, frame_id), cloud.points, cloud.fields)
     writer.write(topic, message, stamp)
 

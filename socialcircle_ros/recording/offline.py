@@ -25,11 +25,15 @@ from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
 
+from .any_file import open_recording
 from .mcap_output import Compression
 from .overlap import WriterBehind, read_ahead
-from .reader import RecordingReader, open_recording
+from .reader import RecordingReader
 from .topics import Message, ros_topic
 from .writer import RecordingWriter
+
+Seen = Callable[[Message | None, list[CloudOutputs]], None]
+"""Called after each message, and with None at the end, with the outputs that came of it."""
 
 
 @dataclass
@@ -95,7 +99,7 @@ def filter_recording(
     topics: tuple[str, ...] = (),
     compression: Compression = 'none',
     overwrite: bool = False,
-    seen: Callable[[Message | None, list[CloudOutputs]], None] = lambda message, outputs: None,
+    seen: Seen = lambda message, outputs: None,
 ) -> Summary:
     """Filter each cloud of a recording; write a recording with the outputs beside everything that it held.
 
@@ -105,7 +109,7 @@ def filter_recording(
     stack, are in memory at a time; the next messages are read and the last ones written while a cloud is filtered.
 
     Args:
-        source: an MCAP file or a rosbag2 directory.
+        source: an MCAP file, a rosbag2 directory, or a measurement file.
         target: where to write; a name that ends in .mcap, or a directory.
         settings: how to filter, and which outputs are wanted.
         topics: which topics of clouds to filter; none: those of `clouds_of`.

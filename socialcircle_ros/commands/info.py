@@ -1,0 +1,35 @@
+"""`socialcircle info`."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command('info', epilog='Example: socialcircle info night.mcap')
+@click.argument('files', nargs=-1, required=True, metavar='FILE...', type=click.Path(path_type=Path))
+def command(files: tuple[Path, ...]) -> None:
+    """Say what is in each FILE: a recording, a measurement file, or a focus stack.
+
+    \b
+    recording         topics with type, number of messages, size and unit; duration; damage
+    measurement file  points, measured points, unit, pitch, range of heights, fields
+    focus stack       number and size of frames, range of z
+
+    A recording is read whole, so that damage is found.
+    """  # noqa: D301 - click reads \b
+    from socialcircle_ros.recording.description import describe
+
+    for number, path in enumerate(files):
+        found = describe(path)
+        if number:
+            click.echo()
+        click.echo(f'{path}: {found.kind}')
+        width = max(map(len, found.facts))
+        for name, text in found.facts.items():
+            click.echo(f'  {name.ljust(width)}  {text}')
+        for topic in found.topics:
+            unit = f', in {topic.unit}' if topic.unit else ''
+            size = f', {topic.size}' if topic.size else ''
+            click.echo(f'  {topic.name}  {topic.type}  {topic.messages}{size}{unit}')
+        if found.damage:
+            click.echo(f'Warning: {found.damage}', err=True)

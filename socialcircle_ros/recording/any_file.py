@@ -1,0 +1,37 @@
+"""Opening whatever holds clouds: a recording, or a measurement file, which is imported first."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from socialcircle_ros.formats import format_of
+
+from . import reader
+from .create import record_clouds
+
+
+def open_recording(path: str | Path) -> reader.RecordingReader:
+    """Open a recording, or a measurement file as a recording of one cloud on `/points`.
+
+    Args:
+        path: an MCAP file, a rosbag2 directory, or a file that `import_cloud` reads.
+
+    Raises:
+        RecordingError: as `reader.open_recording`.
+        ImportFileError: the measurement file cannot be used.
+    """
+    path = Path(path)
+    if not is_measurement_file(path):
+        return reader.open_recording(path)
+    with TemporaryDirectory(prefix='socialcircle-') as folder:
+        imported = Path(folder) / f'{path.stem}.mcap'
+        record_clouds([path], imported)
+        # The opened file stays readable after its name is gone.
+        opened = reader.open_recording(imported)
+    opened.path = path
+    return opened
+
+
+def is_measurement_file(path: Path) -> bool:
+    """Whether the suffix of a path is that of a format of measurement files, and not of a recording."""
+    form = format_of(path)
+    return form is not None and bool(form.reads) and not path.is_dir()

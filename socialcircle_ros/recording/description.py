@@ -1,0 +1,179 @@
+"""What a recording, a measurement file or a focus stack holds."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from socialcircle_ros.cloud import measured_points
+from socialcircle_ros.errors import CloudError, SocialCircleError
+from socialcircle_ros.formats import OrganizedCloud, format_of, surface_of
+from socialcircle_ros.formats.units import length_text
+from socialcircle_ros.interface import POINTS
+from socialcircle_ros.messages import image
+from socialcircle_ros.messages.image import Image
+from socialcircle_ros.messages.point_cloud import PointCloud
+
+from . import reader
+from .any_file import is_measurement_file
+from .importers import import_cloud
+from .stacks import import_stack, is_stack
+from .topics import Message, Topic
+from .units import unit_of
+
+_OLDEST = int(datetime(1990, 1, 1, tzinfo=timezone.utc).timestamp() * 1e9)
+"""Earlier times, ns, are no dates: imported clouds and simulations count from 0."""
+
+
+class TopicDescription(NamedTuple):
+    """What a recording has on one topic.
+
+    Attributes:
+        name: of the topic.
+        type: of its messages.
+        messages: their number.
+        size: of the first message, for clouds and images, as rows × columns with the type; else ''.
+        unit: of the coordinates of clouds; None: not known, or no cloud.
+    """
+
+    name: str
+    type: str
+    messages: int
+    size: str
+    unit: str | None
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a file holds.
+
+    Attributes:
+        path: of the file or folder.
+        kind: what it is, such as `MCAP file`.
+        facts: texts by name, in the order in which they are read.
+        topics: those of a recording.
+        damage: where a recording is damaged; None: it is sound, or no recording.
+    """
+
+    path: Path
+    kind: str
+    facts: Mapping[str, str]
+    topics: Sequence[TopicDescription] = ()
+    damage: str | None = None
+
+
+@dataclass
+class _Seen:
+    counts: Counter[str] = field(default_factory=Counter)
+    sizes: dict[str, str] = field(default_factory=dict)
+    first: int | None = None
+    last: int = 0
+
+    def take(self, message: Message, topic: Topic) -> None:
+        self.counts[message.topic] += 1
+        self.first = message.log_time if self.first is None else min(self.first, message.log_time)
+        self.last = max(self.last, message.log_time)
+        if message.topic not in self.sizes:
+            self.sizes[message.topic] = _size(message.data, topic.type)
+
+
+def describe(path: str | Path) -> Description:
+    """Describe a recording, a measurement file, or a focus stack. A recording is read whole, to find its damage.
+
+    Raises:
+        SocialCircleError: the file cannot be read; the message says why and what to do.
+    """
+    path = Path(path)
+    recorded = (path.is_dir() and any(path.glob('*.mcap*'))) or (path / 'metadata.yaml').exists()
+    if not recorded and is_stack(path):
+        return _stack(path)
+    return _measurement_file(path) if is_measurement_file(path) else _recording(path)
+
+
+def _recording(path: Path) -> Description:
+    seen = _Seen()
+    with reader.open_recording(path) as opened:
+        for message in opened.messages():
+            seen.take(message, opened.topics[message.topic])
+        rows = [
+            TopicDescription(
+                name,
+                topic.type,
+                seen.counts[name],
+                seen.sizes.get(name, ''),
+                unit_of(opened, name) if topic.type == POINTS.type else None,
+            )
+            for name, topic in sorted(opened.topics.items())
+        ]
+        damage = opened.damage
+    files = [path] if path.is_file() else [each for each in path.iterdir() if each.is_file()]
+    facts = {
+        'size': _bytes_text(sum(each.stat().st_size for each in files)),
+        'messages': str(sum(seen.counts.values())),
+        'duration': f'{(seen.last - (seen.first or 0)) / 1e9:.3f} s',
+    }
+    if seen.first is not None and seen.first >= _OLDEST:
+        start = datetime.fromtimestamp(seen.first / 1e9, tz=timezone.utc)
+        facts['start'] = f'{start:%Y-%m-%d %H:%M:%S} UTC'
+    return Description(path, 'MCAP file' if path.is_file() else 'rosbag2 directory', facts, rows, damage)
+
+
+def _measurement_file(path: Path) -> Description:
+    cloud = import_cloud(path)
+    measured = measured_points(cloud.points)
+    heights = cloud.points[..., 2][measured].astype(np.float64)
+    form = format_of(path)
+    rows, columns = measured.shape
+    facts = {
+        'size': _bytes_text(path.stat().st_size),
+        'points': f'{rows} × {columns}, {cloud.points.dtype}',
+        'measured': f'{np.count_nonzero(measured)} of {measured.size}',
+        'unit': cloud.unit or 'not known',
+    }
+    try:
+        dx, dy = surface_of(OrganizedCloud(cloud.points, cloud.unit)).surface.pitch
+        facts['pitch'] = f'{length_text(dx, cloud.unit)} × {length_text(dy, cloud.unit)}'
+    except CloudError as reason:
+        facts['pitch'] = f'none: {reason}'
+    low, high = (length_text(float(each), cloud.unit) for each in (heights.min(), heights.max()))
+    facts['heights'] = f'{low} to {high}'
+    if cloud.fields:
+        facts['fields'] = ', '.join(f'{name} ({values.dtype})' for name, values in cloud.fields.items())
+    return Description(path, f'{form.name if form else "measurement"} file', facts)
+
+
+def _stack(path: Path) -> Description:
+    stack = import_stack(path)
+    first = next(stack.frames())
+    facts = {
+        'frames': str(len(stack.z)),
+        'z': f'{stack.z.min():g} to {stack.z.max():g}',
+        'image': f'{first.shape[0]} × {first.shape[1]}, {first.dtype}',
+    }
+    return Description(path, 'focus stack', facts)
+
+
+def _size(data: bytes, type_name: str) -> str:
+    """The size of a cloud or an image; '' for other messages, and for one that cannot be read."""
+    with suppress(SocialCircleError):
+        if type_name == POINTS.type:
+            cloud = PointCloud.decode(data)
+            kinds = ', '.join(each.name for each in cloud.fields)
+            return f'{cloud.height} × {cloud.width} ({kinds})'
+        if type_name == image.TYPE:
+            found = Image.decode(data)
+            return f'{found.height} × {found.width} {found.encoding}'
+    return ''
+
+
+def _bytes_text(count: int) -> str:
+    for unit in ('bytes', 'kB', 'MB'):
+        if count < 1000:
+            return f'{count:.4g} {unit}'
+        count /= 1000  # type: ignore[assignment]
+    return f'{count:.4g} GB'

@@ -1,0 +1,35 @@
+"""`read_surface`: heights from any measurement file."""
+
+from pathlib import Path
+
+from socialcircle_ros.formats import OrganizedCloud, Surface, read_file, surface_of
+
+from .importers import import_cloud
+
+_OF_IMPORTERS = ('.npz', '.ply', '.pcd')
+
+
+def read_surface(
+    path: str | Path, *, pitch: tuple[float, float] | None = None, unit: str | None = None
+) -> Surface:
+    """Read heights on a regular grid from a measurement file of any format in `docs/formats.md`.
+
+    Args:
+        path: the file.
+        pitch: dx and dy, for a file that does not state them.
+        unit: of a file that does not name it.
+
+    Returns:
+        The heights, NaN where not measured, with pitch and unit.
+
+    Raises:
+        ImportFileError: the file cannot be used; the message says why and what to do.
+        CloudError: the file holds a cloud that is not on a regular grid.
+    """
+    path = Path(path)
+    if path.suffix.lower() in _OF_IMPORTERS:
+        cloud = import_cloud(path)
+        found: Surface | OrganizedCloud = OrganizedCloud(cloud.points, cloud.unit or unit, cloud.fields)
+    else:
+        found = read_file(path, pitch=pitch, unit=unit)
+    return found if isinstance(found, Surface) else surface_of(found).surface

@@ -1,0 +1,54 @@
+"""`socialcircle export`, `info`, and `filter` into a file."""
+
+import numpy as np
+
+from socialcircle_ros.formats import Surface, read_file, write_surface
+
+
+def save(path, unit='m'):
+    heights = np.random.default_rng(0).normal(0, 1e-8, (20, 30))
+    heights[5, 7] = 1e-4
+    write_surface(path, Surface(heights, (5e-7, 5e-7), unit))
+
+
+def test_from_a_file_to_a_cleaned_file_in_one_step(run, tmp_path):
+    save(tmp_path / 'part.sdf')
+    done = run('filter', 'part.sdf', '-o', 'part.x3p')
+    assert done.code == 0, done.err
+    assert '1 cloud filtered, 1 of 600 measured points are outliers' in done.out
+    assert np.isnan(read_file(tmp_path / 'part.x3p').heights[5, 7])
+    again = run('filter', 'part.sdf', '-o', 'part.x3p')
+    assert again.code == 1
+    assert 'part.x3p exists already' in again.err
+
+
+def test_what_a_format_does_not_hold_is_told(run, tmp_path):
+    save(tmp_path / 'part.npz', unit='um')
+    done = run('filter', 'part.npz', '-o', 'part.tiff')
+    assert done.code == 0, done.err
+    assert 'Note: .tiff holds float32: the heights are rounded from float64.' in done.err
+
+
+def test_a_recording_is_exported_and_described(run, tmp_path):
+    save(tmp_path / 'part.sdf')
+    assert run('filter', 'part.sdf', '-o', 'c.mcap').code == 0
+    done = run('export', 'c.mcap', '-o', 'out', '--format', 'x3p')
+    assert done.code == 0, done.err
+    assert '2 files written to out.' in done.out
+    described = run('info', 'c.mcap', 'out/points_filtered_0000.x3p')
+    assert '/points_filtered  sensor_msgs/msg/PointCloud2  1, 20 × 30 (x, y, z), in m' in described.out
+    assert 'pitch     500 nm × 500 nm' in described.out
+
+
+def test_an_error_is_one_sentence(run, tmp_path):
+    save(tmp_path / 'part.sdf')
+    for arguments, sentence in (
+        (['export', 'nowhere.mcap', '-o', 'out'], 'nowhere.mcap does not exist'),
+        (['export', 'part.sdf', '-o', 'out', '--unit', 'furlong'], "'furlong' is not known"),
+        (['filter', 'part.sdf', '-o', 'part.al3d'], 'its suffix must be .mcap or one of'),
+        (['info', 'nowhere.x3p'], 'nowhere.x3p does not exist'),
+    ):
+        done = run(*arguments)
+        assert done.code == 1
+        assert sentence in done.err
+        assert 'Traceback' not in done.err

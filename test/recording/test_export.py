@@ -1,0 +1,211 @@
+"""Exports, the filter into one file, measurement files in place of recordings, and units."""
+
+import json
+import zipfile
+
+import numpy as np
+import pytest
+from PIL import Image
+from surfaces import same_bits
+
+from socialcircle_ros.errors import ImportFileError, RecordingError, SettingError, SocialCircleError
+from socialcircle_ros.formats import Surface, read_file, suffixes, write_cloud_file, write_surface
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.recording import import_cloud, open_recording, read_surface
+from socialcircle_ros.recording.create import record_clouds
+from socialcircle_ros.recording.export import export_recording, filter_to_file
+from socialcircle_ros.recording.offline import filter_recording
+from socialcircle_ros.recording.units import unit_of
+from socialcircle_ros.settings import OutputSettings, PipelineSettings
+
+SETTINGS = PipelineSettings(output=OutputSettings(mask=True, repaired=True))
+WRITTEN = suffixes(written=True)
+
+
+def measured_surface(unit='m', dtype=np.float32):
+    """A rough plane with a spike at (5, 7) and a point that is not measured."""
+    heights = np.random.default_rng(0).normal(0, 1e-8, (20, 30)).astype(dtype)
+    heights[5, 7] = 1e-4
+    heights[3, 3] = np.nan
+    return Surface(heights, (4.3e-7, 7.1e-7), unit)
+
+
+def recorded(tmp_path, surface, suffix='.ply', name='part'):
+    write_surface(tmp_path / f'{name}{suffix}', surface)
+    record_clouds([tmp_path / f'{name}{suffix}'], tmp_path / f'{name}.mcap')
+    return tmp_path / f'{name}.mcap'
+
+
+def clouds_in(recording, topic='/points'):
+    with open_recording(recording) as reader:
+        return [PointCloud.decode(message.data).xyz() for message in reader.messages([topic])]
+
+
+@pytest.mark.parametrize('suffix', WRITTEN)
+@pytest.mark.parametrize('dtype', [np.float32, np.float64])
+def test_a_recording_exported_and_imported_again_is_the_same(tmp_path, suffix, dtype):
+    if suffix in ('.tif', '.tiff') and dtype == np.float64:
+        pytest.skip('holds float32')
+    first = recorded(tmp_path, measured_surface(dtype=dtype))
+    export = export_recording(first, tmp_path / 'out', suffix)
+    assert (export.filtered, export.notes, export.refused, export.damage) == (False, {}, {}, None)
+    assert [file.name for file in export.files] == [f'points_0000{suffix}']
+    record_clouds(export.files, tmp_path / 'again.mcap')
+    (one,), (other,) = clouds_in(first), clouds_in(tmp_path / 'again.mcap')
+    assert same_bits(one, other)
+    with open_recording(tmp_path / 'again.mcap') as reader:
+        assert unit_of(reader, '/points') == 'm'
+
+
+@pytest.mark.parametrize('suffix', WRITTEN)
+def test_a_filtered_recording_gives_the_cleaned_and_the_repaired_cloud_and_the_mask(tmp_path, suffix):
+    filter_recording(recorded(tmp_path, measured_surface()), tmp_path / 'c.mcap', SETTINGS)
+    export = export_recording(tmp_path / 'c.mcap', tmp_path / 'out', suffix)
+    names = [file.name for file in export.files]
+    beside = ['points_filtered_0000_mask.png'] if suffix in ('.x3p', '.sdf', '.tif', '.tiff') else []
+    assert sorted(names) == sorted([f'points_filtered_0000{suffix}', f'points_repaired_0000{suffix}', *beside])
+    cleaned = import_cloud(tmp_path / 'out' / f'points_filtered_0000{suffix}')
+    (expected,) = clouds_in(tmp_path / 'c.mcap', '/points_filtered')
+    assert same_bits(cleaned.points[..., 2], expected[..., 2])
+    assert np.isnan(cleaned.points[5, 7, 2])
+    mask = np.asarray(Image.open(tmp_path / 'out' / beside[0])) if beside else cleaned.fields['outlier_mask']
+    assert (mask[5, 7], mask[3, 3], mask[0, 0]) == (255, 127, 0)
+    repaired = import_cloud(tmp_path / 'out' / f'points_repaired_0000{suffix}')
+    assert np.isfinite(repaired.points[5, 7, 2])
+    assert cleaned.unit == repaired.unit == 'm'
+
+
+def test_the_settings_and_counts_of_the_filter_are_in_the_metadata(tmp_path):
+    filter_recording(recorded(tmp_path, measured_surface()), tmp_path / 'c.mcap', SETTINGS)
+    export_recording(tmp_path / 'c.mcap', tmp_path, '.x3p')
+    with zipfile.ZipFile(tmp_path / 'points_filtered_0000.x3p') as archive:
+        metadata = json.loads(archive.read('socialcircle.json'))
+    assert metadata == read_file(tmp_path / 'points_filtered_0000.x3p').metadata
+    assert (metadata['circle.mode'], metadata['outliers'], metadata['topic']) == (
+        SETTINGS.circle.mode,
+        '1',
+        '/points_filtered',
+    )
+    assert metadata['source'] == 'c.mcap'
+
+
+def test_a_cloud_that_the_format_cannot_hold_is_refused_and_the_others_are_written(tmp_path):
+    good = measured_surface()
+    skewed = good.cloud()
+    skewed.points[..., 0] += skewed.points[..., 1] * 0.5
+    write_surface(tmp_path / 'good.ply', good)
+    write_cloud_file(tmp_path / 'skewed.ply', skewed)
+    record_clouds([tmp_path / 'skewed.ply', tmp_path / 'good.ply'], tmp_path / 'both.mcap')
+    export = export_recording(tmp_path / 'both.mcap', tmp_path / 'out', '.x3p')
+    assert [file.name for file in export.files] == ['points_0001.x3p']
+    assert list(export.refused.values()) == [1]
+    assert 'ply or pcd' in next(iter(export.refused))
+
+
+def test_an_existing_file_ends_the_export_and_is_kept(tmp_path):
+    recording = recorded(tmp_path, measured_surface())
+    (tmp_path / 'points_0000.pcd').write_text('precious')
+    with pytest.raises(SocialCircleError, match='exists already'):
+        export_recording(recording, tmp_path, '.pcd')
+    assert (tmp_path / 'points_0000.pcd').read_text() == 'precious'
+    export_recording(recording, tmp_path, '.pcd', overwrite=True)
+
+
+@pytest.mark.parametrize('suffix', ['.npz', '.x3p', '.sdf'])
+def test_a_format_that_needs_a_unit_takes_none_for_granted(tmp_path, suffix):
+    recording = recorded(tmp_path, measured_surface(unit=None))
+    with pytest.raises(SettingError, match='The unit of the coordinates is not named'):
+        export_recording(recording, tmp_path / 'out', suffix)
+    export_recording(recording, tmp_path / 'out', suffix, unit='m')
+    assert import_cloud(tmp_path / 'out' / f'points_0000{suffix}').unit == 'm'
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'sentence'),
+    [
+        ({'suffix': '.al3d'}, 'is not written: choose one of'),
+        ({'topics': ('/nowhere',)}, 'has no topic /nowhere of clouds; it has /points'),
+    ],
+)
+def test_an_export_that_makes_no_sense_is_refused(tmp_path, arguments, sentence):
+    recording = recorded(tmp_path, measured_surface())
+    with pytest.raises(SocialCircleError, match=sentence):
+        export_recording(recording, tmp_path / 'out', **({'suffix': '.ply'} | arguments))
+    assert not (tmp_path / 'out').exists()
+
+
+def test_extra_fields_come_through(tmp_path):
+    surface = measured_surface()
+    fields = {'intensity': np.arange(600, dtype=np.uint16).reshape(20, 30)}
+    recording = recorded(tmp_path, Surface(surface.heights, surface.pitch, 'm', fields))
+    export_recording(recording, tmp_path / 'out', '.csv')
+    again = import_cloud(tmp_path / 'out/points_0000.csv')
+    assert same_bits(again.fields['intensity'], fields['intensity'])
+
+
+@pytest.mark.parametrize('suffix', WRITTEN)
+def test_one_file_is_filtered_into_another(tmp_path, suffix):
+    surface = measured_surface()
+    write_surface(tmp_path / 'part.x3p', surface)
+    summary, notes = filter_to_file(tmp_path / 'part.x3p', tmp_path / f'cleaned{suffix}', PipelineSettings())
+    assert (summary.clouds, notes) == (1, ())
+    expected = surface.heights.copy()
+    expected[5, 7] = np.nan
+    assert same_bits(read_surface(tmp_path / f'cleaned{suffix}').heights, expected)
+    assert read_surface(tmp_path / f'cleaned{suffix}').pitch == surface.pitch
+
+
+def test_a_recording_of_several_clouds_does_not_become_one_file(tmp_path):
+    write_surface(tmp_path / 'a.ply', measured_surface())
+    record_clouds([tmp_path / 'a.ply'] * 2, tmp_path / 'two.mcap')
+    with pytest.raises(RecordingError, match=r'has 2 clouds, and a \.x3p file holds one'):
+        filter_to_file(tmp_path / 'two.mcap', tmp_path / 'x.x3p', PipelineSettings())
+    assert not (tmp_path / 'x.x3p').exists()
+
+
+def test_a_file_is_not_filtered_into_itself_or_into_an_existing_one(tmp_path):
+    write_surface(tmp_path / 'a.ply', measured_surface())
+    before = (tmp_path / 'a.ply').read_bytes()
+    for overwrite in (False, True):
+        with pytest.raises(SocialCircleError, match='exists already'):
+            filter_to_file(tmp_path / 'a.ply', tmp_path / 'a.ply', PipelineSettings(), overwrite=overwrite)
+    assert (tmp_path / 'a.ply').read_bytes() == before
+
+
+def test_a_measurement_file_opens_as_a_recording_of_one_cloud(tmp_path):
+    write_surface(tmp_path / 'part.sdf', measured_surface())
+    with open_recording(tmp_path / 'part.sdf') as reader:
+        assert (reader.path, reader.message_count) == (tmp_path / 'part.sdf', 1)
+        assert unit_of(reader, '/points') == 'm'
+        (message,) = reader.messages()
+    assert same_bits(PointCloud.decode(message.data).xyz(), import_cloud(tmp_path / 'part.sdf').points)
+    assert [each.name for each in tmp_path.iterdir()] == ['part.sdf']
+
+
+def test_files_in_different_units_do_not_become_one_topic(tmp_path):
+    write_surface(tmp_path / 'a.ply', measured_surface())
+    for unit, text in (('um', 'um'), (None, 'a unit that it does not name')):
+        write_surface(tmp_path / 'b.ply', measured_surface(unit=unit), overwrite=True)
+        with pytest.raises(ImportFileError, match=rf'b\.ply is in {text}, but the files before it are in m'):
+            record_clouds([tmp_path / 'a.ply', tmp_path / 'b.ply'], tmp_path / 'x.mcap')
+        assert not (tmp_path / 'x.mcap').exists()
+
+
+def test_the_outputs_of_the_filter_have_the_unit_of_their_clouds(tmp_path):
+    filter_recording(recorded(tmp_path, measured_surface('mm')), tmp_path / 'c.mcap', SETTINGS)
+    with open_recording(tmp_path / 'c.mcap') as reader:
+        units = {name: unit_of(reader, name) for name in reader.topics if 'points' in name}
+    assert units == dict.fromkeys(('/points', '/points_filtered', '/points_repaired'), 'mm')
+
+
+@pytest.mark.parametrize('name', ['al3d-1.al3d', 'opd-1.opd', 'metropro-1.dat', 'plu-1.plu', 'x3p-2.x3p'])
+def test_every_vendor_file_is_filtered_into_x3p_in_one_step(real_measurements, tmp_path, name):
+    pytest.importorskip('SurfaceTopography')
+    source = real_measurements / 'vendor' / name
+    summary, _ = filter_to_file(source, tmp_path / 'part.x3p', PipelineSettings())
+    assert summary.clouds == 1
+    before, after = read_surface(source), read_surface(tmp_path / 'part.x3p')
+    factor = {'m': 1.0, 'mm': 1e-3, 'um': 1e-6}[before.unit]
+    kept = np.isfinite(after.heights)
+    np.testing.assert_array_equal(after.heights[kept], (before.heights.astype(float) * factor)[kept])
+    np.testing.assert_allclose(after.pitch, np.array(before.pitch) * factor, rtol=1e-7)
