@@ -3,13 +3,15 @@
     python docs/generate.py
 
 The parameters come from `socialcircle_ros/settings`, the topics, services and status keys from
-`socialcircle_ros/interface.py`. In a page the generator fills the place between `<!-- generated: NAME -->` and
-`<!-- end -->` with the table NAME, and changes nothing else.
+`socialcircle_ros/interface.py`, the formats of files from `socialcircle_ros/formats/table.py`. In a page the
+generator fills the place between `<!-- generated: NAME -->` and `<!-- end -->` with the table NAME, and changes
+nothing else.
 """
 
 import re
 from pathlib import Path
 
+from socialcircle_ros.formats import formats_table
 from socialcircle_ros.interface import interface_tables
 from socialcircle_ros.settings import GROUPS, parameter_table, yaml_text
 from socialcircle_ros.storage import write_file
@@ -17,7 +19,8 @@ from socialcircle_ros.storage import write_file
 DOCS = Path(__file__).resolve().parent
 PARAMETER_FILE = DOCS.parent / 'config' / 'social_circle.yaml'
 
-TABLES = {f'{group.group or "node"} parameters': parameter_table(group) for group in GROUPS} | interface_tables()
+TABLES = {f'{group.group or "node"} parameters': parameter_table(group) for group in GROUPS}
+TABLES |= interface_tables() | formats_table()
 PLACE = re.compile(r'(?<=<!-- generated: )(.+?)( -->\n).*?(?=<!-- end -->)', re.DOTALL)
 
 

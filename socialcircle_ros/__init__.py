@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from socialcircle_ros.circle import CircleResult, remove_outliers
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.focus import FocusResult, FocusStack, depth_from_focus
+    from socialcircle_ros.formats import Surface, write_surface
+    from socialcircle_ros.recording import read_surface
     from socialcircle_ros.repair import RepairResult, repair_holes
     from socialcircle_ros.report.report import make_report
     from socialcircle_ros.settings import CircleSettings, FocusSettings, RepairSettings
@@ -25,11 +27,14 @@ __all__ = [
     'RepairResult',
     'RepairSettings',
     'SocialCircleError',
+    'Surface',
     'depth_from_focus',
     'make_report',
+    'read_surface',
     'remove_outliers',
     'repair_holes',
     'run_sweep',
+    'write_surface',
 ]
 
 _ROOMS = {
@@ -41,11 +46,14 @@ _ROOMS = {
     'RepairResult': 'repair',
     'RepairSettings': 'settings',
     'SocialCircleError': 'errors',
+    'Surface': 'formats',
     'depth_from_focus': 'focus',
     'make_report': 'report.report',
+    'read_surface': 'recording',
     'remove_outliers': 'circle',
     'repair_holes': 'repair',
     'run_sweep': 'sweep.sweep',
+    'write_surface': 'formats',
 }
 
 

@@ -29,7 +29,12 @@ if TYPE_CHECKING:
 @click.option(
     '--shape', type=(int, int), metavar='ROWS COLUMNS', help='Shape of a PLY or PCD file that does not state it.'
 )
-@click.option('--pitch', type=float, help='For a focus stack: distance of two pixels on the part, in m.')
+@click.option(
+    '--pitch',
+    type=float,
+    help='Distance of two pixels on the part: for a focus stack, in m; for heights without it, in --unit.',
+)
+@click.option('--unit', help='Unit of files that do not name it: m, mm, um or nm.')
 @click.option('--z-step', type=float, help='For a focus stack: length of one unit of its z, in m.')
 @click.option('--overwrite', is_flag=True, help='Replace an existing recording and its parameters.')
 def command(
@@ -40,6 +45,7 @@ def command(
     period: float,
     shape: tuple[int, int] | None,
     pitch: float | None,
+    unit: str | None,
     z_step: float | None,
     overwrite: bool,
 ) -> None:
@@ -50,6 +56,7 @@ def command(
     \b
     .npz        height map: z (rows, columns), NaN where not measured; pitches dx and dy
     .ply, .pcd  organized point cloud
+    .al3d, .x3p, .opd, .dat, .plu, .sdf, .tif, .csv ...  docs/formats.md
 
     Coordinates keep the unit of the file.
 
@@ -72,7 +79,8 @@ def command(
         click.echo(f'{stack.frames} frames of {files[0]} written to {output}, parameters to {stack.parameters}.')
         click.echo(f'Next: socialcircle filter {output} --params-file {stack.parameters} -o cleaned.mcap')
         return
-    if (pitch is not None or z_step is not None) and files[0].exists():
+    stated = {path.suffix.lower() for path in files} & {'.npz', '.ply', '.pcd'}
+    if (z_step is not None or (pitch is not None and stated)) and files[0].exists():
         raise ImportFileError(
             f'--pitch and --z-step are for focus stacks, and {files[0]} is not one; leave them out, because the'
             ' file states its own coordinates.'
@@ -84,6 +92,8 @@ def command(
         frame_id=frame,
         period_s=period,
         shape=shape,
+        pitch=None if pitch is None else (pitch, pitch),
+        unit=unit,
         overwrite=overwrite,
         written=_print_cloud,
     )

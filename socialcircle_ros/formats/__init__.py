@@ -3,7 +3,7 @@
 `.npz`, `.ply` and `.pcd` are read by `recording.importers`. Nothing here knows recordings or messages.
 """
 
-from .files import read_file, write_cloud_file, write_surface
+from .files import check_given, read_file, write_cloud_file, write_surface
 from .surface import OrganizedCloud, Surface, surface_of
 from .table import FORMATS, Format, format_of, formats_table, suffixes
 
@@ -12,6 +12,7 @@ __all__ = [
     'Format',
     'OrganizedCloud',
     'Surface',
+    'check_given',
     'format_of',
     'formats_table',
     'read_file',

@@ -56,11 +56,27 @@ def read_file(
     try:
         with path.open('rb'):
             pass  # a file that is missing or may not be read is told as such, not as a library tells it
-        return _read(path, known, pitch, unit)
+        found = _read(path, known, pitch, unit)
     except FileNotFoundError:
         raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
     except OSError as error:
         raise ImportFileError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
+    check_given(path, found, pitch, unit)
+    return found
+
+
+def check_given(
+    path: Path, found: Surface | OrganizedCloud, pitch: tuple[float, float] | None, unit: str | None
+) -> None:
+    """See that what the caller says of a file does not contradict the file.
+
+    Raises:
+        ImportFileError: the file states another pitch or unit.
+    """
+    if pitch is not None and not (isinstance(found, Surface) and found.pitch == pitch):
+        raise ImportFileError(f'{path} states its own coordinates: leave the pitch out.')
+    if unit is not None and known_unit(found.unit) != known_unit(unit):
+        raise ImportFileError(f'{path} is in {found.unit}, not in {unit}: leave the unit out.')
 
 
 def _read(

@@ -79,8 +79,8 @@ def given_pitch(path: Path, pitch: tuple[float, float] | None) -> tuple[float, f
     """
     if pitch is None:
         raise ImportFileError(
-            f'{path} does not state its pitch: give it with its unit, as read_surface(path, pitch=(dx, dy),'
-            " unit='um')."
+            f'{path} does not state its pitch: give it with its unit, as import --pitch 2 --unit um, or'
+            " read_surface(path, pitch=(dx, dy), unit='um')."
         )
     if not all(0 < each < np.inf for each in pitch):
         raise ImportFileError(f'The pitch of {path} must be two numbers above 0, not {pitch}.')

@@ -40,6 +40,8 @@ def record_clouds(
     frame_id: str = 'microscope',
     period_s: float = 1.0,
     shape: tuple[int, int] | None = None,
+    pitch: tuple[float, float] | None = None,
+    unit: str | None = None,
     overwrite: bool = False,
     written: Callable[[Path, ImportedCloud], None] | None = None,
 ) -> None:
@@ -52,7 +54,9 @@ def record_clouds(
         frame_id: frame of the clouds.
         period_s: time between two clouds; the first stamp is one period.
         shape: (rows, columns) of PLY and PCD files that do not state it.
-        overwrite: whether to replace an existing recording and its parameters.
+        pitch: dx and dy of files that do not state them.
+        unit: of files that do not name it.
+        overwrite: whether to replace an existing recording.
         written: called with each file and its cloud.
 
     Raises:
@@ -63,15 +67,15 @@ def record_clouds(
     if not period_s > 0:
         raise SettingError(f'The period must be above 0 s, not {period_s}.')
     with RecordingWriter(output, overwrite=overwrite) as writer:
-        unit: str | None = None
+        before: str | None = None
         for number, path in enumerate(map(Path, files)):
-            cloud = import_cloud(path, shape=shape)
-            if number and cloud.unit != unit:
+            cloud = import_cloud(path, shape=shape, pitch=pitch, unit=unit)
+            if number and cloud.unit != before:
                 raise ImportFileError(
-                    f'{path} is in {_unit_text(cloud.unit)}, but the files before it are in {_unit_text(unit)}:'
+                    f'{path} is in {_unit_text(cloud.unit)}, but the files before it are in {_unit_text(before)}:'
                     ' import them into recordings of their own.'
                 )
-            unit = cloud.unit
+            before = cloud.unit
             write_cloud(writer, topic, cloud, stamp=int((number + 1) * period_s * 1e9), frame_id=frame_id)
             if written is not None:
                 written(path, cloud)

@@ -3,7 +3,7 @@
 import zipfile
 import zlib
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.errors import ImportFileError
-from socialcircle_ros.formats import Surface, read_file
+from socialcircle_ros.formats import OrganizedCloud, Surface, check_given, read_file
 from socialcircle_ros.formats.points import comments_of
 
 from .point_files import Column, PointTable, read_pcd, read_ply
@@ -37,7 +37,13 @@ class ImportedCloud:
     unit: str | None
 
 
-def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> ImportedCloud:
+def import_cloud(
+    path: str | Path,
+    *,
+    shape: tuple[int, int] | None = None,
+    pitch: tuple[float, float] | None = None,
+    unit: str | None = None,
+) -> ImportedCloud:
     """Read an organized cloud from a file.
 
     An `.npz` height map has heights `z` (rows, columns) and the pitches `dx` and `dy`, all in one unit: µm, unless
@@ -47,6 +53,8 @@ def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> I
     Args:
         path: an `.npz`, `.ply` or `.pcd` file, or one of the formats of `formats.FORMATS`.
         shape: (rows, columns) of a PLY or PCD file that does not hold its shape.
+        pitch: dx and dy of a file of heights that does not state them, such as an ASCII matrix.
+        unit: of a file that does not name it.
 
     Raises:
         ImportFileError: the file cannot be used; the message says why and what to do.
@@ -56,11 +64,16 @@ def import_cloud(path: str | Path, *, shape: tuple[int, int] | None = None) -> I
     if not path.suffix and not path.exists():
         raise ImportFileError(f'{path} does not exist: check the name of the file or folder.')
     try:
-        return readers.get(path.suffix.lower(), _read_other)(path, shape)
+        if path.suffix.lower() not in readers:
+            return _read_other(path, shape, pitch, unit)
+        cloud = readers[path.suffix.lower()](path, shape)
     except FileNotFoundError:
         raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
     except OSError as error:
         raise ImportFileError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
+    cloud = replace(cloud, unit=cloud.unit or unit)
+    check_given(path, OrganizedCloud(cloud.points, cloud.unit), pitch, unit)
+    return cloud
 
 
 def load_npz(path: Path) -> dict[str, Column]:
@@ -134,9 +147,11 @@ def _pitch(path: Path, key: str, value: Column) -> float:
     raise ImportFileError(f'{path} has no usable {key!r}: it must be one positive number, the pitch in µm.')
 
 
-def _read_other(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
+def _read_other(
+    path: Path, shape: tuple[int, int] | None, pitch: tuple[float, float] | None, unit: str | None
+) -> ImportedCloud:
     """Read a file of another format, such as that of an instrument."""
-    found = read_file(path)
+    found = read_file(path, pitch=pitch, unit=unit)
     cloud = found.cloud() if isinstance(found, Surface) else found
     rows, columns = cloud.points.shape[:2]
     if shape is not None and shape != (rows, columns):

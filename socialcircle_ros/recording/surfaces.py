@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from socialcircle_ros.formats import OrganizedCloud, Surface, read_file, surface_of
+from socialcircle_ros.formats import OrganizedCloud, Surface, check_given, read_file, surface_of
 
 from .importers import import_cloud
 
@@ -30,6 +30,7 @@ def read_surface(
     if path.suffix.lower() in _OF_IMPORTERS:
         cloud = import_cloud(path)
         found: Surface | OrganizedCloud = OrganizedCloud(cloud.points, cloud.unit or unit, cloud.fields)
+        check_given(path, found, pitch, unit)
     else:
         found = read_file(path, pitch=pitch, unit=unit)
     return found if isinstance(found, Surface) else surface_of(found).surface

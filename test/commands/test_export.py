@@ -52,3 +52,14 @@ def test_an_error_is_one_sentence(run, tmp_path):
         assert done.code == 1
         assert sentence in done.err
         assert 'Traceback' not in done.err
+
+
+def test_heights_without_a_pitch_are_imported_with_the_pitch_that_is_given(run, tmp_path):
+    np.save(tmp_path / 'a.npy', np.eye(4))
+    refused = run('import', 'a.npy', '-o', 'a.mcap')
+    assert refused.code == 1
+    assert 'does not state its pitch' in refused.err
+    done = run('import', 'a.npy', '-o', 'a.mcap', '--pitch', '2', '--unit', 'um')
+    assert done.code == 0, done.err
+    assert 'a.npy: 4×4 points in um' in done.out
+    assert 'in um' in run('info', 'a.mcap').out
