@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from socialcircle_ros.circle import CircleResult, remove_outliers
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.focus import FocusResult, FocusStack, depth_from_focus
-    from socialcircle_ros.formats import Surface, write_surface
+    from socialcircle_ros.formats import MeasuredSurface, write_surface
     from socialcircle_ros.recording import read_surface
     from socialcircle_ros.repair import RepairResult, repair_holes
     from socialcircle_ros.report.report import make_report
@@ -24,10 +24,10 @@ __all__ = [
     'FocusResult',
     'FocusSettings',
     'FocusStack',
+    'MeasuredSurface',
     'RepairResult',
     'RepairSettings',
     'SocialCircleError',
-    'Surface',
     'depth_from_focus',
     'make_report',
     'read_surface',
@@ -46,7 +46,7 @@ _ROOMS = {
     'RepairResult': 'repair',
     'RepairSettings': 'settings',
     'SocialCircleError': 'errors',
-    'Surface': 'formats',
+    'MeasuredSurface': 'formats',
     'depth_from_focus': 'focus',
     'make_report': 'report.report',
     'read_surface': 'recording',

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from socialcircle_ros.formats import Surface
+from socialcircle_ros.formats import MeasuredSurface
 
 
 @st.composite
@@ -23,7 +23,7 @@ def surfaces(draw, dtypes=('f4', 'f8'), unit='m'):
         )
     )
     texts = st.dictionaries(st.text(max_size=5), st.text(max_size=9), max_size=2)
-    return Surface(heights, (draw(pitches), draw(pitches)), unit, fields, draw(texts))
+    return MeasuredSurface(heights, (draw(pitches), draw(pitches)), unit, fields, draw(texts))
 
 
 def same_bits(one, other):

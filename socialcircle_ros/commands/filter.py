@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from socialcircle_ros.pipeline.clouds import CloudOutputs
     from socialcircle_ros.recording import Message
     from socialcircle_ros.recording.mcap_output import Compression
+    from socialcircle_ros.recording.offline import Summary
 
 
 @click.command('filter', epilog='Example: socialcircle filter bags/metal_groove.mcap -o cleaned.mcap')
@@ -100,6 +101,13 @@ def command(
                 overwrite=overwrite,
                 seen=count,
             )
+    _tell(summary, output, measured, outliers, notes, warnings)
+
+
+def _tell(
+    summary: 'Summary', output: Path, measured: int, outliers: int, notes: tuple[str, ...], warnings: set[str]
+) -> None:
+    """Print what was done, and what a person should look at."""
     stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
     share = f' ({100 * outliers / measured:.2f} %)' if measured else ''
     click.echo(

@@ -4,14 +4,14 @@
 """
 
 from .files import check_given, read_file, write_cloud_file, write_surface
-from .surface import OrganizedCloud, Surface, surface_of
+from .surface import MeasuredSurface, OrganizedCloud, surface_of
 from .table import FORMATS, Format, format_of, formats_table, suffixes
 
 __all__ = [
     'FORMATS',
     'Format',
+    'MeasuredSurface',
     'OrganizedCloud',
-    'Surface',
     'check_given',
     'format_of',
     'formats_table',

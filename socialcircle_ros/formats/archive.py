@@ -8,7 +8,7 @@ import numpy as np
 
 from socialcircle_ros.errors import ImportFileError
 
-from .surface import Column, Surface, given_pitch
+from .surface import MeasuredSurface, PointValues, given_pitch
 from .units import metres_per
 
 if TYPE_CHECKING:
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 _RESERVED = ('z', 'dx', 'dy', 'x', 'y', 'unit', 'frames', 'metadata')
 
 
-def write_npz(path: Path, surface: Surface) -> None:
+def write_npz(path: Path, surface: MeasuredSurface) -> None:
     """Write z, dx, dy, unit and metadata, and each field under its name.
 
     Raises:
         SettingError: the unit is not known; without a unit, the import would take µm.
     """
     metres_per(surface.unit)
-    arrays: dict[str, Column] = {
+    arrays: dict[str, PointValues] = {
         'z': np.ascontiguousarray(surface.heights),
         'dx': np.float64(surface.pitch[0]),  # type: ignore[dict-item]
         'dy': np.float64(surface.pitch[1]),  # type: ignore[dict-item]
@@ -39,7 +39,7 @@ def write_npz(path: Path, surface: Surface) -> None:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-def read_npy(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> Surface:
+def read_npy(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> MeasuredSurface:
     """Read heights (rows, columns), to which the caller adds pitch and unit.
 
     Raises:
@@ -53,4 +53,4 @@ def read_npy(path: Path, pitch: tuple[float, float] | None, unit: str | None) ->
         raise ImportFileError(f'{path} holds no array of numbers in rows and columns.')
     single = values.dtype.kind == 'f' and values.dtype.itemsize <= 4
     heights = values.astype(np.float32 if single else np.float64)
-    return Surface(cast('HeightMap', heights), given_pitch(path, pitch), unit)
+    return MeasuredSurface(cast('HeightMap', heights), given_pitch(path, pitch), unit)

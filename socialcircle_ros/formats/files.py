@@ -12,7 +12,7 @@ import numpy as np
 from socialcircle_ros.errors import ImportFileError, SocialCircleError
 
 from . import archive, points, sdf, tiff, x3p
-from .surface import OrganizedCloud, Surface, surface_of
+from .surface import MeasuredSurface, OrganizedCloud, surface_of
 from .table import Format, format_of, suffixes
 from .units import known_unit, metres_per
 from .vendor import read_vendor_file
@@ -26,7 +26,7 @@ _CLOUD_WRITERS: dict[str, Callable[[Path, OrganizedCloud], None]] = {
     '.csv': points.write_text,
     '.xyz': points.write_text,
 }
-_SURFACE_WRITERS: dict[str, Callable[[Path, Surface], None]] = {
+_SURFACE_WRITERS: dict[str, Callable[[Path, MeasuredSurface], None]] = {
     '.npz': archive.write_npz,
     '.x3p': x3p.write_x3p,
     '.sdf': sdf.write_sdf,
@@ -37,7 +37,7 @@ _SURFACE_WRITERS: dict[str, Callable[[Path, Surface], None]] = {
 
 def read_file(
     path: Path, *, pitch: tuple[float, float] | None = None, unit: str | None = None
-) -> Surface | OrganizedCloud:
+) -> MeasuredSurface | OrganizedCloud:
     """Read a file of a format other than .npz, .ply and .pcd, which `recording.importers` reads.
 
     Args:
@@ -66,14 +66,14 @@ def read_file(
 
 
 def check_given(
-    path: Path, found: Surface | OrganizedCloud, pitch: tuple[float, float] | None, unit: str | None
+    path: Path, found: MeasuredSurface | OrganizedCloud, pitch: tuple[float, float] | None, unit: str | None
 ) -> None:
     """See that what the caller says of a file does not contradict the file.
 
     Raises:
         ImportFileError: the file states another pitch or unit.
     """
-    if pitch is not None and not (isinstance(found, Surface) and found.pitch == pitch):
+    if pitch is not None and not (isinstance(found, MeasuredSurface) and found.pitch == pitch):
         raise ImportFileError(f'{path} states its own coordinates: leave the pitch out.')
     if unit is not None and known_unit(found.unit) != known_unit(unit):
         raise ImportFileError(f'{path} is in {found.unit}, not in {unit}: leave the unit out.')
@@ -81,7 +81,7 @@ def check_given(
 
 def _read(
     path: Path, known: Format, pitch: tuple[float, float] | None, unit: str | None
-) -> Surface | OrganizedCloud:
+) -> MeasuredSurface | OrganizedCloud:
     suffix = path.suffix.lower()
     if suffix == '.x3p':
         return x3p.read_x3p(path)
@@ -93,10 +93,12 @@ def _read(
         return archive.read_npy(path, pitch, unit)
     if suffix in ('.csv', '.xyz') and points.is_own_text(path):
         return points.read_text(path)
+    if suffix == '.csv' and points.is_matrix(path):
+        return points.read_matrix(path, pitch, unit)
     return read_vendor_file(path, known.readers, pitch, unit)
 
 
-def write_surface(path: str | Path, surface: Surface, *, overwrite: bool = False) -> tuple[str, ...]:
+def write_surface(path: str | Path, surface: MeasuredSurface, *, overwrite: bool = False) -> tuple[str, ...]:
     """Write a surface into a file; the suffix names the format.
 
     Args:
@@ -148,7 +150,7 @@ def _writable(path: Path) -> Format:
     return form
 
 
-def _fitted(form: Format, suffix: str, surface: Surface) -> tuple[Surface, tuple[str, ...]]:
+def _fitted(form: Format, suffix: str, surface: MeasuredSurface) -> tuple[MeasuredSurface, tuple[str, ...]]:
     """The surface as the format holds it, and what it does not hold."""
     notes = []
     if form.metres and known_unit(surface.unit) != 'm':

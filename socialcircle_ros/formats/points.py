@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
 
-from .surface import Column, OrganizedCloud
+from .surface import MeasuredSurface, OrganizedCloud, PointValues, given_pitch
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import Cloud
@@ -108,6 +108,32 @@ def read_text(path: Path) -> OrganizedCloud:
     return OrganizedCloud(cast('Cloud', points), comments.get('unit'), fields, _metadata(comments))
 
 
+def is_matrix(path: Path) -> bool:
+    """Whether a text has more than the three numbers of a point in its first line."""
+    with path.open(encoding='utf-8', errors='replace') as file:
+        return next((line for line in file if line.strip() and not line.startswith('#')), '').count(',') > 2
+
+
+def read_matrix(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> MeasuredSurface:
+    """Read heights, one row per line, with commas between them; an empty place is not measured.
+
+    Raises:
+        ImportFileError: a line has something else, or no pitch is given.
+    """
+    try:
+        heights = np.loadtxt(path, np.float64, delimiter=',', ndmin=2, converters=_height)
+    except ValueError as error:
+        raise ImportFileError(
+            f'{path} is no matrix of numbers with commas between them ({str(error).splitlines()[0]}):'
+            ' save it again.'
+        ) from None
+    return MeasuredSurface(heights, given_pitch(path, pitch), unit)
+
+
+def _height(text: str) -> float:
+    return float(text) if text.strip() else float('nan')
+
+
 def comments_of(path: Path) -> dict[str, str]:
     """The comments `unit`, `metadata` and so on in the header of a PLY, PCD or text file that was written here."""
     with path.open('rb') as file:
@@ -140,7 +166,7 @@ def _metadata(comments: Mapping[str, str]) -> dict[str, str]:
 
 def _table(cloud: OrganizedCloud) -> NDArray[np.void]:
     """The cloud as records, (rows, columns), little-endian, x, y and z first."""
-    columns: dict[str, Column] = {axis: cloud.points[..., place] for place, axis in enumerate('xyz')}
+    columns: dict[str, PointValues] = {axis: cloud.points[..., place] for place, axis in enumerate('xyz')}
     for name, values in cloud.fields.items():
         plain = ''.join(sign if sign.isalnum() and sign.isascii() else '_' for sign in name) or 'field'
         while plain in columns:

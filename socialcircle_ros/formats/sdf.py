@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
 
-from .surface import Surface
+from .surface import MeasuredSurface
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import HeightMap
@@ -22,7 +22,7 @@ _KEYS = ('NumPoints', 'NumProfiles', 'Xscale', 'Yscale', 'Zscale', 'Compression'
 _METADATA = 'socialcircle = '
 
 
-def write_sdf(path: Path, surface: Surface) -> None:
+def write_sdf(path: Path, surface: MeasuredSurface) -> None:
     """Write a surface in m as text, with as many digits as give the same numbers back; BAD: not measured."""
     heights = surface.heights
     rows, columns = heights.shape
@@ -52,7 +52,7 @@ def write_sdf(path: Path, surface: Surface) -> None:
         file.write(f'*\n{_METADATA}{json.dumps(dict(surface.metadata), ensure_ascii=True)}\n*\n')
 
 
-def read_sdf(path: Path) -> Surface:
+def read_sdf(path: Path) -> MeasuredSurface:
     """Read a surface; its unit is m.
 
     Raises:
@@ -69,7 +69,7 @@ def read_sdf(path: Path) -> Surface:
     raise ImportFileError(f'{path} is not an SDF file of ISO 25178-71: it must begin with aISO-1.0 or bISO-1.0.')
 
 
-def _read_binary(path: Path, content: bytes) -> Surface:
+def _read_binary(path: Path, content: bytes) -> MeasuredSurface:
     _, _, _, _, columns, rows, dx, dy, scale, _, packed, kind, _ = _BINARY.unpack_from(content)
     dtype = np.dtype(_TYPES[kind])
     size = rows * columns * dtype.itemsize
@@ -77,7 +77,7 @@ def _read_binary(path: Path, content: bytes) -> Surface:
     return _surface(path, raw, kind, (dx, dy), scale, packed)
 
 
-def _read_text(path: Path, text: str) -> Surface:
+def _read_text(path: Path, text: str) -> MeasuredSurface:
     parts = [part.strip('\n') for part in text.replace('\r', '\n').split('\n*')]
     lines = [line.partition('=') for line in parts[0].split('\n') if '=' in line]
     header = {name.strip().lower(): value.split('=')[-1].strip() for name, _, value in lines}
@@ -92,7 +92,7 @@ def _read_text(path: Path, text: str) -> Surface:
     for line in '\n'.join(parts[2:]).split('\n'):
         if line.startswith(_METADATA):
             metadata = json.loads(line.removeprefix(_METADATA))
-            return Surface(surface.heights, surface.pitch, 'm', {}, metadata)
+            return MeasuredSurface(surface.heights, surface.pitch, 'm', {}, metadata)
     return surface
 
 
@@ -103,7 +103,7 @@ def _surface(
     pitch: tuple[float, float],
     scale: float,
     packed: int,
-) -> Surface:
+) -> MeasuredSurface:
     if packed:
         raise ImportFileError(
             f'{path} is compressed, which ISO 25178-71 leaves open: save it without compression.'
@@ -115,4 +115,4 @@ def _surface(
         heights[heights == _INVALID[kind]] = np.nan
     if scale != 1:
         heights = heights.astype(np.float64) * scale
-    return Surface(cast('HeightMap', heights), pitch, 'm')
+    return MeasuredSurface(cast('HeightMap', heights), pitch, 'm')

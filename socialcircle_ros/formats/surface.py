@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.cloud import Cloud, HeightMap, measured_points
 from socialcircle_ros.errors import CloudError, ImportFileError
 
-Column = NDArray[np.generic]
+PointValues = NDArray[np.generic]
 """One value for each point, (rows, columns), of any type."""
 
 _LARGEST_DEVIATION = 1e-3  # of the pitch, from a regular grid
@@ -31,12 +31,12 @@ class OrganizedCloud:
 
     points: Cloud
     unit: str | None = None
-    fields: Mapping[str, Column] = field(default_factory=dict)
+    fields: Mapping[str, PointValues] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class MeasuredSurface:
     """Heights on a regular grid: x is column · dx, y is row · dy.
 
     Attributes:
@@ -50,14 +50,14 @@ class Surface:
     heights: HeightMap
     pitch: tuple[float, float]
     unit: str | None = None
-    fields: Mapping[str, Column] = field(default_factory=dict)
+    fields: Mapping[str, PointValues] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         rows, columns = self.heights.shape
         missing = int(np.count_nonzero(~np.isfinite(self.heights)))
         return (
-            f'Surface({rows}×{columns} {self.heights.dtype}, pitch {self.pitch[0]:g} × {self.pitch[1]:g}'
+            f'MeasuredSurface({rows}×{columns} {self.heights.dtype}, pitch {self.pitch[0]:g} × {self.pitch[1]:g}'
             f' {self.unit or "(unit not known)"}, {missing} not measured)'
         )
 
@@ -95,7 +95,7 @@ class Flattened(NamedTuple):
         notes: one sentence for each property of the cloud that the surface does not hold.
     """
 
-    surface: Surface
+    surface: MeasuredSurface
     notes: tuple[str, ...]
 
 
@@ -116,7 +116,7 @@ def surface_of(cloud: OrganizedCloud) -> Flattened:
         _axis_pitch(points[..., 1].T, measured.T, 'y', notes),
     )
     heights = np.where(measured, points[..., 2], points.dtype.type(np.nan))
-    surface = Surface(cast('HeightMap', heights), pitch, cloud.unit, cloud.fields, cloud.metadata)
+    surface = MeasuredSurface(cast('HeightMap', heights), pitch, cloud.unit, cloud.fields, cloud.metadata)
     return Flattened(surface, tuple(notes))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from socialcircle_ros.errors import ImportFileError, SocialCircleError
 
-from .surface import Surface, given_pitch
+from .surface import MeasuredSurface, given_pitch
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import HeightMap
@@ -23,7 +23,7 @@ _HINT = (
 )
 
 
-def write_tiff(path: Path, surface: Surface) -> None:
+def write_tiff(path: Path, surface: MeasuredSurface) -> None:
     """Write a surface in float32.
 
     Raises:
@@ -48,7 +48,7 @@ def write_tiff(path: Path, surface: Surface) -> None:
     Image.fromarray(heights).save(path, format='TIFF', tiffinfo=tags)
 
 
-def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> Surface:
+def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> MeasuredSurface:
     """Read heights, and their pitch where the file has it.
 
     Args:
@@ -86,7 +86,7 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
     with suppress(ValueError):
         heights[heights == float(no_data)] = np.nan
     named, metadata = described.get('unit'), described.get('metadata')
-    return Surface(
+    return MeasuredSurface(
         cast('HeightMap', heights),
         known,
         named if isinstance(named, str) else unit,

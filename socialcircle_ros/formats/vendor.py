@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.errors import ImportFileError
 
-from .surface import Surface, given_pitch
+from .surface import MeasuredSurface, given_pitch
 from .units import known_unit
 
 INSTALL = 'pip install "socialcircle_ros[formats]", or from a checkout pip install -e ".[formats]"'
@@ -20,7 +20,7 @@ INSTALL = 'pip install "socialcircle_ros[formats]", or from a checkout pip insta
 
 def read_vendor_file(
     path: Path, readers: tuple[str, ...], pitch: tuple[float, float] | None, unit: str | None
-) -> Surface:
+) -> MeasuredSurface:
     """Read the first height map of a file.
 
     Args:
@@ -39,7 +39,12 @@ def read_vendor_file(
     reasons = []
     for name in readers:
         found = _attempt(path, partial(open_topography, str(path), format=name), pitch, unit)
-        if isinstance(found, Surface):
+        if isinstance(found, MeasuredSurface):
+            if name == 'asc' and found.heights.shape[1] == 3:
+                raise ImportFileError(
+                    f'{path} has three numbers per line: x, y and z of points, but not of each point of a regular'
+                    ' grid. Export it as a matrix, with every point, or as ply or x3p.'
+                )
             return found
         reasons.append(f'{name}: {found}')
     raise ImportFileError(
@@ -53,7 +58,7 @@ def _attempt(
     opened: Callable[[], AbstractContextManager[object]],
     pitch: tuple[float, float] | None,
     unit: str | None,
-) -> Surface | str:
+) -> MeasuredSurface | str:
     """The first height map, or why the library cannot read the file.
 
     Raises:
@@ -70,7 +75,7 @@ def _attempt(
 
 def _first_surface(
     path: Path, channels: list[object], pitch: tuple[float, float] | None, unit: str | None
-) -> Surface:
+) -> MeasuredSurface:
     heights = [each for each in channels if getattr(each, 'dim', None) == 2 and _is_height(each)]
     if not heights:
         raise ImportFileError(f'{path} has no height map among its {len(channels)} channels.')
@@ -90,7 +95,7 @@ def _first_surface(
     instrument = topography.info.get('instrument') if hasattr(topography.info, 'get') else None
     if isinstance(instrument, dict):
         metadata |= {f'instrument {key}': str(value) for key, value in instrument.items()}
-    return Surface(values, cast('tuple[float, float]', found), found_unit, {}, metadata)
+    return MeasuredSurface(values, cast('tuple[float, float]', found), found_unit, {}, metadata)
 
 
 def _is_height(channel: object) -> bool:

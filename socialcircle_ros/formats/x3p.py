@@ -14,7 +14,7 @@ import numpy as np
 
 from socialcircle_ros.errors import ImportFileError
 
-from .surface import Surface
+from .surface import MeasuredSurface
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,7 +53,7 @@ xsi:schemaLocation="{namespace} {namespace}/ISO5436_2.xsd">
 """
 
 
-def write_x3p(path: Path, surface: Surface) -> None:
+def write_x3p(path: Path, surface: MeasuredSurface) -> None:
     """Write a surface in m; NaN marks a point that was not measured, as the standard has it for floats."""
     heights = np.ascontiguousarray(surface.heights, surface.heights.dtype.newbyteorder('<'))
     data = heights.tobytes()
@@ -81,7 +81,7 @@ def write_x3p(path: Path, surface: Surface) -> None:
             archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
 
 
-def read_x3p(path: Path) -> Surface:
+def read_x3p(path: Path) -> MeasuredSurface:
     """Read a surface; its unit is m.
 
     Raises:
@@ -94,7 +94,7 @@ def read_x3p(path: Path) -> Surface:
         raise ImportFileError(f'{path} is not an X3P file, or is damaged: save it again.') from None
 
 
-def _read(path: Path, archive: zipfile.ZipFile) -> Surface:
+def _read(path: Path, archive: zipfile.ZipFile) -> MeasuredSurface:
     if archive.getinfo('main.xml').file_size > _LARGEST_HEADER:
         raise ImportFileError(f'{path} has a header of more than 16 MB: it is damaged; save it again.')
     root = ET.fromstring(archive.read('main.xml'))  # noqa: S314 - expat refuses bombs of entities; nothing else is run
@@ -132,7 +132,7 @@ def _read(path: Path, archive: zipfile.ZipFile) -> Surface:
         valid = np.unpackbits(bits, count=raw.size, bitorder='little').astype(np.bool_).reshape(rows, columns)
         heights[~valid] = np.nan
     metadata = _metadata(archive, root)
-    return Surface(cast('HeightMap', heights), cast('tuple[float, float]', pitch), 'm', {}, metadata)
+    return MeasuredSurface(cast('HeightMap', heights), cast('tuple[float, float]', pitch), 'm', {}, metadata)
 
 
 def _member(path: Path, archive: zipfile.ZipFile, root: ET.Element, link: str, checksum: str) -> bytes:

@@ -28,8 +28,6 @@ from .units import unit_of
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import Cloud
 
-_MASK_FIELD = 'outlier_mask'
-
 
 @dataclass
 class Export:
@@ -248,7 +246,7 @@ def _masked(cloud: OrganizedCloud, mask: NDArray[np.uint8] | None, form: Format 
     """The cloud with its mask as a field, if the format holds fields."""
     if mask is None or form is None or not form.fields:
         return cloud
-    return replace(cloud, fields={**cloud.fields, _MASK_FIELD: mask})
+    return replace(cloud, fields={**cloud.fields, MASK.name: mask})
 
 
 def _stamp_of_status(data: bytes) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.errors import ImportFileError
-from socialcircle_ros.formats import OrganizedCloud, Surface, check_given, read_file
+from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file
 from socialcircle_ros.formats.points import comments_of
 
 from .point_files import Column, PointTable, read_pcd, read_ply
@@ -152,7 +152,7 @@ def _read_other(
 ) -> ImportedCloud:
     """Read a file of another format, such as that of an instrument."""
     found = read_file(path, pitch=pitch, unit=unit)
-    cloud = found.cloud() if isinstance(found, Surface) else found
+    cloud = found.cloud() if isinstance(found, MeasuredSurface) else found
     rows, columns = cloud.points.shape[:2]
     if shape is not None and shape != (rows, columns):
         raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')

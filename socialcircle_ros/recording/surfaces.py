@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from socialcircle_ros.formats import OrganizedCloud, Surface, check_given, read_file, surface_of
+from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, surface_of
 
 from .importers import import_cloud
 
@@ -11,7 +11,7 @@ _OF_IMPORTERS = ('.npz', '.ply', '.pcd')
 
 def read_surface(
     path: str | Path, *, pitch: tuple[float, float] | None = None, unit: str | None = None
-) -> Surface:
+) -> MeasuredSurface:
     """Read heights on a regular grid from a measurement file of any format in `docs/formats.md`.
 
     Args:
@@ -29,8 +29,8 @@ def read_surface(
     path = Path(path)
     if path.suffix.lower() in _OF_IMPORTERS:
         cloud = import_cloud(path)
-        found: Surface | OrganizedCloud = OrganizedCloud(cloud.points, cloud.unit or unit, cloud.fields)
+        found: MeasuredSurface | OrganizedCloud = OrganizedCloud(cloud.points, cloud.unit or unit, cloud.fields)
         check_given(path, found, pitch, unit)
     else:
         found = read_file(path, pitch=pitch, unit=unit)
-    return found if isinstance(found, Surface) else surface_of(found).surface
+    return found if isinstance(found, MeasuredSurface) else surface_of(found).surface

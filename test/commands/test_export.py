@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from socialcircle_ros.formats import Surface, read_file, write_surface
+from socialcircle_ros.formats import MeasuredSurface, read_file, write_surface
 
 
 def save(path, unit='m'):
     heights = np.random.default_rng(0).normal(0, 1e-8, (20, 30))
     heights[5, 7] = 1e-4
-    write_surface(path, Surface(heights, (5e-7, 5e-7), unit))
+    write_surface(path, MeasuredSurface(heights, (5e-7, 5e-7), unit))
 
 
 def test_from_a_file_to_a_cleaned_file_in_one_step(run, tmp_path):

@@ -12,8 +12,8 @@ from surfaces import same_bits, surfaces
 from socialcircle_ros.errors import CloudError, ImportFileError, SettingError, SocialCircleError
 from socialcircle_ros.formats import (
     FORMATS,
+    MeasuredSurface,
     OrganizedCloud,
-    Surface,
     format_of,
     read_file,
     suffixes,
@@ -23,7 +23,7 @@ from socialcircle_ros.formats import (
 from socialcircle_ros.recording import import_cloud
 
 WRITTEN = suffixes(written=True)
-PLANE = Surface(np.zeros((3, 4), np.float32), (1.0, 2.0), 'm')
+PLANE = MeasuredSurface(np.zeros((3, 4), np.float32), (1.0, 2.0), 'm')
 
 
 def imported(path):
@@ -38,7 +38,9 @@ def test_import_export_import_is_exact(suffix, data):
     form = format_of(Path(f'a{suffix}'))
     surface = data.draw(surfaces(('f4', 'f8') if form.double else ('f4',)))
     if form.double and not form.metres:
-        surface = Surface(surface.heights, surface.pitch, data.draw(st.sampled_from(('m', 'um'))), surface.fields)
+        surface = MeasuredSurface(
+            surface.heights, surface.pitch, data.draw(st.sampled_from(('m', 'um'))), surface.fields
+        )
     with tempfile.TemporaryDirectory() as folder:
         first, second = Path(folder) / f'first{suffix}', Path(folder) / f'second{suffix}'
         write_surface(first, surface)
@@ -70,26 +72,26 @@ def test_the_metadata_come_back(suffix, data):
 @pytest.mark.parametrize('suffix', ['.x3p', '.sdf'])
 def test_a_format_in_metres_converts_and_says_so(tmp_path, suffix):
     heights = np.array([[1, 2.5], [np.nan, 4]], np.float32)
-    notes = write_surface(tmp_path / f'a{suffix}', Surface(heights, (2.0, 3.0), 'um'))
+    notes = write_surface(tmp_path / f'a{suffix}', MeasuredSurface(heights, (2.0, 3.0), 'um'))
     assert notes == (f'{suffix} is always in m: the lengths are converted from um, in float64.',)
     read = read_file(tmp_path / f'a{suffix}')
     np.testing.assert_array_equal(read.heights, heights.astype(float) * 1e-6)
     assert (read.pitch, read.unit) == ((2.0 * 1e-6, 3.0 * 1e-6), 'm')
     with pytest.raises(SettingError, match='The unit of the coordinates is not named'):
-        write_surface(tmp_path / f'b{suffix}', Surface(heights, (2.0, 3.0)))
+        write_surface(tmp_path / f'b{suffix}', MeasuredSurface(heights, (2.0, 3.0)))
 
 
 def test_heights_that_float32_does_not_hold_are_told(tmp_path):
     heights = np.array([[0.1, 0.5], [0.25, np.nan]])
-    assert write_surface(tmp_path / 'a.tif', Surface(heights, (1, 1), 'm')) == (
+    assert write_surface(tmp_path / 'a.tif', MeasuredSurface(heights, (1, 1), 'm')) == (
         '.tif holds float32: the heights are rounded from float64.',
     )
-    assert write_surface(tmp_path / 'b.tif', Surface(np.round(heights), (1, 1), 'm')) == ()
+    assert write_surface(tmp_path / 'b.tif', MeasuredSurface(np.round(heights), (1, 1), 'm')) == ()
 
 
 @pytest.mark.parametrize('suffix', ['.x3p', '.sdf', '.tiff'])
 def test_fields_that_a_format_does_not_hold_are_told(tmp_path, suffix):
-    surface = Surface(PLANE.heights, PLANE.pitch, 'm', {'intensity': np.ones((3, 4), np.uint8)})
+    surface = MeasuredSurface(PLANE.heights, PLANE.pitch, 'm', {'intensity': np.ones((3, 4), np.uint8)})
     (note,) = write_surface(tmp_path / f'a{suffix}', surface)
     assert note.endswith('holds heights only: intensity is left out.')
 

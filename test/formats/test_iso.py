@@ -13,7 +13,7 @@ from naive import surface_files
 from surfaces import same_bits, surfaces
 
 from socialcircle_ros.errors import ImportFileError
-from socialcircle_ros.formats import Surface, read_file, write_surface
+from socialcircle_ros.formats import MeasuredSurface, read_file, write_surface
 
 NAIVE = {'.x3p': surface_files.read_x3p, '.sdf': surface_files.read_sdf}
 HEIGHTS = np.array([[1, 2, 3], [4, np.nan, 6]])
@@ -36,7 +36,7 @@ def test_a_reading_value_by_value_finds_the_same(suffix, surface):
 @given(surface=surfaces(('f8',)))
 def test_surface_topography_reads_the_same(suffix, surface):
     io = pytest.importorskip('SurfaceTopography.IO')
-    surface = Surface(np.clip(surface.heights, -1, 1), surface.pitch, 'm')
+    surface = MeasuredSurface(np.clip(surface.heights, -1, 1), surface.pitch, 'm')
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f'a{suffix}'
         write_surface(path, surface)
@@ -127,7 +127,7 @@ def test_a_binary_sdf_is_read(tmp_path, kind, code, missing):
 
 
 def test_a_compressed_sdf_is_refused(tmp_path):
-    write_surface(tmp_path / 'a.sdf', Surface(HEIGHTS, (1.0, 1.0), 'm'))
+    write_surface(tmp_path / 'a.sdf', MeasuredSurface(HEIGHTS, (1.0, 1.0), 'm'))
     text = (tmp_path / 'a.sdf').read_text().replace('Compression = 0', 'Compression = 1')
     (tmp_path / 'a.sdf').write_text(text)
     with pytest.raises(ImportFileError, match='is compressed'):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.formats import Surface, write_cloud_file, write_surface
+from socialcircle_ros.formats import MeasuredSurface, write_cloud_file, write_surface
 from socialcircle_ros.recording.create import record_clouds, record_stack
 from socialcircle_ros.recording.description import TopicDescription, describe
 
@@ -13,7 +13,7 @@ CLOUD = 'sensor_msgs/msg/PointCloud2'
 
 
 def surface(path, **changes):
-    write_surface(path, Surface(HEIGHTS, (5e-7, 2.5e-7), 'm', **changes))
+    write_surface(path, MeasuredSurface(HEIGHTS, (5e-7, 2.5e-7), 'm', **changes))
     return path
 
 
@@ -62,7 +62,7 @@ def test_a_stack_and_its_recording(tmp_path):
 
 
 def test_a_cloud_off_a_grid_has_no_pitch(tmp_path):
-    points = Surface(HEIGHTS, (5e-7, 2.5e-7), 'm').cloud()
+    points = MeasuredSurface(HEIGHTS, (5e-7, 2.5e-7), 'm').cloud()
     points.points[1, 1, 0] *= 1.2
     write_cloud_file(tmp_path / 'a.ply', points)
     assert describe(tmp_path / 'a.ply').facts['pitch'].startswith('none: The points are off a regular grid')

@@ -9,7 +9,7 @@ from PIL import Image
 from surfaces import same_bits
 
 from socialcircle_ros.errors import ImportFileError, RecordingError, SettingError, SocialCircleError
-from socialcircle_ros.formats import Surface, read_file, suffixes, write_cloud_file, write_surface
+from socialcircle_ros.formats import MeasuredSurface, read_file, suffixes, write_cloud_file, write_surface
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.recording import import_cloud, open_recording, read_surface
 from socialcircle_ros.recording.create import record_clouds
@@ -27,7 +27,7 @@ def measured_surface(unit='m', dtype=np.float32):
     heights = np.random.default_rng(0).normal(0, 1e-8, (20, 30)).astype(dtype)
     heights[5, 7] = 1e-4
     heights[3, 3] = np.nan
-    return Surface(heights, (4.3e-7, 7.1e-7), unit)
+    return MeasuredSurface(heights, (4.3e-7, 7.1e-7), unit)
 
 
 def recorded(tmp_path, surface, suffix='.ply', name='part'):
@@ -137,7 +137,7 @@ def test_an_export_that_makes_no_sense_is_refused(tmp_path, arguments, sentence)
 def test_extra_fields_come_through(tmp_path):
     surface = measured_surface()
     fields = {'intensity': np.arange(600, dtype=np.uint16).reshape(20, 30)}
-    recording = recorded(tmp_path, Surface(surface.heights, surface.pitch, 'm', fields))
+    recording = recorded(tmp_path, MeasuredSurface(surface.heights, surface.pitch, 'm', fields))
     export_recording(recording, tmp_path / 'out', '.csv')
     again = import_cloud(tmp_path / 'out/points_0000.csv')
     assert same_bits(again.fields['intensity'], fields['intensity'])

@@ -6,11 +6,11 @@ from surfaces import same_bits
 
 import socialcircle_ros
 from socialcircle_ros.errors import CloudError, ImportFileError
-from socialcircle_ros.formats import Surface, suffixes, write_cloud_file
+from socialcircle_ros.formats import MeasuredSurface, suffixes, write_cloud_file
 from socialcircle_ros.panel.clouds import RecordedClouds
 from socialcircle_ros.recording import import_cloud
 
-SURFACE = Surface(np.array([[1, 2, 3], [4, np.nan, 6]], np.float32), (0.123, 4.56), 'm')
+SURFACE = MeasuredSurface(np.array([[1, 2, 3], [4, np.nan, 6]], np.float32), (0.123, 4.56), 'm')
 
 
 @pytest.mark.parametrize('suffix', suffixes(written=True))
@@ -19,7 +19,7 @@ def test_what_is_written_is_read_with_its_pitch_and_unit(tmp_path, suffix):
     read = socialcircle_ros.read_surface(str(tmp_path / f'a{suffix}'))
     assert same_bits(read.heights, SURFACE.heights)
     assert (read.pitch, read.unit) == (SURFACE.pitch, 'm')
-    assert repr(read) == 'Surface(2×3 float32, pitch 0.123 × 4.56 m, 1 not measured)'
+    assert repr(read) == 'MeasuredSurface(2×3 float32, pitch 0.123 × 4.56 m, 1 not measured)'
 
 
 @pytest.mark.parametrize('suffix', suffixes(written=True))
