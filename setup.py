@@ -17,7 +17,7 @@ ROS = [
 PICTURES = ['matplotlib>=3.6', 'Pillow>=9']
 TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
-PANEL = ['viser>=1.1,<2', *PICTURES]
+PANEL = ['viser>=1.1,<2', 'websockets>=13', *PICTURES]
 TEST = [
     'pytest>=7.4',
     'pytest-xdist>=3.4',

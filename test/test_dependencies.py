@@ -44,9 +44,15 @@ def imported(tree, *, at_the_top):
             yield node.module.partition('.')[0]
 
 
+ON_DEMAND = PACKAGE / 'panel' / 'server.py'
+"""Needs an extra at its import, so it is imported only when the page is opened."""
+
+
 def distributions(*, at_the_top):
     names = set()
     for path in PACKAGE.rglob('*.py'):
+        if at_the_top and path == ON_DEMAND:
+            continue
         names |= set(imported(ast.parse(path.read_text(encoding='utf-8')), at_the_top=at_the_top))
     names -= {*sys.stdlib_module_names, 'socialcircle_ros', *ROS, *PEERS}
     known = packages_distributions()

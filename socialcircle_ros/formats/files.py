@@ -1,8 +1,7 @@
 """Measurement files in and out, by their suffix."""
 
-import os
+import tempfile
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from socialcircle_ros.errors import ImportFileError, SocialCircleError
+from socialcircle_ros.storage import write_file
 
 from . import archive, points, sdf, tiff, x3p
 from .surface import MeasuredSurface, OrganizedCloud, surface_of
@@ -172,7 +172,7 @@ def _fitted(form: Format, suffix: str, surface: MeasuredSurface) -> tuple[Measur
 
 
 def _written(path: Path, overwrite: bool, write: Callable[[Path], None]) -> None:
-    """Write a file under another name first, so that it is whole or not there.
+    """Write a file in a temporary folder first, so that it is whole or not there.
 
     Raises:
         SocialCircleError: it exists already, or cannot be written.
@@ -180,12 +180,10 @@ def _written(path: Path, overwrite: bool, write: Callable[[Path], None]) -> None
     if path.exists() and (not overwrite or path.is_dir()):
         hint = 'it is a directory; give another name' if path.is_dir() else 'give --overwrite to replace it'
         raise SocialCircleError(f'{path} exists already: {hint}.')
-    partial = path.with_name(f'.{path.stem}.{os.getpid()}.partial{path.suffix}')
-    try:
-        write(partial)
-        partial.replace(path)
-    except OSError as error:
-        raise SocialCircleError(f'{path} cannot be written: {error.strerror or error}.') from None
-    finally:
-        with suppress(OSError):
-            partial.unlink()
+    with tempfile.TemporaryDirectory() as folder:
+        whole = Path(folder) / path.name
+        try:
+            write(whole)
+        except OSError as error:
+            raise SocialCircleError(f'{path} cannot be written: {error.strerror or error}.') from None
+        write_file(path, whole.read_bytes())
