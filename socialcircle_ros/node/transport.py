@@ -11,6 +11,10 @@ from pathlib import Path
 from socialcircle_ros.kernels.memory import keep_freed_memory
 
 PROFILE = Path(__file__).with_name('fastdds.xml')
+"""For clouds that stay on one machine; the default of the node."""
+
+NETWORK_PROFILE = Path(__file__).with_name('fastdds_network.xml')
+"""For the publishers of clouds that cross a network; docs/network.md says when."""
 
 _CHOSEN_BY_USER = (
     'FASTRTPS_DEFAULT_PROFILES_FILE',

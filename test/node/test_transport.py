@@ -1,0 +1,36 @@
+"""The profiles of Fast DDS that come with the package."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from socialcircle_ros.node.transport import NETWORK_PROFILE, PROFILE
+
+PROGRAM = 'import rclpy, rclpy.node; rclpy.init(); rclpy.node.Node("profile"); rclpy.shutdown()'
+
+
+def complaints_about(profile):
+    """What Fast DDS prints when it starts with a profile; it ignores a file that it cannot use."""
+    environment = os.environ | {'FASTRTPS_DEFAULT_PROFILES_FILE': str(profile)}
+    command = [sys.executable, '-c', PROGRAM]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize('profile', [PROFILE, NETWORK_PROFILE], ids=lambda profile: profile.name)
+def test_fast_dds_accepts_the_profile(profile):
+    assert 'XML' not in complaints_about(profile)
+
+
+def test_fast_dds_complains_about_a_profile_that_it_cannot_use(tmp_path):
+    wrong = tmp_path / 'wrong.xml'
+    wrong.write_text(NETWORK_PROFILE.read_text().replace('heartbeatPeriod', 'heartbeat_period'))
+    assert 'XML' in complaints_about(wrong)
+
+
+def test_both_profiles_have_the_same_shared_memory():
+    segment = '<segment_size>67108864</segment_size>'
+    assert segment in PROFILE.read_text()
+    assert segment in NETWORK_PROFILE.read_text()
