@@ -322,6 +322,9 @@ class HealthValues(StatusValues):
     clouds_dropped: int = field(
         metadata=_key('Clouds that were replaced by a newer one before they were filtered.', 'clouds')
     )
+    clouds_lost: int = field(
+        metadata=_key('Clouds that the middleware reports as lost on the way to the node.', 'clouds')
+    )
     clouds_refused: int = field(metadata=_key('Clouds that cannot be filtered.', 'clouds'))
     clouds_failed: int = field(
         metadata=_key('Clouds and frames that caused an unexpected error in the node.', 'clouds')

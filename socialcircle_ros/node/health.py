@@ -22,6 +22,7 @@ class InputCounts:
     received: int = 0
     published: int = 0
     dropped: int = 0
+    lost: int = 0
     refused: int = 0
     failed: int = 0
     frames_received: int = 0
@@ -63,6 +64,13 @@ class Health:
         with self._lock:
             self.counts.dropped += 1
             self.last_reason = 'A cloud was dropped: a newer one arrived while the one before was being filtered.'
+            self._trouble_at_s = time.monotonic()
+
+    def lost(self, count: int, reason: str) -> None:
+        """Clouds did not arrive whole."""
+        with self._lock:
+            self.counts.lost += count
+            self.last_reason = reason
             self._trouble_at_s = time.monotonic()
 
     def refused(self, reason: str) -> None:
@@ -162,6 +170,7 @@ class Health:
                 clouds_received=self.counts.received,
                 clouds_published=self.counts.published,
                 clouds_dropped=self.counts.dropped,
+                clouds_lost=self.counts.lost,
                 clouds_refused=self.counts.refused,
                 clouds_failed=self.counts.failed,
                 frames_received=self.counts.frames_received,
