@@ -10,7 +10,7 @@ UNNAMED = 'NODE_NAME_UNKNOWN'  # the middleware's answer before discovery, and f
 SILENT = (
     'Publisher {names} on {topic} has sent no cloud for {seconds:.0f} s; see that it publishes, and that its'
     ' clouds are not lost on the way: start it with FASTRTPS_DEFAULT_PROFILES_FILE={profile} (clouds over'
-    ' 0.5 MB do not fit the shared memory of Fast DDS as shipped).'
+    ' 0.5 MB do not fit the shared memory of Fast DDS as shipped), or on another machine with {network_profile}.'
 )
 
 

@@ -11,7 +11,7 @@ from socialcircle_ros.messages.diagnostics import Status
 
 from .connections import SILENT, complaints, namesakes, node_of
 from .health import Health
-from .transport import PROFILE
+from .transport import NETWORK_PROFILE, PROFILE
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,9 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
     elif publishers and now.silence_s and silent_s > now.silence_s:
         names = ', '.join(node_of(publisher) for publisher in publishers)
         level = diagnostics.WARN
-        message = SILENT.format(names=names, topic=topic, seconds=silent_s, profile=PROFILE)
+        message = SILENT.format(
+            names=names, topic=topic, seconds=silent_s, profile=PROFILE, network_profile=NETWORK_PROFILE.name
+        )
     elif health.had_trouble():
         level, message = diagnostics.WARN, health.last_reason
     elif not publishers:

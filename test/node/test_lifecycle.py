@@ -129,6 +129,7 @@ def test_a_publisher_of_another_type_is_reported(start_cell):
 def test_a_silent_publisher_is_reported(start_cell):
     cell = start_cell({'silence': '0.5'})
     found = cell.diagnosis(lambda found: 'has sent no cloud' in found.status.message)
+    assert 'on another machine with fastdds_network.xml' in found.status.message
     assert found.status.level == b'\1'
     assert 'FASTRTPS_DEFAULT_PROFILES_FILE' in found.status.message
     cell.clean(cloud())
