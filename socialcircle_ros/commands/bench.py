@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 @click.option('--depth', is_flag=True, help='Instead: measure the error of depth from focus on simulated stacks.')
 @click.option('--live', is_flag=True, help='Instead: time the live node from outside, for stacks and clouds.')
 @click.option(
+    '--network', is_flag=True,
+    help='Instead: send clouds over a simulated network that loses packets (30 min; Linux; needs root).',
+)  # fmt: skip
+@click.option(
     '--seconds', type=click.FloatRange(1), default=60.0, show_default=True,
     help='With --live: duration of a stream of 25 clouds per second.',
 )  # fmt: skip
@@ -32,6 +36,7 @@ def command(
     growth: bool,
     depth: bool,
     live: bool,
+    network: bool,
     seconds: float,
     path: Path | None,
     plot: Path | None,
@@ -44,8 +49,10 @@ def command(
     """
     if repeats < 1:
         raise click.BadParameter('must be at least 1.', param_hint='--repeats')
-    if sizes + growth + depth + live > 1:
-        raise click.UsageError('--sizes, --growth, --depth and --live are different measurements: give one.')
+    if sizes + growth + depth + live + network > 1:
+        raise click.UsageError(
+            '--sizes, --growth, --depth, --live and --network are different measurements: give one.'
+        )
     if plot is not None and not growth:
         raise click.UsageError('--plot draws the result of --growth: give both.')
     if depth:
@@ -56,6 +63,8 @@ def command(
         _growth(repeats, path, plot)
     elif live:
         _live(repeats, seconds, path)
+    elif network:
+        _network(repeats, path)
     else:
         _ratios(repeats, path)
 
@@ -260,6 +269,39 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
             'endurance': dataclasses.asdict(endurance),
         },
     )
+
+
+def _network(clouds: int, path: Path | None) -> None:
+    """Print how many clouds arrive over networks that lose packets."""
+    require_ros()
+    import dataclasses
+
+    from rich.console import Console
+
+    from socialcircle_ros.studies.bench.live import SHAPE
+    from socialcircle_ros.studies.bench.network import INTERVAL_S, measure_network
+
+    console = Console()
+    rows, columns = SHAPE
+    title = f'{columns}×{rows} points, 16 bytes per point, every {INTERVAL_S:g} s, between two hosts'
+    headings = ('', 'loss, %', 'arrived', 'median, ms', 'most, ms', 'reported lost')
+    table = _table(title, *headings)
+    found = []
+    with console.status('') as status:
+        for each in measure_network(clouds):
+            found.append(each)
+            status.update(f'{each.setup}, loss {100 * each.loss:g} %: {each.arrived} of {each.clouds} ...')
+            times = each.latency
+            table.add_row(
+                each.setup,
+                f'{100 * each.loss:g}',
+                f'{each.arrived} of {each.clouds}' + (', publisher hung' if each.hung else ''),
+                f'{times.median:.0f}' if times else '',
+                f'{times.most:.0f}' if times else '',
+                str(each.reported),
+            )
+    console.print(table)
+    _finish(console, clouds, path, {'deliveries': [dataclasses.asdict(each) for each in found]})
 
 
 def _depth() -> None:

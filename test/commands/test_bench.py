@@ -1,6 +1,7 @@
 """`socialcircle bench`."""
 
 import json
+import os
 
 import pytest
 
@@ -34,11 +35,20 @@ def test_a_file_that_cannot_be_written_is_an_error(run):
     assert 'no/folder/bench.json cannot be written' in done.err
 
 
+def test_a_machine_that_cannot_lose_packets_is_an_error(run):
+    pytest.importorskip('rclpy')
+    done = run('bench', '--network', env=os.environ | {'PATH': '/nowhere'})
+    assert done.code == 1
+    assert 'need root' in done.err
+    assert 'iproute2' in done.err
+
+
 @pytest.mark.parametrize(
     ('words', 'sentence'),
     [
         (['--repeats', '0'], 'must be at least 1'),
         (['--sizes', '--growth'], 'give one'),
+        (['--live', '--network'], 'give one'),
         (['--plot', 'growth.png'], 'give both'),
     ],
 )
