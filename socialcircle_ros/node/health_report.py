@@ -67,14 +67,14 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
         level, message = diagnostics.ERROR, unheard[0]
     elif health.in_trouble():
         level, message = diagnostics.ERROR, health.last_reason
+    elif health.had_trouble():
+        level, message = diagnostics.WARN, health.last_reason
     elif publishers and now.silence_s and silent_s > now.silence_s:
         names = ', '.join(node_of(publisher) for publisher in publishers)
         level = diagnostics.WARN
         message = SILENT.format(
             names=names, topic=topic, seconds=silent_s, profile=PROFILE, network_profile=NETWORK_PROFILE.name
         )
-    elif health.had_trouble():
-        level, message = diagnostics.WARN, health.last_reason
     elif not publishers:
         level, message = diagnostics.OK, f'Waiting: no node publishes on {topic} yet.'
     else:
