@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import TypedDict
+from typing import TypedDict, cast
 
 import yaml
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from socialcircle_ros.settings.plain_yaml import load_plain_yaml
 
 _DEFAULT_DEPTH = 10
 _RECORDING_DEPTH = 100
@@ -43,12 +45,12 @@ def replay_qos(recorded: str) -> QoSProfile:
             10.
     """
     try:
-        offered = yaml.safe_load(recorded)[0]
+        offered = cast('list[dict[str, str]]', load_plain_yaml(recorded))[0]  # another type raises
         reliability = _policy(offered['reliability'], ReliabilityPolicy, ReliabilityPolicy.RELIABLE)
         durability = _policy(offered['durability'], DurabilityPolicy, DurabilityPolicy.VOLATILE)
         history = _policy(offered['history'], HistoryPolicy, HistoryPolicy.KEEP_LAST)
         depth = int(offered['depth'])
-    except (KeyError, IndexError, TypeError, ValueError, yaml.YAMLError):
+    except (KeyError, IndexError, TypeError, ValueError):
         return reliable(_DEFAULT_DEPTH)
     return QoSProfile(history=history, depth=max(depth, 1), reliability=reliability, durability=durability)
 

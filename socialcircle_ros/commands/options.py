@@ -4,19 +4,31 @@ import contextlib
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import click
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
+from socialcircle_ros.interface import NODE_NAME
 from socialcircle_ros.settings import PARAMETERS, RosValue
-from socialcircle_ros.settings.files import as_ros_reads, read_parameter_file
+from socialcircle_ros.settings.files import read_parameter_file
+from socialcircle_ros.settings.rcl_rules import RclError, rcl_value
+
+_NODE = 'socialcircle.node'
 
 Function = TypeVar('Function', bound=Callable[..., object])
 
 
 def parameter_options(function: Function) -> Function:
-    """Add the options --params-file and -p, which work as in ROS."""
+    """Add the options --params-file, --node and -p, which work as in ROS."""
+    function = click.option(
+        '--node',
+        metavar='NAME',
+        expose_value=False,
+        callback=_keep_node,
+        help='Node whose parameters are read from --params-file, such as /cell1/social_circle, if the file has'
+        ' different ones for several.',
+    )(function)
     function = click.option(
         '-p',
         'parameters',
@@ -46,24 +58,38 @@ def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> d
         SettingError: a name is not a parameter, or a text or file cannot be parsed.
         SocialCircleError: the file cannot be read.
     """
-    import yaml
-
     values: dict[str, RosValue] = {}
     if params_file is not None:
-        values |= read_parameter_file(params_file)
+        context = click.get_current_context(silent=True)
+        node = context.meta.get(_NODE, NODE_NAME) if context is not None else NODE_NAME
+        values |= read_parameter_file(params_file, node)
+        for name in [name for name in values if not _is_known(name)]:
+            click.echo(f'Warning: there is no parameter {name}; {params_file} sets it in vain.', err=True)
+            del values[name]
     for text in parameters:
         name, separator, given = text.partition(':=')
         if not separator:
             raise SettingError(f'-p {text} is not of the form NAME:=VALUE, such as circle.radius_scale:=1.5.')
-        try:
-            values[name] = yaml.safe_load(given)
-        except yaml.YAMLError:
-            raise SettingError(f'-p {text}: the value is not YAML.') from None
-    for name, value in values.items():
-        values[name] = as_ros_reads(name, value)
-        if name not in PARAMETERS and not name.startswith(('qos_overrides', 'use_sim_time')):
+        if not _is_known(name):
             raise SettingError(f'There is no parameter {name}; the parameters are: {", ".join(PARAMETERS)}.')
+        try:
+            value = rcl_value(given)
+        except RclError as error:
+            raise SettingError(f'-p {text} cannot be read, because {error}.') from None
+        if value is None:
+            raise SettingError(f'-p {text} has no value, such as circle.radius_scale:=1.5.')
+        values[name] = cast('RosValue', value)
     return values
+
+
+def _keep_node(context: click.Context, _: click.Parameter, name: str | None) -> None:
+    if name is not None:
+        context.meta[_NODE] = name
+
+
+def _is_known(name: str) -> bool:
+    """Whether a node has the parameter; rclpy itself declares those for QoS and simulated time."""
+    return name in PARAMETERS or name.startswith(('qos_overrides', 'use_sim_time'))
 
 
 @contextlib.contextmanager

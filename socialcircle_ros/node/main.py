@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import yaml
+from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
 
 from .transport import prepare_process
 
@@ -107,8 +107,8 @@ def _file_without_parameters(arguments: Sequence[str]) -> str | None:
     """
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
-            with contextlib.suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
-                content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+            with contextlib.suppress(OSError, PlainYamlError):
+                content = load_plain_yaml(Path(path).read_bytes())
                 if content is not None and not isinstance(content, dict):
                     return path
     return None

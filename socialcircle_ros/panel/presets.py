@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
+from socialcircle_ros.interface import NODE_NAME
 from socialcircle_ros.settings import RosValue, yaml_text
 from socialcircle_ros.settings.files import read_parameter_file
 from socialcircle_ros.storage import write_file
@@ -56,7 +57,7 @@ class Presets:
         path = self._path(name)
         if path.exists() and not path.is_file():
             raise SocialCircleError(f'{path} cannot be read: it is not a regular file.')
-        return read_parameter_file(path)
+        return read_parameter_file(path, NODE_NAME)
 
     def _path(self, name: str) -> Path:
         if not _NAME.fullmatch(name):

@@ -5,10 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, Protocol
 
-import yaml
-
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import RosValue
+from socialcircle_ros.settings.plain_yaml import load_plain_yaml
 
 from .elements import Value, on_choice, set_value
 from .link import Descriptor, ParameterKind
@@ -226,10 +225,11 @@ def value_of(text: str, row: Descriptor) -> RosValue:
         if row.kind is ParameterKind.REAL:
             return float(text)
         whole = row.kind is ParameterKind.INTEGER
-        items = [int(text)] if whole else yaml.safe_load(f'[{text.strip().strip("[]")}]')
-    except (ValueError, RecursionError, yaml.YAMLError):
-        items = [None]
-    if any(type(item) is not int for item in items):
+        found: object = [int(text)] if whole else load_plain_yaml(f'[{text.strip().strip("[]")}]')
+    except ValueError:
+        found = None
+    items = [item for item in found if type(item) is int] if isinstance(found, list) else []
+    if not isinstance(found, list) or len(items) < len(found):
         raise SettingError(f'{row.name} must be {row.kind.value}, not {text!r}.')
     if any(not -_INTEGERS <= item < _INTEGERS for item in items):
         raise SettingError(f'{row.name} cannot be {text!r}: ROS holds whole numbers of at most 64 bits.')

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import yaml
 
+from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
+
 from .topics import Topic
 
 QosProfile = dict[str, object]
@@ -116,8 +118,8 @@ def _topic_metadata(topic: Topic) -> dict[str, object]:
 def _load_qos(text: str) -> list[QosProfile]:
     """Parse QoS profiles from the YAML of rosbag2; none if it is invalid."""
     try:
-        profiles = yaml.safe_load(text)
-    except yaml.YAMLError:
+        profiles = load_plain_yaml(text)
+    except PlainYamlError:
         return []
     return [profile for profile in profiles if isinstance(profile, dict)] if isinstance(profiles, list) else []
 

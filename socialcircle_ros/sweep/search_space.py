@@ -4,11 +4,11 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-
-import yaml
+from typing import cast
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import PARAMETERS, CircleSettings, FocusSettings, Parameter, RosValue
+from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
 
 ParameterValues = dict[str, RosValue]
 """Full names of parameters to their values."""
@@ -126,8 +126,8 @@ def _parse_interval(parameter: Parameter, given: str) -> SearchDimension:
 
 def _parse_list(parameter: Parameter, given: str) -> Choice:
     try:
-        values: list[RosValue] = yaml.safe_load(f'[{given}]')
-    except yaml.YAMLError:
+        values = cast('list[RosValue]', load_plain_yaml(f'[{given}]'))
+    except PlainYamlError:
         raise SettingError(f'{parameter.name}={given}: the values are not YAML.') from None
     if parameter.kind is float:
         values = [_number_if_text(value) for value in values]

@@ -61,10 +61,16 @@ def test_the_help_names_the_topics_that_are_written_by_default(run):
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window:=4'], 'circle.window must be odd, not 4'),
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.windw:=5'], 'There is no parameter circle.windw'),
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window=5'], 'not of the form NAME:=VALUE'),
-        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window:=[5'], 'the value is not YAML'),
+        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window:=[5'], 'it is not YAML'),
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--params-file', 'nowhere.yaml'], 'nowhere.yaml cannot be read'),
-        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--params-file', 'odd.yaml'], 'odd.yaml holds no ros__parameters'),
-        ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--params-file', 'bad.yaml'], 'bad.yaml is not YAML'),
+        (
+            [BAGS / 'parts.mcap', '-o', 'x.mcap', '--params-file', 'odd.yaml'],
+            'line 1 has a value outside',
+        ),
+        (
+            [BAGS / 'parts.mcap', '-o', 'x.mcap', '--params-file', 'bad.yaml'],
+            'line 1 has a list where',
+        ),
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '--topic', '/nowhere'], 'has no topic /nowhere'),
     ],
 )

@@ -1,0 +1,59 @@
+"""Options that several commands share."""
+
+import json
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from socialcircle_ros.commands.options import parameter_options, parameter_values
+from socialcircle_ros.errors import SettingError
+
+FILE = """\
+/cell1/social_circle: {ros__parameters: {circle.window: 5, fixed_frame: map}}
+/cell2/social_circle: {ros__parameters: {circle.window: 7}}
+"""
+
+
+@click.command()
+@parameter_options
+def show(params_file, parameters):
+    click.echo(json.dumps(parameter_values(params_file, parameters)))
+
+
+@pytest.fixture
+def invoke(tmp_path):
+    (tmp_path / 'cells.yaml').write_text(FILE)
+    return lambda *arguments: CliRunner().invoke(show, ['--params-file', str(tmp_path / 'cells.yaml'), *arguments])
+
+
+def test_the_node_chooses_among_the_sections_of_a_file(invoke):
+    done = invoke('--node', '/cell2/social_circle')
+    assert json.loads(done.output.splitlines()[-1]) == {'circle.window': 7}
+    assert isinstance(invoke().exception, SettingError)
+
+
+def test_a_file_may_set_parameters_that_are_unknown_here_and_this_is_told(invoke):
+    done = invoke('--node', '/cell1/social_circle')
+    assert json.loads(done.output.splitlines()[-1]) == {'circle.window': 5}
+    assert 'Warning: there is no parameter fixed_frame' in done.output
+
+
+def test_single_parameters_override_the_file_and_have_the_types_of_ros(invoke):
+    done = invoke('--node', '/cell2/social_circle', '-p', 'circle.window:=9', '-p', 'circle.radius:=1e-6')
+    assert json.loads(done.output.splitlines()[-1]) == {'circle.window': 9, 'circle.radius': 1e-6}
+
+
+@pytest.mark.parametrize(
+    ('text', 'sentence'),
+    [
+        ('circle.window=5', 'not of the form NAME:=VALUE'),
+        ('circle.windw:=5', 'There is no parameter circle.windw'),
+        ('circle.window:=[5', 'it is not YAML'),
+        ('circle.window:=', 'has no value'),
+        ('circle.window:={a: 1}', 'it is a mapping'),
+    ],
+)
+def test_a_text_that_sets_no_parameter_is_refused(text, sentence):
+    with pytest.raises(SettingError, match=sentence):
+        parameter_values(None, (text,))

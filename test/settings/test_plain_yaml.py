@@ -1,0 +1,62 @@
+"""Loading YAML that cannot fill the memory."""
+
+import tracemalloc
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
+
+BOMB = 'a0: &a0 [x, x]\n' + ''.join(f'a{i}: &a{i} [{", ".join([f"*a{i - 1}"] * 9)}]\n' for i in range(1, 10))
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
+        lambda items: st.lists(items, max_size=4) | st.dictionaries(st.text(), items, max_size=4),
+    )
+)
+def test_what_is_dumped_without_aliases_is_loaded(value):
+    class Dumper(yaml.SafeDumper):
+        def ignore_aliases(self, _):
+            return True
+
+    assert load_plain_yaml(yaml.dump(value, Dumper=Dumper)) == value
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        ('a: &x 1\nb: *x\n', 'it has an alias in line 2'),
+        (BOMB, 'it has an alias in line 2'),
+        ('a: &x {b: *x}', 'it has an alias'),
+        ('[' * 60 + ']' * 60, 'nested deeper'),
+        ('[' * 100_000, 'nested deeper|not YAML'),
+        ('- 1\n' * 200_000, 'too large'),
+        ('a: [', 'it is not YAML'),
+        (b'\xff\xfe\xfa', 'it is not YAML'),
+        ('a: 2001-99-99', 'a value that YAML cannot read'),
+        ('a: !!int x', 'a value that YAML cannot read'),
+        ('a: !!bool x', 'a value that YAML cannot read'),
+        ('a: !!timestamp x', 'a value that YAML cannot read'),
+        ('a: !!python/object:os.system {}', 'a value that YAML cannot read'),
+        ('a: ' + '9' * 5000, 'a value that YAML cannot read'),
+    ],
+)
+def test_other_texts_are_refused_with_the_reason_and_in_little_memory(text, reason):
+    tracemalloc.start()
+    with pytest.raises(PlainYamlError, match=reason):
+        load_plain_yaml(text)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20e6
+
+
+@given(st.text(max_size=60) | st.binary(max_size=60))
+def test_any_text_is_loaded_or_refused(text):
+    try:
+        load_plain_yaml(text)
+    except PlainYamlError as error:
+        assert str(error).startswith('it ')
