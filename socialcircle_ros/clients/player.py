@@ -200,6 +200,9 @@ def play_recording(
         try:
             for reason in player.skipped:
                 tell(f'Not played: {reason}')
+            for name, topic in reader.topics.items():
+                if name != topic.name:
+                    tell(f'Not played: {topic.name} with its second type {topic.type}.')
             missing = player.wait_for_listeners(names, wait_s, _SETTLED_S)
             if missing:
                 listed = ', '.join(prefix + name for name in missing)
@@ -238,8 +241,11 @@ def topic_prefix(namespace: str) -> str:
 def _chosen_topics(reader: RecordingReader, topics: Collection[str]) -> list[Topic]:
     for name in topics:
         if name not in reader.topics:
-            raise RecordingError(f'{reader.path} has no topic {name}; it has: {", ".join(sorted(reader.topics))}.')
-    return [topic for name, topic in reader.topics.items() if not topics or name in topics]
+            raise reader.refusal(f'{reader.path} has no topic {name}; it has: {", ".join(sorted(reader.topics))}.')
+    # One publisher for each topic: messages of a second type on a topic are left out.
+    return [
+        topic for name, topic in reader.topics.items() if name == topic.name and (not topics or name in topics)
+    ]
 
 
 def _play_once(

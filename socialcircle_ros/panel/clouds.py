@@ -34,7 +34,7 @@ class RecordedClouds:
             self._topics = clouds_of(self._reader)
             if not self._topics:
                 topics = ', '.join(sorted(self._reader.topics)) or 'no topics'
-                raise RecordingError(
+                raise self._reader.refusal(
                     f'{path} has no clouds ({point_cloud.TYPE}) to step through; it has: {topics}. Convert the'
                     ' frames of a stack to clouds with `socialcircle filter`.'
                 )
@@ -43,7 +43,7 @@ class RecordedClouds:
                 same_time = bool(self._places) and self._places[-1][0] == message.log_time
                 self._places.append((message.log_time, self._places[-1][1] + 1 if same_time else 0))
             if not self._places:
-                raise RecordingError(f'{path} has no message on {", ".join(self._topics)}.')
+                raise self._reader.refusal(f'{path} has no message on {", ".join(self._topics)}.')
             self.damage = self._reader.damage
             self._closing = closing.pop_all()
 

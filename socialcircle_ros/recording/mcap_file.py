@@ -1,117 +1,72 @@
 """One MCAP file, intact or damaged, as spans of messages that are loaded one at a time.
 
-An intact file is opened by the index at its end. If the index is missing or damaged, the file is scanned from its
-beginning to its end or to the damage, and the index is rebuilt. Reading is the same in both cases.
+An intact file is opened by the index at its end. The index is trusted whole or not at all: if it is missing,
+damaged or incomplete, or does not match the data, the file is scanned from its beginning to its end or to the
+damage, and the index is rebuilt. Reading is the same in both cases.
 """
 
 import os
 import struct
 import sys
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from io import BytesIO
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, cast
+from typing import BinaryIO, cast
 
-import lz4.frame  # type: ignore[import-untyped]
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, Schema, Statistics
+from mcap.records import Attachment as AttachmentRecord
+from mcap.records import Chunk, ChunkIndex, Metadata, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from socialcircle_ros.errors import RecordingError
 
-from .topics import Message, Topic
-
-_HEAD = struct.Struct('<BQ')  # the start of every record: opcode, length of the body
-_MESSAGE = struct.Struct('<HIQQ')  # the start of a message's body: channel, sequence, log time, publish time
-_FOOTER = struct.Struct('<BQQQI')  # opcode, length, summary start, summary offset start, CRC
-_CONTENT = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
-_RUN_LENGTH = 1 << 20  # messages outside of chunks are joined to spans of about this many bytes
-
-
-class Damage(Exception):  # noqa: N818 - a finding, not an error of the program
-    """A part of the file is damaged; the message says how this shows."""
-
-
-_CUT_OFF = 'the recording was cut off'
-_TOO_LONG = 'a record is longer than its chunk or file'
-_NO_TOPIC = 'a message belongs to no topic'
-
-# Raised while damaged bytes are read: by the checks here, the disk, the parsers and the decompressors.
-DAMAGE = (
+from .compression import ZSTD_MAGIC, expand_file, expand_message
+from .mcap_records import (
+    COMPRESSIONS,
+    CONTENT,
+    CUT_OFF,
+    DAMAGE,
+    EXTRAS,
+    FOOTER,
+    HEAD,
+    MESSAGE,
+    NO_TOPIC,
+    TOO_LONG,
     Damage,
-    OSError,
-    EOFError,
-    MemoryError,
-    OverflowError,
-    RuntimeError,
-    ValueError,
-    struct.error,
-    McapError,
-    zstandard.ZstdError,
+    Extra,
+    Index,
+    Span,
+    contents,
+    split,
+    stream,
+    topic_of,
+    unknown_compression,
 )
+from .topics import Attachment, Message, MetadataRecord
 
+_RUN_LENGTH = 1 << 20  # messages outside of chunks are joined to spans of about this many bytes
+_CHUNK = struct.Struct('<QQQII')  # the start of a chunk's body: times, size, CRC, length of the compression's name
 
-class Span(NamedTuple):
-    """A chunk, or a run of messages outside of chunks. A span is loaded at once.
-
-    Attributes:
-        start_time: the earliest log time, ns.
-        end_time: the latest log time, ns.
-        offset: of the first byte in the file.
-        length: in bytes.
-        channels: the numbers of the channels that occur in it; None if they are not known.
-    """
-
-    start_time: int
-    end_time: int
-    offset: int
-    length: int
-    channels: frozenset[int] | None
-
-
-@dataclass
-class _Index:
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    spans: list[Span] = field(default_factory=list)
-    message_count: int = 0
-    damage: str | None = None
-
-    def take(self, opcode: int, body: memoryview) -> tuple[int, int] | None:
-        """Take a record into the index.
-
-        Returns:
-            The log time and the channel of a message; None for another record.
-
-        Raises:
-            Damage: the message belongs to no channel.
-        """
-        if opcode == Opcode.MESSAGE:
-            channel, _, log_time, _ = _MESSAGE.unpack_from(body)
-            if channel not in self.channels:
-                raise Damage(_NO_TOPIC)
-            self.message_count += 1
-            return log_time, channel
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(_stream(body))
-            self.schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            record = Channel.read(_stream(body))
-            self.channels[record.id] = record
-        return None
+# How files of other formats begin, what they are, and how they become MCAP.
+_FORMATS = {
+    b'SQLite format': ('an sqlite3 bag', 'convert it to MCAP with `ros2 bag convert`, and use the result'),
+    b'#ROSBAG V': ('a bag of ROS 1', 'convert it to MCAP with `rosbags-convert`, and use the result'),
+    b'\x1f\x8b': ('compressed with gzip', 'decompress it first (`gzip -d`)'),
+    b'\x04\x22\x4d\x18': ('compressed with lz4', 'decompress it first (`lz4 -d`)'),
+    b'BZh': ('compressed with bzip2', 'decompress it first (`bzip2 -d`)'),
+    b'\xfd7zXZ': ('compressed with xz', 'decompress it first (`xz -d`)'),
+    b'PK\x03\x04': ('a zip archive', 'unpack it first'),
+}
 
 
 class McapFile:
-    """An opened MCAP file.
+    """An opened MCAP file; one that is compressed as a whole with zstd is decompressed first.
 
     Attributes:
         path: of the file.
         channels: the topics by the numbers of their channels, by which messages refer to them.
+        names: the names under which messages of a channel are read; those of the topics, unless they are changed.
         spans: in the order of the file.
         message_count: the number of messages; in a damaged file, those before the damage.
         damage: one sentence if damage was found on opening, else None.
@@ -132,10 +87,12 @@ class McapFile:
         except BaseException:
             self._file.close()
             raise
-        self.channels = {number: _topic(channel, index.schemas) for number, channel in index.channels.items()}
+        self.channels = {number: topic_of(channel, index.schemas) for number, channel in index.channels.items()}
+        self.names = {number: topic.name for number, topic in self.channels.items()}
         self.spans = index.spans
         self.message_count = index.message_count
         self.damage = index.damage
+        self._extras = index.extras
 
     def close(self) -> None:
         """Close the file."""
@@ -144,16 +101,47 @@ class McapFile:
     def messages(self, span: Span) -> Iterator[Message]:
         """Load a span, and yield its messages in the order of the file.
 
+        Messages that rosbag2 compressed one by one are decompressed.
+
         Raises:
             One of `DAMAGE`: the rest of the span cannot be read.
         """
         for opcode, body in self._records(span.offset, span.length):
             if opcode == Opcode.MESSAGE:
-                channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(body)
+                channel, sequence, log_time, publish_time = MESSAGE.unpack_from(body)
                 if channel not in self.channels:
-                    raise Damage(_NO_TOPIC)
-                data = bytes(body[_MESSAGE.size :])
-                yield Message(self.channels[channel].name, data, log_time, publish_time, sequence)
+                    raise Damage(NO_TOPIC)
+                data = bytes(body[MESSAGE.size :])
+                # CDR begins with a zero byte.
+                if data.startswith(ZSTD_MAGIC) and self.channels[channel].encoding == 'cdr':
+                    data = expand_message(data)
+                yield Message(self.names[channel], data, log_time, publish_time, sequence)
+
+    def attachments(self) -> Iterator[Attachment]:
+        """Load the attachments one at a time.
+
+        Raises:
+            One of `DAMAGE`: one cannot be read.
+        """
+        for extra in self._extras:
+            if extra.opcode == Opcode.ATTACHMENT:
+                body = self._body(extra)
+                if (crc := int.from_bytes(body[-4:], 'little')) and crc != zlib.crc32(body[:-4]):
+                    raise Damage('the checksum of an attachment does not match')
+                found = AttachmentRecord.read(stream(body))
+                yield Attachment(found.name, found.media_type, found.data, found.log_time, found.create_time)
+
+    def metadata(self) -> Iterator[MetadataRecord]:
+        """Load the metadata records, without the one in which rosbag2 describes the file itself.
+
+        Raises:
+            One of `DAMAGE`: one cannot be read.
+        """
+        for extra in self._extras:
+            if extra.opcode == Opcode.METADATA:
+                record = Metadata.read(stream(self._body(extra)))
+                if record.name != 'rosbag2':
+                    yield MetadataRecord(record.name, record.metadata)
 
     def damage_sentence(self, offset: int, reason: BaseException) -> str:
         """One sentence: where the file is damaged, how this shows, and what is read."""
@@ -169,16 +157,15 @@ class McapFile:
             raise RecordingError(
                 f'{self.path} is empty: the recorder ended before it wrote a message; record again.'
             )
-        if start.startswith(b'SQLite format'):
-            raise RecordingError(
-                f'{self.path} is an sqlite3 bag: convert it to MCAP with `ros2 bag convert`, and use the result.'
-            )
+        for magic, (kind, advice) in _FORMATS.items():
+            if start.startswith(magic):
+                raise RecordingError(f'{self.path} is {kind}: {advice}.')
         if not start.startswith(MCAP0_MAGIC):
             raise RecordingError(
                 f'{self.path} is not an MCAP file: give a .mcap file or a rosbag2 directory with one.'
             )
 
-    def _index(self) -> _Index:
+    def _index(self) -> Index:
         try:
             index = self._index_from_summary()
         except DAMAGE:
@@ -188,36 +175,52 @@ class McapFile:
             )
         return index or self._index_from_scan()
 
-    def _index_from_summary(self) -> _Index | None:
-        """Read the index at the end of the file; None if the file has no index, or an incomplete one."""
-        end = self._size - len(MCAP0_MAGIC) - _FOOTER.size
+    def _index_from_summary(self) -> Index | None:
+        """Read the index at the end of the file; None if the file has no index, or an incomplete one.
+
+        Raises:
+            One of `DAMAGE`: the index is damaged, or does not match the data.
+        """
+        end = self._size - len(MCAP0_MAGIC) - FOOTER.size
         tail = self._read(end, self._size)
-        opcode, length, start, _, crc = _FOOTER.unpack_from(tail)
-        if opcode != Opcode.FOOTER or length != _FOOTER.size - _HEAD.size or not tail.endswith(MCAP0_MAGIC):
+        opcode, length, start, _, crc = FOOTER.unpack_from(tail)
+        if opcode != Opcode.FOOTER or length != FOOTER.size - HEAD.size or not tail.endswith(MCAP0_MAGIC):
             raise Damage('the footer is missing')
         if start == 0:
             return None
         summary = self._read(start, end)
-        if crc and crc != zlib.crc32(tail[: _FOOTER.size - 4], zlib.crc32(summary)):
+        if crc and crc != zlib.crc32(tail[: FOOTER.size - 4], zlib.crc32(summary)):
             raise Damage('the checksum of the index does not match')
-        index = _Index()
+        index = Index()
         chunks: list[ChunkIndex] = []
         statistics: Statistics | None = None
-        for opcode, body in _split(summary):
+        for opcode, body in split(summary):
             if opcode == Opcode.CHUNK_INDEX:
-                chunks.append(ChunkIndex.read(_stream(body)))
+                chunks.append(ChunkIndex.read(stream(body)))
             elif opcode == Opcode.STATISTICS:
-                statistics = Statistics.read(_stream(body))
+                statistics = Statistics.read(stream(body))
             else:
                 index.take(opcode, body)
-        if statistics is None or len(index.channels) < statistics.channel_count:
+        if statistics is None or not _is_complete(index, chunks, statistics):
             return None
-        if len(chunks) != statistics.chunk_count or (statistics.message_count and not chunks):
-            return None
+        index.message_count = statistics.message_count
+        return index if self._matches_data(index, chunks, start) else None
+
+    def _matches_data(self, index: Index, chunks: list[ChunkIndex], end: int) -> bool:
+        """Check each chunk's head, and walk over what lies between the chunks; fills `spans` and `extras`.
+
+        Returns:
+            False if there are messages or topics that the index leaves out.
+
+        Raises:
+            One of `DAMAGE`: the index does not match the data.
+        """
+        offset = len(MCAP0_MAGIC)
         for chunk in sorted(chunks, key=lambda chunk: chunk.chunk_start_offset):
-            head = self._read(chunk.chunk_start_offset, chunk.chunk_start_offset + _HEAD.size)
-            if _HEAD.unpack(head) != (Opcode.CHUNK, chunk.chunk_length - _HEAD.size):
-                raise Damage('the index does not match the data')
+            if not self._walk(index, offset, chunk.chunk_start_offset):
+                return False
+            self._check_chunk(chunk)
+            offset = chunk.chunk_start_offset + chunk.chunk_length
             index.spans.append(
                 Span(
                     chunk.message_start_time,
@@ -227,32 +230,62 @@ class McapFile:
                     frozenset(chunk.message_index_offsets) or None,
                 )
             )
-        index.message_count = statistics.message_count
-        return index
+        return self._walk(index, offset, end)
 
-    def _index_from_scan(self) -> _Index:
+    def _walk(self, index: Index, offset: int, end: int) -> bool:
+        """Walk over records that are no chunks; False if one of them should be in the index."""
+        while offset < end:
+            opcode, length = HEAD.unpack(self._read(offset, offset + HEAD.size))
+            length += HEAD.size
+            if opcode == Opcode.CHUNK or opcode in CONTENT:
+                return False
+            if opcode in EXTRAS:
+                index.extras.append(Extra(opcode, offset, length))
+            offset += length
+        if offset > end:
+            raise Damage('the index does not match the data')
+        return True
+
+    def _check_chunk(self, chunk: ChunkIndex) -> None:
+        start = chunk.chunk_start_offset
+        head = self._read(start, start + HEAD.size + _CHUNK.size)
+        begin, end, size, _, length = _CHUNK.unpack_from(head, HEAD.size)
+        name = self._read(start + len(head), start + len(head) + length) if length < 100 else b''
+        expected = (chunk.message_start_time, chunk.message_end_time, chunk.uncompressed_size)
+        if (
+            HEAD.unpack_from(head) != (Opcode.CHUNK, chunk.chunk_length - HEAD.size)
+            or (begin, end, size) != expected
+            or name != chunk.compression.encode()
+        ):
+            raise Damage('the index does not match the data')
+        if chunk.compression not in COMPRESSIONS:
+            raise Damage(unknown_compression(chunk.compression))
+
+    def _index_from_scan(self) -> Index:
         """Rebuild the index: read the file to its end or to the damage."""
-        index = _Index()
+        index = Index()
         offset = len(MCAP0_MAGIC)
         opcode = 0
         joinable = False  # whether the last span is a run of messages outside of chunks that ends at `offset`
         try:
             while opcode != Opcode.DATA_END:
-                opcode, length = _HEAD.unpack(self._read(offset, offset + _HEAD.size))
-                length += _HEAD.size
+                opcode, length = HEAD.unpack(self._read(offset, offset + HEAD.size))
+                length += HEAD.size
                 if opcode == Opcode.CHUNK:
                     self._scan_chunk(index, offset, length)
-                elif opcode in _CONTENT:
+                elif opcode in CONTENT:
                     self._scan_record(index, offset, length, joinable=joinable)
                 elif offset + length > self._size:
-                    raise Damage(_CUT_OFF)
-                joinable = opcode in _CONTENT and index.spans[-1].length < _RUN_LENGTH
+                    raise Damage(CUT_OFF)
+                elif opcode in EXTRAS:
+                    index.extras.append(Extra(opcode, offset, length))
+                joinable = opcode in CONTENT and index.spans[-1].length < _RUN_LENGTH
                 offset += length
         except DAMAGE as reason:
             index.damage = self.damage_sentence(offset, reason)
         return index
 
-    def _scan_chunk(self, index: _Index, offset: int, length: int) -> None:
+    def _scan_chunk(self, index: Index, offset: int, length: int) -> None:
         times = []
         channels = set()
         try:
@@ -265,7 +298,7 @@ class McapFile:
                 Span(min(times, default=0), max(times, default=0), offset, length, frozenset(channels))
             )
 
-    def _scan_record(self, index: _Index, offset: int, length: int, *, joinable: bool) -> None:
+    def _scan_record(self, index: Index, offset: int, length: int, *, joinable: bool) -> None:
         """Take a record outside of chunks into the index, and into the last span if that is `joinable`."""
         start_time, end_time, start, channels = sys.maxsize, 0, offset, frozenset[int]()
         for opcode, body in self._records(offset, length):
@@ -281,19 +314,22 @@ class McapFile:
     def _records(self, offset: int, length: int) -> Iterator[tuple[int, memoryview]]:
         """Yield opcode and body of each record in a chunk, or in a run of records outside of chunks."""
         if self._read(offset, offset + 1)[0] != Opcode.CHUNK:
-            yield from _split(self._read(offset, offset + length))
+            yield from split(self._read(offset, offset + length))
             return
         end = min(offset + length, self._size)
-        self._file.seek(offset + _HEAD.size)
+        self._file.seek(offset + HEAD.size)
         chunk = Chunk.read(ReadDataStream(cast('BinaryIO', _Clipped(self._file, end))))
         whole = offset + length <= self._size
-        yield from _split(_contents(chunk, whole=whole), _TOO_LONG if whole else _CUT_OFF)
+        yield from split(contents(chunk, whole=whole), TOO_LONG if whole else CUT_OFF)
         if not whole:
-            raise Damage(_CUT_OFF)
+            raise Damage(CUT_OFF)
+
+    def _body(self, extra: Extra) -> memoryview:
+        return memoryview(self._read(extra.offset, extra.offset + extra.length))[HEAD.size :]
 
     def _read(self, start: int, end: int) -> bytes:
         if not 0 <= start <= end <= self._size:
-            raise Damage(_CUT_OFF)
+            raise Damage(CUT_OFF)
         self._file.seek(start)
         data = self._file.read(end - start)
         if len(data) < end - start:
@@ -316,68 +352,31 @@ class _Clipped:
         return self._file.read(max(0, min(length, self._end - self._file.tell())))
 
 
+def _is_complete(index: Index, chunks: list[ChunkIndex], statistics: Statistics) -> bool:
+    """Whether a summary holds as many records as its statistics say, and names all that its parts refer to."""
+    counts = (len(index.schemas), len(index.channels), len(chunks))
+    stated = (statistics.schema_count, statistics.channel_count, statistics.chunk_count)
+    if counts != stated or not index.names_all_schemas() or (statistics.message_count and not chunks):
+        return False
+    messages: Mapping[int, int] = statistics.channel_message_counts
+    if messages and sum(messages.values()) != statistics.message_count:
+        return False
+    return all(index.channels.keys() >= chunk.message_index_offsets.keys() for chunk in chunks) and (
+        messages.keys() <= index.channels.keys()
+    )
+
+
 def _open(path: Path) -> BinaryIO:
     try:
-        return path.open('rb')
+        file = path.open('rb')
+        if file.read(len(ZSTD_MAGIC)) == ZSTD_MAGIC:
+            file.seek(0)
+            return expand_file(file, path)
+        file.seek(0)
     except FileNotFoundError:
         raise RecordingError(f'{path} does not exist: check the name of the recording.') from None
     except PermissionError:
         raise RecordingError(f'{path} may not be read: change its permissions.') from None
     except OSError as error:
-        raise RecordingError(f'{path} cannot be opened: {error.strerror}.') from None
-
-
-def _split(data: bytes, complaint: str = _TOO_LONG) -> Iterator[tuple[int, memoryview]]:
-    """Yield opcode and body of each record in a sequence.
-
-    Raises:
-        Damage: a record goes past the end; the message is `complaint`.
-    """
-    view = memoryview(data)
-    position = 0
-    while position < len(view):
-        if position + _HEAD.size > len(view):
-            raise Damage(complaint)
-        opcode, length = _HEAD.unpack_from(view, position)
-        start = position + _HEAD.size
-        position = start + length
-        if position > len(view):
-            raise Damage(complaint)
-        yield opcode, view[start:position]
-
-
-def _contents(chunk: Chunk, *, whole: bool) -> bytes:
-    """Decompress a chunk; unless it must be `whole`, as much of it as there is.
-
-    Raises:
-        Damage: the compression is unknown, or the length or checksum of a whole chunk does not match.
-    """
-    if chunk.compression == 'lz4':
-        data = bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data))
-    elif chunk.compression == 'zstd':
-        data = zstandard.ZstdDecompressor().decompressobj().decompress(chunk.data)
-    elif chunk.compression == '':
-        data = chunk.data
-    else:
-        raise Damage(f'a chunk has the unknown compression {chunk.compression!r}')
-    if whole and len(data) != chunk.uncompressed_size:
-        raise Damage('the length of a chunk does not match')
-    if whole and chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
-        raise Damage('the checksum of a chunk does not match')
-    return data
-
-
-def _stream(body: memoryview) -> ReadDataStream:
-    return ReadDataStream(BytesIO(body))
-
-
-def _topic(channel: Channel, schemas: dict[int, Schema]) -> Topic:
-    schema = schemas.get(channel.schema_id, Schema(id=0, name='', encoding='', data=b''))
-    return Topic(
-        name=channel.topic,
-        type=schema.name,
-        schema=schema.data,
-        schema_encoding=schema.encoding,
-        encoding=channel.message_encoding,
-        metadata=channel.metadata,
-    )
+        raise RecordingError(f'{path} cannot be opened: {error.strerror or error}.') from None
+    return file

@@ -2,7 +2,8 @@
 
 import errno
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Literal
 
 from mcap.writer import CompressionType, IndexType, Writer
@@ -10,7 +11,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from socialcircle_ros.storage import Reserve, is_full
 
 from .metadata import FileContents, bag_information, channel_metadata, to_yaml
-from .topics import Message, Topic
+from .topics import Attachment, Message, MetadataRecord, Topic
 
 Compression = Literal['none', 'lz4', 'zstd']
 
@@ -19,8 +20,6 @@ LAST_TIME = 2**63 - 1
 
 # The default of rosbag2. A larger message is a chunk of its own.
 _CHUNK_SIZE = 768 * 1024
-# Other tools take an empty attachment index for damage, and rosbag2 writes no attachments.
-_INDEXES = IndexType.ALL & ~IndexType.ATTACHMENT
 
 # Bounds of what ends a file, in bytes. They are generous: a reserve that is too small loses messages.
 _MESSAGE_OVERHEAD = 64  # head and index entry of a message
@@ -47,7 +46,7 @@ class McapOutput:
         descriptor: int,
         compression: Compression,
         reserve: Reserve | None,
-        topics: Sequence[Topic] = (),
+        topics: Mapping[str, Topic] = MappingProxyType({}),
         files: int = 0,
     ) -> None:
         """Begin the file.
@@ -57,7 +56,8 @@ class McapOutput:
             descriptor: of the file, empty and open for writing. It is not closed here.
             compression: of the chunks.
             reserve: space for the end of the file; None: no space is reserved.
-            topics: the topics of the recording that are known so far; see `expect`.
+            topics: the topics of the recording that are known so far, by the names that messages use; see
+                `expect`.
             files: how many files of the recording come before it.
 
         Raises:
@@ -77,6 +77,8 @@ class McapOutput:
         self._ending_bytes = _SLACK + files * _FILE_OVERHEAD
         self._torn = False  # whether mcap's writer was interrupted, so that its index cannot be trusted
         self._finished = False
+        self._attachments: list[Attachment] = []  # to be written before the first message
+        self._metadata: list[MetadataRecord] = []
         self.expect(topics)
         self._writer = self._begin(chunked=True)
         self._whole = self._stream.position, self.contents
@@ -101,18 +103,35 @@ class McapOutput:
         """The earliest log time so far, ns."""
         return self._start
 
-    def expect(self, topics: Sequence[Topic]) -> None:
+    def add(self, extra: Attachment | MetadataRecord) -> None:
+        """Add an attachment, before the first message, or a metadata record.
+
+        Raises:
+            OSError: it cannot be written.
+            ValueError: an attachment comes after a message.
+        """
+        if isinstance(extra, Attachment):
+            if self.message_count:
+                raise ValueError('an attachment comes after a message')
+            self._attachments.append(extra)
+        elif self.message_count == 0:
+            self._metadata.append(extra)
+        else:
+            self._writer.add_metadata(extra.name, extra.entries)
+            self._whole = self._stream.position, self._whole[1]  # no chunk was written
+
+    def expect(self, topics: Mapping[str, Topic]) -> None:
         """Reserve the space that topics take in the index and in the metadata, whether they get messages or not.
 
         Raises:
             OSError: the disk is full.
         """
-        for topic in topics:
+        for topic in topics.values():
             metadata = sum(len(key) + len(value) for key, value in topic.metadata.items())
             self._ending_bytes += _TOPIC_OVERHEAD + 2 * len(topic.schema) + 8 * metadata
         self._hold(0)
 
-    def write(self, message: Message, topics: Sequence[Topic]) -> None:
+    def write(self, message: Message, topics: Mapping[str, Topic]) -> None:
         """Write one message.
 
         Args:
@@ -125,8 +144,11 @@ class McapOutput:
         """
         self._hold(len(message.data))
         self._torn = True
-        for topic in topics:
-            self._register(topic)
+        if self._attachments or self._metadata:
+            self._begin_again(chunked=True)
+            self._attachments, self._metadata = [], []
+        for name, topic in topics.items():
+            self._register(name, topic)
         if self._stream.position > self._whole[0]:  # the schemas filled a chunk
             self._chunk_is_written()
         channel = self._channels[message.topic]
@@ -140,7 +162,7 @@ class McapOutput:
         if self._stream.position > self._whole[0]:
             self._chunk_is_written()
 
-    def finish(self, topics: Sequence[Topic]) -> None:
+    def finish(self, topics: Mapping[str, Topic]) -> None:
         """Write what is pending, and the index; nothing if that was done.
 
         It does not wait for the disk, which would take seconds in the middle of a recording.
@@ -159,10 +181,9 @@ class McapOutput:
         self._torn = True
         if not self.message_count:
             # mcap writes topics into chunks. Without a message it writes no chunk, and the topics would be lost.
-            self._stream.cut(0)
-            self._writer = self._begin(chunked=False)
-            for topic in topics:
-                self._register(topic)
+            self._begin_again(chunked=False)
+            for name, topic in topics.items():
+                self._register(name, topic)
         information = bag_information(topics, [self.contents])
         self._writer.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -182,22 +203,35 @@ class McapOutput:
         self._counts, self._start, self._end = dict(contents.counts), contents.start, contents.end
         return lost
 
+    def _begin_again(self, *, chunked: bool) -> None:
+        self._stream.cut(0)
+        self._writer = self._begin(chunked=chunked)
+        self._whole = self._stream.position, self.contents
+
     def _begin(self, *, chunked: bool) -> Writer:
+        """Begin the file, with the attachments and the metadata that wait."""
+        indexes = IndexType.ALL if chunked else IndexType.METADATA | IndexType.ATTACHMENT
+        if not self._attachments:
+            indexes &= ~IndexType.ATTACHMENT  # other tools take an empty index of attachments for damage
         writer = Writer(
             self._stream,  # type: ignore[arg-type]
             chunk_size=_CHUNK_SIZE,
             compression=CompressionType[self._compression.upper()],
-            index_types=_INDEXES if chunked else IndexType.METADATA,
+            index_types=indexes,
             use_chunking=chunked,
         )
         writer.start(profile='ros2', library='socialcircle_ros')
+        for name, media_type, data, log_time, create_time in self._attachments:
+            writer.add_attachment(create_time, log_time, name, media_type, data)
+        for record in self._metadata:
+            writer.add_metadata(record.name, record.entries)
         return writer
 
-    def _register(self, topic: Topic) -> None:
+    def _register(self, name: str, topic: Topic) -> None:
         schema = (topic.type, topic.schema_encoding, topic.schema)
         if topic.type and schema not in self._schemas:
             self._schemas[schema] = self._writer.register_schema(*schema)
-        self._channels[topic.name] = self._writer.register_channel(
+        self._channels[name] = self._writer.register_channel(
             topic.name, topic.encoding, self._schemas.get(schema, 0), channel_metadata(topic)
         )
 

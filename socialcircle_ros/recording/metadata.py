@@ -58,15 +58,15 @@ class FileContents:
         }
 
 
-def bag_information(topics: Sequence[Topic], files: Sequence[FileContents]) -> dict[str, object]:
+def bag_information(topics: Mapping[str, Topic], files: Sequence[FileContents]) -> dict[str, object]:
     """The metadata of a recording, with its keys in the order of rosbag2.
 
     Args:
-        topics: all topics, also those without messages.
+        topics: all topics, also those without messages, by the names under which their messages are counted.
         files: at least one.
     """
     written = [file for file in files if file.message_count]
-    counts = {topic.name: sum(file.counts.get(topic.name, 0) for file in files) for topic in topics}
+    counts = {name: sum(file.counts.get(name, 0) for file in files) for name in topics}
     whole = FileContents(
         '',
         counts,
@@ -81,7 +81,8 @@ def bag_information(topics: Sequence[Topic], files: Sequence[FileContents]) -> d
         'starting_time': times['starting_time'],
         'message_count': whole.message_count,
         'topics_with_message_count': [
-            {'topic_metadata': _topic_metadata(topic), 'message_count': counts[topic.name]} for topic in topics
+            {'topic_metadata': _topic_metadata(topic), 'message_count': counts[name]}
+            for name, topic in topics.items()
         ],
         'compression_format': '',
         'compression_mode': '',

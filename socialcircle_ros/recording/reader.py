@@ -3,15 +3,17 @@
 import heapq
 import re
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-import yaml
-
 from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
 
-from .mcap_file import DAMAGE, McapFile, Span
-from .topics import Message, Topic
+from .mcap_file import McapFile
+from .mcap_records import DAMAGE, Span
+from .topics import Attachment, Message, MetadataRecord, Topic
+
+_LARGEST_METADATA = 16 << 20  # bytes
 
 
 class RecordingReader:
@@ -19,7 +21,8 @@ class RecordingReader:
 
     Attributes:
         path: as given to `open_recording`.
-        topics: all topics by name.
+        topics: all topics by name. If messages of several types are on one topic, the later types are there under
+            the name with a number, such as `/a#2`, under which `messages` yields them.
         message_count: the number of messages; in a damaged recording, those before the damage.
         damage: one sentence that says where the recording is damaged and what is lost, else None. Damage of the
             index is known after opening, other damage when `messages` has reached it.
@@ -50,7 +53,7 @@ class RecordingReader:
         """
         queue: list[tuple[int, int, int, int, Span | Message]] = []
         for number, file in enumerate(self._files):
-            wanted = {id_ for id_, topic in file.channels.items() if topics is None or topic.name in topics}
+            wanted = {id_ for id_, name in file.names.items() if topics is None or name in topics}
             for span in file.spans:
                 if span.end_time >= since and (span.channels is None or span.channels & wanted):
                     queue.append((span.start_time, number, span.offset, -1, span))  # noqa: PERF401 - easier to read
@@ -76,6 +79,25 @@ class RecordingReader:
                 f'{self.path} is damaged: its index counts {self.message_count} messages, but {count} were found.'
             )
 
+    def attachments(self) -> Iterator[Attachment]:
+        """Yield the attachments of all files, one at a time; `damage` is set if one cannot be read."""
+        for file in self._files:
+            with self._told('an attachment'):
+                yield from file.attachments()
+
+    def metadata(self) -> Iterator[MetadataRecord]:
+        """Yield the metadata records of all files, without that of rosbag2, which describes the file itself.
+
+        `damage` is set if one cannot be read.
+        """
+        for file in self._files:
+            with self._told('a metadata record'):
+                yield from file.metadata()
+
+    def refusal(self, sentence: str) -> RecordingError:
+        """An error for a recording that lacks something; it says also which damage is the likely reason."""
+        return RecordingError(f'{sentence} {self.damage}' if self.damage else sentence)
+
     def close(self) -> None:
         """Close the files of the recording."""
         self._closing.close()
@@ -94,13 +116,12 @@ class RecordingReader:
     def _collect_topics(self) -> dict[str, Topic]:
         topics: dict[str, Topic] = {}
         for file in self._files:
-            for topic in file.channels.values():
-                first = topics.setdefault(topic.name, topic)
-                if first.type != topic.type:
-                    raise RecordingError(
-                        f'{self.path} has messages of two types, {first.type} and {topic.type}, on '
-                        f'{topic.name}: record them under two names.'
-                    )
+            for id_, topic in file.channels.items():
+                name, number = topic.name, 1
+                while (first := topics.setdefault(name, topic)) and not _same_kind(first, topic):
+                    number += 1
+                    name = f'{topic.name}#{number}'  # which no topic of ROS has
+                file.names[id_] = name
         encodings = {topic.encoding for topic in topics.values()}
         if encodings and 'cdr' not in encodings:
             found = ', '.join(sorted(encodings))
@@ -110,12 +131,21 @@ class RecordingReader:
             )
         return topics
 
+    @contextmanager
+    def _told(self, what: str) -> Iterator[None]:
+        """Set `damage` if something cannot be read."""
+        try:
+            yield
+        except DAMAGE:
+            self.damage = self.damage or f'{self.path} is damaged: {what} cannot be read, and is left out.'
+
 
 def open_recording(path: str | Path) -> RecordingReader:
     """Open a recording for reading.
 
     A damaged file is opened as well if it begins as an MCAP file; `RecordingReader.damage` says what is lost. A
-    file without an index is read once to build one.
+    file without an index is read once to build one. Recordings that rosbag2 compressed by file or by message with
+    zstd are decompressed.
 
     Args:
         path: an MCAP file, or a rosbag2 directory with one or several.
@@ -131,32 +161,56 @@ def open_recording(path: str | Path) -> RecordingReader:
     return RecordingReader(path, files)
 
 
+def _same_kind(one: Topic, other: Topic) -> bool:
+    return (one.type, one.encoding) == (other.type, other.encoding)
+
+
 def _parts(folder: Path) -> list[Path]:
-    """The MCAP files of a rosbag2 directory, in their order."""
-    found = sorted((file for file in folder.iterdir() if file.is_file()), key=natural_order)
-    recorded = [file for file in found if file.suffix == '.mcap']
-    if any(file.suffix == '.zstd' for file in found) and not recorded:
+    """The MCAP files of a rosbag2 directory, in their order; some may be compressed as a whole."""
+    information = _information(folder / 'metadata.yaml')
+    mode, kind = (str(information.get(f'compression_{key}') or '') for key in ('mode', 'format'))
+    if mode.upper() == 'MESSAGE' and kind != 'zstd':
         raise RecordingError(
-            f'{folder} is compressed file by file: convert it to MCAP without file compression with '
-            '`ros2 bag convert`.'
+            f'{folder} is compressed message by message with {kind or "an unknown method"}: convert it to MCAP'
+            ' without compression with `ros2 bag convert`.'
         )
-    if any(file.suffix == '.db3' for file in found) and not recorded:
+    found = sorted(
+        (file for file in folder.iterdir() if file.is_file() and not file.name.startswith('.')),
+        key=natural_order,
+    )
+    recorded = [file for file in found if file.name.endswith(('.mcap', '.mcap.zstd'))]
+    if any('.db3' in file.suffixes for file in found) and not recorded:
         raise RecordingError(
             f'{folder} is an sqlite3 bag: convert it to MCAP with `ros2 bag convert`, and use the result.'
         )
-    listed = [folder / name for name in _listed_files(folder / 'metadata.yaml')]
-    if not (listed or recorded):
+    listed = information.get('relative_file_paths')
+    if isinstance(listed, list) and listed:
+        return [_present(folder / str(name)) for name in listed]
+    if not recorded:
         raise RecordingError(f'{folder} holds no recording: give a directory with a .mcap file in it.')
-    return listed or recorded
+    # Where a file is there twice, it was being decompressed; the compressed one is whole for certain.
+    return [file for file in recorded if _compressed(file) not in recorded]
 
 
-def _listed_files(metadata: Path) -> list[str]:
-    """The files that a metadata.yaml names; none if it is missing or, after a crash, invalid."""
+def _present(file: Path) -> Path:
+    """The file as it is there: as it is listed, or compressed, or decompressed by hand."""
+    others = (file, _compressed(file), file.with_suffix('') if file.suffix == '.zstd' else file)
+    return next((other for other in others if other.is_file()), file)
+
+
+def _compressed(file: Path) -> Path:
+    return file.with_name(f'{file.name}.zstd')
+
+
+def _information(metadata: Path) -> dict[str, object]:
+    """What a metadata.yaml says of the recording; nothing if it is missing or, after a crash, invalid."""
     try:
-        content = yaml.safe_load(metadata.read_text(encoding='utf-8'))
-        return [str(name) for name in content['rosbag2_bagfile_information']['relative_file_paths']]
-    except (FileNotFoundError, ValueError, TypeError, KeyError, yaml.YAMLError):
-        return []
+        with metadata.open('rb') as file:
+            content = load_plain_yaml(file.read(_LARGEST_METADATA))
+    except (FileNotFoundError, PlainYamlError):
+        return {}
+    information = content.get('rosbag2_bagfile_information') if isinstance(content, dict) else None
+    return information if isinstance(information, dict) else {}
 
 
 def natural_order(path: Path) -> list[tuple[int, str]]:

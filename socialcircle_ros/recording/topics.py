@@ -66,6 +66,36 @@ class Topic:
         return self.metadata.get('topic_type_hash', '')
 
 
+class Attachment(NamedTuple):
+    """A file that is kept in a recording.
+
+    Attributes:
+        name: of the file.
+        media_type: such as `text/yaml`; may be empty.
+        data: its content.
+        log_time: when it was recorded, ns since 1970.
+        create_time: when it was made, ns since 1970; 0 if unknown.
+    """
+
+    name: str
+    media_type: str
+    data: bytes
+    log_time: int
+    create_time: int
+
+
+class MetadataRecord(NamedTuple):
+    """A record of texts that belongs to a recording as a whole.
+
+    Attributes:
+        name: of the record.
+        entries: texts by their names.
+    """
+
+    name: str
+    entries: dict[str, str]
+
+
 class Message(NamedTuple):
     """One recorded message.
 

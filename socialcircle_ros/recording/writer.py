@@ -13,7 +13,7 @@ from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_targe
 
 from .mcap_output import LAST_TIME, Compression, McapOutput
 from .metadata import FileContents, bag_information, to_yaml
-from .topics import Message, Topic
+from .topics import Attachment, Message, MetadataRecord, Topic
 
 _LAST_SEQUENCE = 2**32 - 1
 _NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
@@ -66,7 +66,7 @@ class RecordingWriter:
         self._max_bytes = max_bytes or float('inf')
         self._max_duration = max_duration_s * 1e9 or float('inf')
         self._topics: dict[str, Topic] = {}
-        self._waiting: list[Topic] = []  # to be written before the next message
+        self._waiting: dict[str, Topic] = {}  # to be written before the next message
         self._finished: list[FileContents] = []
         self._closed = False
         self._reserve: Reserve | None = None
@@ -93,27 +93,50 @@ class RecordingWriter:
         """The number of messages that have been written so far."""
         return self._file.message_count + sum(file.message_count for file in self._finished)
 
-    def add_topic(self, topic: Topic) -> None:
+    def add_topic(self, topic: Topic, name: str | None = None) -> None:
         """Add a topic, made by `ros_topic` or taken from a reader.
 
         The topic is written as it is, with one exception: QoS policies that an older rosbag2 wrote as numbers
         become words, because rosbag2 of Jazzy reads only words.
 
+        Args:
+            topic: the topic.
+            name: the name under which `write` gets its messages, if a reader has it under another name.
+
         Raises:
             RecordingError: a different topic with this name was added before, or the disk is full.
         """
-        if topic.name in self._topics:
-            if topic != self._topics[topic.name]:
-                raise RecordingError(
-                    f'{self.path} cannot hold two different topics named {topic.name}: rename one.'
-                )
+        name = name or topic.name
+        if name in self._topics:
+            if topic != self._topics[name]:
+                raise RecordingError(f'{self.path} cannot hold two different topics named {name}: rename one.')
             return
         try:
-            self._file.expect([topic])
+            self._file.expect({name: topic})
         except OSError as error:
             raise self._failure(error) from error
-        self._waiting.append(topic)
-        self._topics[topic.name] = topic
+        self._waiting[name] = self._topics[name] = topic
+
+    def add_attachment(self, attachment: Attachment) -> None:
+        """Add an attachment, before the first message.
+
+        Raises:
+            RecordingError: a message was written before.
+        """
+        if self.message_count:
+            raise RecordingError(f'{self.path} takes no attachment after a message: add attachments first.')
+        self._file.add(attachment)
+
+    def add_metadata(self, record: MetadataRecord) -> None:
+        """Add a metadata record. The one with the name `rosbag2` is written by `close`.
+
+        Raises:
+            RecordingError: the disk is full.
+        """
+        try:
+            self._file.add(record)
+        except OSError as error:
+            raise self._failure(error) from error
 
     def write(
         self,
@@ -153,7 +176,7 @@ class RecordingWriter:
                 self._begin_next_file()
             # mcap drops topics at the end of a file that no message follows, but its index still names them. So
             # topics are written just before a message; one that is added after the last is in the metadata only.
-            waiting, self._waiting = self._waiting, []
+            waiting, self._waiting = self._waiting, {}
             # mcap's annotation says bytes, but it copies any buffer.
             payload = cast('bytes', data)
             self._file.write(Message(topic, payload, log_time, publish_time, sequence), waiting)
@@ -240,8 +263,7 @@ class RecordingWriter:
         else:
             name = f'{name}_{len(self._finished)}.mcap'
             descriptor = self._descriptor = os.open(self._unfinished.path / name, _NEW_FILE, 0o666)
-        topics = list(self._topics.values())
-        return McapOutput(name, descriptor, self._compression, self._reserve, topics, len(self._finished))
+        return McapOutput(name, descriptor, self._compression, self._reserve, self._topics, len(self._finished))
 
     def _is_file_full(self, log_time: int) -> bool:
         """Whether a message belongs to the next file."""
@@ -250,15 +272,14 @@ class RecordingWriter:
         )
 
     def _begin_next_file(self) -> None:
-        topics = list(self._topics.values())
-        self._file.finish(topics)
+        self._file.finish(self._topics)
         if self._reserve is not None and self._reserve.used:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self._finished.append(self._file.contents)
         os.close(self._descriptor)
         self._descriptor = -1
         self._file = self._begin_file()
-        self._waiting = topics
+        self._waiting = dict(self._topics)
 
     def _complete(self) -> None:
         """Write the index and the metadata, and give the recording its name.
@@ -267,7 +288,7 @@ class RecordingWriter:
             OSError: this cannot be done.
             RecordingError: the name is taken; with `keep`, the recording has another name.
         """
-        self._file.finish(list(self._topics.values()))
+        self._file.finish(self._topics)
         self._release()
         if not self._is_file:
             self._write_metadata()
@@ -280,7 +301,7 @@ class RecordingWriter:
         if self._finished and not self._file.message_count:
             files.pop()  # the disk was full when this file had begun
             (self._unfinished.path / self._file.name).unlink()
-        information = bag_information(list(self._topics.values()), files)
+        information = bag_information(self._topics, files)
         text = to_yaml({'rosbag2_bagfile_information': information})
         with os.fdopen(os.open(self._unfinished.path / 'metadata.yaml', _NEW_FILE, 0o666), 'wb') as stream:
             stream.write(text.encode())

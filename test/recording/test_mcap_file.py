@@ -11,7 +11,7 @@ from mcap.stream_reader import StreamReader
 from recording.samples import SMALL, read, some_messages, write_mcap
 
 from socialcircle_ros.errors import RecordingError
-from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording import Message, open_recording
 from socialcircle_ros.recording.mcap_file import McapFile
 
 LAYOUTS = {
@@ -181,6 +181,26 @@ def test_a_huge_length_allocates_little_memory(tmp_path):
     assert peak < 5e6
 
 
+@pytest.mark.parametrize('method', ['LZ4', 'ZSTD'])
+@pytest.mark.parametrize('indexed', [True, False])
+@pytest.mark.parametrize('stated', [2 * 10**9, 1000])
+def test_a_chunk_that_would_fill_the_memory_is_damage(tmp_path, method, indexed, stated):
+    """A chunk of 100 MB in some kilobytes, that states a size above the limit, or less than it is."""
+    big = Message('/points', bytes(10**8), 1, 1, 0)
+    path = write_mcap(tmp_path / 'a.mcap', [big], compression=method, topics=SMALL, chunk_size=10**9)
+    span = McapFile(path).spans[0]
+    content = bytearray(path.read_bytes())
+    content[span.offset + 25 : span.offset + 33] = stated.to_bytes(8, 'little')
+    path.write_bytes(content if indexed else content[: span.offset + span.length])
+    tracemalloc.start()
+    found, damage = read(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found == []
+    assert ('expands to 2000 MB, above the limit' if stated > 10**9 else 'length of a chunk') in damage
+    assert peak < 5e6
+
+
 @pytest.mark.parametrize('compression', ['NONE', 'LZ4', 'ZSTD'])
 def test_memory_does_not_grow_with_the_recording(tmp_path, compression):
     def peak(count):
@@ -203,7 +223,12 @@ def test_memory_does_not_grow_with_the_recording(tmp_path, compression):
     [
         (b'', r'is empty: the recorder ended'),
         (b'SQLite format 3\0' + bytes(100), r'is an sqlite3 bag: .* `ros2 bag convert`'),
-        (b'#ROSBAG V2.0\n' + bytes(100), r'is not an MCAP file'),
+        (b'#ROSBAG V2.0\n' + bytes(100), r'is a bag of ROS 1: .* `rosbags-convert`'),
+        (b'\x1f\x8b\x08' + bytes(100), r'is compressed with gzip: .*`gzip -d`'),
+        (b'\x04\x22\x4d\x18' + bytes(100), r'is compressed with lz4: .*`lz4 -d`'),
+        (b'BZh91AY' + bytes(100), r'is compressed with bzip2'),
+        (b'\xfd7zXZ\0' + bytes(100), r'is compressed with xz'),
+        (b'PK\x03\x04' + bytes(100), r'is a zip archive'),
         (b'\x89MCAP', r'is not an MCAP file'),
     ],
 )

@@ -1,12 +1,15 @@
 import os
 
+import lz4.frame
 import pytest
+import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 from recording.samples import CLOCK, POINTS, SMALL, read, small_topic, some_messages, write, write_mcap
 
 from socialcircle_ros.errors import RecordingError
-from socialcircle_ros.recording import Message, open_recording, reader
+from socialcircle_ros.recording import Message, RecordingWriter, Topic, open_recording, reader
+from socialcircle_ros.recording.topics import Attachment, MetadataRecord
 
 times = st.lists(st.integers(0, 30), max_size=60)
 
@@ -93,6 +96,140 @@ def test_invalid_metadata_is_ignored(tmp_path):
     assert read(folder) == (some_messages(), None)
 
 
+def test_metadata_with_aliases_is_ignored(tmp_path):
+    folder = split_bag(tmp_path / 'bag', some_messages())
+    bomb = ''.join(f'a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n' for i in range(1, 60))
+    (folder / 'metadata.yaml').write_text(f'a0: &a0 [x]\n{bomb}')
+    assert read(folder) == (some_messages(), None)
+
+
+def compressed(path, *, keep=False):
+    """Compress a file as rosbag2 does with `--compression-mode file`."""
+    packed = path.with_name(f'{path.name}.zstd')
+    packed.write_bytes(zstandard.compress(path.read_bytes()))
+    if not keep:
+        path.unlink()
+    return packed
+
+
+def test_a_file_that_is_compressed_as_a_whole_is_read(tmp_path):
+    messages = [message._replace(data=os.urandom(10_000)) for message in some_messages()]
+    path = compressed(write_mcap(tmp_path / 'a.mcap', messages, topics=SMALL))
+    assert read(path) == (messages, None)
+    path.write_bytes(path.read_bytes()[:300_000])
+    found, damage = read(path)
+    assert found == messages[: len(found)]
+    assert len(found) > 10
+    assert damage.startswith(str(path))
+
+
+@pytest.mark.parametrize('listed', ['{name}', '{name}.zstd', None])
+@pytest.mark.parametrize('decompressed', ['none', 'one', 'one in part', 'all'])
+def test_a_directory_of_compressed_files_is_read_however_far_it_is_decompressed(tmp_path, listed, decompressed):
+    messages = some_messages(60)
+    folder = split_bag(tmp_path / 'bag', messages)
+    files = sorted(folder.glob('*.mcap'))
+    for number, file in enumerate(files):
+        if decompressed == 'one in part' and number == 1 and listed != '{name}':
+            compressed(file, keep=True)
+            file.write_bytes(file.read_bytes()[:300])
+        elif decompressed == 'none' or (decompressed == 'one' and number != 1):
+            compressed(file)
+    metadata = folder / 'metadata.yaml'
+    if listed is None:
+        metadata.unlink()
+    else:
+        names = ''.join(f'  - {listed.format(name=file.name)}\n' for file in files)
+        metadata.write_text(
+            f'rosbag2_bagfile_information:\n  compression_mode: FILE\n  relative_file_paths:\n{names}'
+        )
+    assert read(folder) == (messages, None)
+
+
+def bag_by_message(folder, messages, kind='zstd', pack=zstandard.compress):
+    folder.mkdir()
+    write_mcap(folder / 'a_0.mcap', [m._replace(data=pack(m.data)) for m in messages], topics=SMALL)
+    (folder / 'metadata.yaml').write_text(
+        f'rosbag2_bagfile_information: {{compression_mode: MESSAGE, compression_format: {kind},'
+        ' relative_file_paths: [a_0.mcap]}'
+    )
+    return folder
+
+
+def test_messages_that_are_compressed_one_by_one_are_read(tmp_path):
+    messages = some_messages()
+    folder = bag_by_message(tmp_path / 'bag', messages)
+    assert read(folder) == (messages, None)
+    assert read(folder / 'a_0.mcap') == (messages, None)
+
+
+def test_another_compression_of_messages_is_named(tmp_path):
+    folder = bag_by_message(tmp_path / 'bag', some_messages(), 'lz4', lz4.frame.compress)
+    with pytest.raises(RecordingError, match='is compressed message by message with lz4: convert it'):
+        open_recording(folder)
+
+
+EXTRAS = (
+    Attachment('calibration.yaml', 'text/yaml', b'pitch: 1e-6\n', 5, 6),
+    Attachment('empty', '', b'', 0, 0),
+    MetadataRecord('site', {'cell': '7', 'operator': ''}),
+    MetadataRecord('site', {}),
+)
+
+
+@pytest.mark.parametrize('count', [0, 40])
+@pytest.mark.parametrize('indexed', [True, False])
+def test_attachments_and_metadata_records_are_read_as_they_were_written(tmp_path, count, indexed):
+    path = tmp_path / 'a.mcap'
+    with RecordingWriter(path) as writer:
+        writer.add_topic(POINTS)
+        writer.add_topic(CLOCK)
+        for extra in EXTRAS:
+            (writer.add_attachment if isinstance(extra, Attachment) else writer.add_metadata)(extra)
+        for message in some_messages(count):
+            writer.write(*message)
+    if not indexed:
+        path.write_bytes(path.read_bytes()[:-50])
+    with open_recording(path) as recording:
+        assert (*recording.attachments(), *recording.metadata()) == EXTRAS
+        assert list(recording.messages()) == some_messages(count)
+        assert recording.topics.keys() == {'/points', '/clock'}
+        assert (recording.damage is None) == indexed
+
+
+def test_a_damaged_attachment_is_told(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with RecordingWriter(path) as writer:
+        writer.add_topic(POINTS)
+        writer.add_attachment(EXTRAS[0])
+        writer.write('/points', b'x', 1)
+    path.write_bytes(path.read_bytes().replace(b'pitch', b'patch'))
+    with open_recording(path) as recording:
+        assert list(recording.attachments()) == []
+        assert 'an attachment' in recording.damage
+        assert len(list(recording.messages())) == 1
+
+
+def test_attachments_come_before_the_messages(tmp_path):
+    with RecordingWriter(tmp_path / 'a.mcap') as writer:
+        writer.add_topic(POINTS)
+        writer.write('/points', b'x', 1)
+        writer.add_metadata(EXTRAS[2])
+        with pytest.raises(RecordingError, match='add attachments first'):
+            writer.add_attachment(EXTRAS[0])
+    with open_recording(tmp_path / 'a.mcap') as recording:
+        assert list(recording.metadata()) == [EXTRAS[2]]
+
+
+def test_a_refusal_tells_the_damage(tmp_path):
+    path = write_mcap(tmp_path / 'a.mcap', some_messages(), topics=SMALL)
+    with open_recording(path) as recording:
+        assert str(recording.refusal('No clouds.')) == 'No clouds.'
+    path.write_bytes(path.read_bytes()[:300])
+    with open_recording(path) as recording:
+        assert str(recording.refusal('No clouds.')) == f'No clouds. {recording.damage}'
+
+
 def test_a_missing_part_is_named(tmp_path):
     folder = split_bag(tmp_path / 'bag', some_messages())
     (folder / 'bag_2.mcap').unlink()
@@ -104,7 +241,9 @@ def test_a_missing_part_is_named(tmp_path):
     ('name', 'sentence'),
     [
         ('bag_0.db3', 'is an sqlite3 bag: convert it to MCAP'),
-        ('bag_0.mcap.zstd', 'is compressed file by file'),
+        ('bag_0.db3.zstd', 'is an sqlite3 bag: convert it to MCAP'),
+        ('bag_0.mcap.zstd', 'is not an MCAP file'),
+        ('._bag_0.mcap', 'holds no recording: give a directory'),
         ('notes.txt', 'holds no recording: give a directory'),
     ],
 )
@@ -127,13 +266,46 @@ def test_a_file_without_read_permission_is_refused(tmp_path):
         open_recording(path)
 
 
-def test_two_types_on_one_topic_are_refused(tmp_path):
-    folder = tmp_path / 'bag'
+def other_type(name, kind='test_msgs/msg/Other', encoding='cdr'):
+    return Topic(name, kind, b'uint8 b', 'ros2msg', encoding, {})
+
+
+def test_messages_of_another_type_on_a_topic_are_kept_apart_under_a_name_of_their_own(tmp_path):
+    folder, messages = tmp_path / 'bag', some_messages(4)
     folder.mkdir()
-    write_mcap(folder / 'bag_0.mcap', some_messages(2), topics=SMALL)
-    write_mcap(folder / 'bag_1.mcap', some_messages(2), topics=(POINTS, CLOCK))
-    with pytest.raises(RecordingError, match=r'two types, .* on /points'):
-        open_recording(folder)
+    write_mcap(folder / 'bag_0.mcap', messages, topics=SMALL)
+    write_mcap(
+        folder / 'bag_1.mcap', messages, topics=[other_type('/points'), other_type('/clock', encoding='json')]
+    )
+    with open_recording(folder) as recording:
+        assert list(recording.topics) == ['/points', '/clock', '/points#2', '/clock#2']
+        assert recording.topics['/points#2'] == other_type('/points')
+        assert [m.topic for m in recording.messages()] == ['/points', '/points#2', '/clock', '/clock#2'] * 2
+        assert [m.topic for m in recording.messages(['/points'])] == ['/points'] * 2
+        with RecordingWriter(tmp_path / 'copy.mcap') as writer:
+            for name, topic in recording.topics.items():
+                writer.add_topic(topic, name)
+            for message in recording.messages():
+                writer.write(*message)
+    with open_recording(tmp_path / 'copy.mcap') as copy, open_recording(folder) as recording:
+        assert copy.topics.keys() == recording.topics.keys()
+        assert [m.topic for m in copy.messages()] == [m.topic for m in recording.messages()]
+
+
+@pytest.mark.parametrize(
+    ('recorded', 'encoding', 'kind'),
+    [
+        ('sensor_msgs/PointCloud2', 'cdr', 'sensor_msgs/msg/PointCloud2'),
+        ('sensor_msgs/msg/PointCloud2', 'cdr', 'sensor_msgs/msg/PointCloud2'),
+        ('sensor_msgs/PointCloud2', 'json', 'sensor_msgs/PointCloud2'),
+        ('a/srv/B', 'cdr', 'a/srv/B'),
+        ('PointCloud2', 'cdr', 'PointCloud2'),
+    ],
+)
+def test_types_have_the_names_of_ros_2(tmp_path, recorded, encoding, kind):
+    topics = [other_type('/points', recorded, encoding), other_type('/clock')]
+    with open_recording(write_mcap(tmp_path / 'a.mcap', some_messages(2), topics=topics)) as recording:
+        assert recording.topics['/points'].type == kind
 
 
 def test_a_recording_of_ros_1_is_refused(tmp_path):
