@@ -1,11 +1,14 @@
 """Known outliers of a recording: from recorded truth masks, or from the true surface of a simulated stack."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from socialcircle_ros.cloud import Mask
+from socialcircle_ros.errors import MessageError
+from socialcircle_ros.messages import diagnostics, image, point_cloud
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.header import stamp_of
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
@@ -46,13 +49,13 @@ def truths_of(reader: RecordingReader) -> Truths:
     clouds are compared with the true surface that `socialcircle simulate` writes, if the recording has one of
     their size.
     """
-    names = [name for name in reader.topics if name.endswith(MASK)]
-    masks = {
-        (message.topic.removesuffix(MASK), stamp_of(message.data)): message.data
-        for message in reader.messages(names)
-    }
-    surface = next((message.data for message in reader.messages([SURFACE])), None)
-    description = next((message.data for message in reader.messages([DESCRIPTION])), None)
+    names = [name for name in reader.topics if name.endswith(MASK) and _has_type(reader, name, image.TYPE)]
+    masks = {}
+    for message in reader.messages(names):
+        with suppress(MessageError):  # a message that is no image has no cloud
+            masks[message.topic.removesuffix(MASK), stamp_of(message.data)] = message.data
+    surface = _first(reader, SURFACE, point_cloud.TYPE)
+    description = _first(reader, DESCRIPTION, diagnostics.TYPE)
 
     def truth_of(namespace: str, message: bytes) -> RecordedTruth | None:
         cloud = PointCloud.decode(message)
@@ -63,9 +66,22 @@ def truths_of(reader: RecordingReader) -> Truths:
                 return RecordedTruth(mask == OUTLIER, mask != NOT_MEASURED)
         if surface is None or description is None:
             return None
-        return _compared_with_surface(cloud, PointCloud.decode(surface), Status.decode(description))
+        with suppress(MessageError, KeyError, ValueError):  # topics of other programs with these names
+            return _compared_with_surface(cloud, PointCloud.decode(surface), Status.decode(description))
+        return None
 
     return truth_of
+
+
+def _has_type(reader: RecordingReader, name: str, kind: str) -> bool:
+    return name in reader.topics and reader.topics[name].type == kind
+
+
+def _first(reader: RecordingReader, name: str, kind: str) -> bytes | None:
+    """The first message on a topic of a type."""
+    if not _has_type(reader, name, kind):
+        return None
+    return next((message.data for message in reader.messages([name])), None)
 
 
 def _compared_with_surface(cloud: PointCloud, surface: PointCloud, description: Status) -> RecordedTruth | None:

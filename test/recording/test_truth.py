@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from examples import cloud
 
-from socialcircle_ros.messages import image, point_cloud
+from socialcircle_ros.messages import diagnostics, image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
 from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
@@ -57,4 +58,22 @@ def test_a_recording_without_truth_gives_none(tmp_path):
     with RecordingWriter(tmp_path / 'night.mcap') as writer:
         writer.add_topic(ros_topic('/points', point_cloud.TYPE))
         writer.write('/points', cloud(), 1)
+    assert truth_of(tmp_path / 'night.mcap', cloud()) is None
+
+
+@pytest.mark.parametrize('kind', [diagnostics.TYPE, point_cloud.TYPE, image.TYPE])
+def test_topics_of_other_programs_with_these_names_refuse_nothing(tmp_path, kind):
+    with RecordingWriter(tmp_path / 'night.mcap') as writer:
+        for name in (NAME, '/truth/surface', '/truth/description'):
+            writer.add_topic(ros_topic(name, kind))
+            writer.write(name, b'\0\1\0\0', 1)
+    assert truth_of(tmp_path / 'night.mcap', cloud(), '/cell') is None
+
+
+def test_a_description_without_bounds_gives_no_truth(tmp_path):
+    with RecordingWriter(tmp_path / 'night.mcap') as writer:
+        writer.add_topic(ros_topic('/truth/surface', point_cloud.TYPE))
+        writer.add_topic(ros_topic('/truth/description', diagnostics.TYPE))
+        writer.write('/truth/surface', cloud(), 1)
+        writer.write('/truth/description', diagnostics.Status(diagnostics.OK, 'a', 'b', 'c', {}).encode(), 1)
     assert truth_of(tmp_path / 'night.mcap', cloud()) is None
