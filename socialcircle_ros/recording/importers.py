@@ -1,8 +1,5 @@
 """Organized clouds from measurement files: `.npz` height maps, PLY and PCD."""
 
-import zipfile
-import zlib
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar, cast
@@ -15,9 +12,17 @@ from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file
 from socialcircle_ros.formats.points import comments_of
 
-from .point_files import Column, PointTable, read_pcd, read_ply
+from .npz import Npz, open_npz
+from .pcd import read_pcd
+from .ply import read_ply
+from .point_table import Column, PointTable
+
+Coordinates = NDArray[np.float32] | NDArray[np.float64]
 
 _Number = TypeVar('_Number', bound=np.generic)
+_OWN_ARRAYS = {'z', 'x', 'y', 'dx', 'dy', 'unit'}
+_HEIGHT_MAP = 'a height map needs z (rows, columns), and the pitches dx and dy in µm or its own x and y'
+_SAME_PITCH = 1e-3  # relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +34,14 @@ class ImportedCloud:
         points: (rows, columns, 3) float32 or float64, x, y and z; NaN where a point was not measured.
         fields: the other values of each point by name, (rows, columns) each.
         unit: of the coordinates; None if the file does not name it.
+        notes: what was not taken as it stands, one sentence each.
     """
 
     name: str
     points: Cloud
     fields: dict[str, Column]
     unit: str | None
+    notes: tuple[str, ...] = ()
 
 
 def import_cloud(
@@ -47,8 +54,9 @@ def import_cloud(
     """Read an organized cloud from a file.
 
     An `.npz` height map has heights `z` (rows, columns) and the pitches `dx` and `dy`, all in one unit: µm, unless
-    `unit` names another. x is column · dx, y is row · dy. Other arrays of the same size become fields, as do the
-    planes of an array (planes, rows, columns).
+    `unit` names another. x is column · dx, y is row · dy; or the file has its own `x` and `y`, one value for each
+    column and row or one for each point. Other arrays of the same size become fields, as do the planes of an array
+    (planes, rows, columns). Other arrays are not loaded.
 
     Args:
         path: an `.npz`, `.ply` or `.pcd` file, or one of the formats of `formats.FORMATS`.
@@ -76,62 +84,72 @@ def import_cloud(
     return cloud
 
 
-def load_npz(path: Path) -> dict[str, Column]:
-    """Load the arrays of an `.npz` archive.
+def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
+    with open_npz(path) as archive:
+        if 'frames' in archive.headers:
+            raise ImportFileError(
+                f'{path} holds a focus stack, not a height map: import it by itself, with --pitch and --z-step.'
+            )
+        if 'z' not in archive.headers:
+            raise ImportFileError(f"{path} has no array 'z': {_HEIGHT_MAP}.")
+        header = archive.headers['z']
+        if len(header.shape) != 2 or 0 in header.shape or header.dtype.kind not in 'fiu':
+            raise ImportFileError(
+                f'{path} has an array z with shape {header.shape} and type {header.dtype}: it must hold numbers in'
+                ' rows and columns.'
+            )
+        rows, columns = header.shape
+        if shape is not None and shape != (rows, columns):
+            raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
+        z = _as_coordinates(path, 'z', archive.load('z'))
+        fields = _Fields((rows, columns))
+        x, y = _lateral(archive, rows, columns)
+        kind = np.result_type(x, y, z) if 'x' in archive.headers else z.dtype
+        points = np.empty((rows, columns, 3), kind)
+        points[..., 0], points[..., 1], points[..., 2] = x, y, z
+        unit = str(archive.load('unit')) if 'unit' in archive.headers else 'um'
+        for name in archive.headers:
+            if name not in _OWN_ARRAYS:
+                fields.add_array(archive, name)
+    return _checked(path, ImportedCloud(path.stem, points, fields.by_name, unit, tuple(fields.notes)))
+
+
+def _lateral(archive: Npz, rows: int, columns: int) -> tuple[Coordinates, Coordinates]:
+    """The coordinates x and y of a height map: its own, or those of the pitches.
+
+    Returns:
+        Arrays that fit (rows, columns).
 
     Raises:
-        ImportFileError: the file is not such an archive, or is cut off.
+        ImportFileError: they are missing, do not fit, or contradict each other.
     """
-    # zipfile raises a RuntimeError for an encrypted archive, and for one with an unknown compression.
-    with suppress(ValueError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error):
-        archive = np.load(path, allow_pickle=False)
-        if isinstance(archive, np.lib.npyio.NpzFile):
-            with archive:
-                return {key: archive[key] for key in archive.files}
-    raise ImportFileError(f'{path} is not an .npz archive of numbers, or is cut off: save it again.')
-
-
-def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
-    arrays = load_npz(path)
-    if 'frames' in arrays:
+    path = archive.path
+    own = [name for name in ('x', 'y') if name in archive.headers]
+    if not own:
+        for key in ('dx', 'dy'):
+            if key not in archive.headers:
+                raise ImportFileError(f'{path} has no array {key!r}: {_HEIGHT_MAP}.')
+        dx, dy = (_pitch(path, key, archive.load(key)) for key in ('dx', 'dy'))
+        return np.arange(columns) * dx, np.arange(rows)[:, np.newaxis] * dy
+    shapes = [archive.headers[name].shape for name in own]
+    if shapes not in ([(columns,), (rows,)], [(rows, columns)] * 2):
+        listed = ' and '.join(f'{name} {shape}' for name, shape in zip(own, shapes, strict=True))
         raise ImportFileError(
-            f'{path} holds a focus stack, not a height map: import it by itself, with --pitch and --z-step.'
+            f'{path} has {listed}, which do not fit z ({rows}, {columns}): x needs one value for each column and y'
+            ' one for each row, or both one for each point.'
         )
-    for key in ('z', 'dx', 'dy'):
-        if key not in arrays:
-            raise ImportFileError(
-                f'{path} has no array {key!r}: a height map needs z (rows, columns), dx and dy, the pitches in µm.'
-            )
-    heights = arrays.pop('z')
-    if heights.ndim != 2 or heights.size == 0 or heights.dtype.kind not in 'fiu':
-        raise ImportFileError(
-            f'{path} has an array z with shape {heights.shape} and type {heights.dtype}: it must hold numbers in'
-            ' rows and columns.'
-        )
-    rows, columns = heights.shape
-    if shape is not None and shape != (rows, columns):
-        raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
-    dx, dy = (_pitch(path, key, arrays.pop(key)) for key in ('dx', 'dy'))
-    unit = str(arrays.pop('unit', 'um'))
-    z = _as_coordinates(heights)
-    points = np.empty((rows, columns, 3), z.dtype)
-    points[..., 0] = np.arange(columns) * dx
-    points[..., 1] = np.arange(rows)[:, np.newaxis] * dy
-    points[..., 2] = z
-    return _checked(path, ImportedCloud(path.stem, points, _fields_of(arrays, (rows, columns)), unit))
-
-
-def _fields_of(arrays: dict[str, Column], shape: tuple[int, int]) -> dict[str, Column]:
-    """The arrays, and planes of arrays, that have the shape of the height map."""
-    fields = {}
-    for name, array in arrays.items():
-        if array.shape[-2:] != shape or array.dtype.kind not in 'fiub':
-            continue
-        if array.ndim == 2:
-            fields[name] = _as_field(array)
-        elif array.ndim == 3:
-            fields |= {f'{name}_{plane}': _as_field(values) for plane, values in enumerate(array)}
-    return fields
+    x, y = (_as_coordinates(path, name, archive.load(name)) for name in own)
+    if x.ndim == 1:
+        y = y[:, np.newaxis]
+    for key, values, axis in (('dx', x, -1), ('dy', y, 0)):
+        if key in archive.headers and values.shape[axis] > 1:
+            steps = np.abs(np.diff(values.astype(np.float64), axis=axis))
+            pitch, found = _pitch(path, key, archive.load(key)), np.nanmedian(steps)
+            if not np.isclose(found, pitch, rtol=_SAME_PITCH):
+                raise ImportFileError(
+                    f'{path} has {key} {pitch:g}, but its own {key[1]} is {found:g} apart: remove one of these.'
+                )
+    return x, y
 
 
 def _pitch(path: Path, key: str, value: Column) -> float:
@@ -166,15 +184,17 @@ def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
         if axis not in table.columns or table.columns[axis].ndim != 1:
             raise ImportFileError(f'{path} has no coordinate {axis!r} for its points: save it with x, y and z.')
     grid = _Grid(path, table, shape)
-    coordinates = [_as_coordinates(table.columns.pop(axis)) for axis in 'xyz']
+    coordinates = [_as_coordinates(path, axis, table.columns.pop(axis)) for axis in 'xyz']
     points = cast('Cloud', np.stack([grid.place(values, np.nan) for values in coordinates], axis=-1))
-    fields: dict[str, Column] = {}
+    fields = _Fields(grid.shape)
     for name, values in table.columns.items():
         if values.ndim == 1:
-            fields[name] = grid.place(_as_field(values), 0)
+            fields.add(name, grid.place(values, 0))
         else:
-            fields |= {f'{name}_{i}': grid.place(_as_field(values[:, i]), 0) for i in range(values.shape[1])}
-    return _checked(path, ImportedCloud(path.stem, points, fields, comments_of(path).get('unit')))
+            for place in range(values.shape[1]):
+                fields.add(f'{name}_{place}', grid.place(values[:, place], 0))
+    notes = (*table.notes, *fields.notes)
+    return _checked(path, ImportedCloud(path.stem, points, fields.by_name, comments_of(path).get('unit'), notes))
 
 
 class _Grid:
@@ -194,33 +214,99 @@ class _Grid:
             raise ImportFileError(f'{path} has {count} points, which are not {found[0]} × {found[1]}.')
         if table.places is not None and table.places.max() >= count:
             raise ImportFileError(f'{path} has a range_grid that names missing points: save it again.')
-        self._shape = found
+        self.shape = found
         self._places = table.places
 
     def place(self, values: NDArray[_Number], empty: float) -> NDArray[_Number]:
         """Arrange values (N,) in rows and columns; a place without a point gets the value `empty`."""
         if self._places is None:
-            return values.reshape(self._shape)
+            return values.reshape(self.shape)
         placed = np.full(self._places.shape, empty, values.dtype)
         occupied = self._places >= 0
         placed[occupied] = values[self._places[occupied]]
-        return placed.reshape(self._shape)
+        return placed.reshape(self.shape)
 
 
-def _as_coordinates(values: Column) -> NDArray[np.float32] | NDArray[np.float64]:
-    """Convert to float32 if that holds every value of the type, as it does for half floats; else to float64."""
-    small = values.dtype.kind == 'f' and values.dtype.itemsize <= 4
-    return values.astype(np.float32) if small else values.astype(np.float64)
+class _Fields:
+    """The values of each point beside its coordinates, in types that a PointCloud2 can hold."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._shape = shape
+        self.by_name: dict[str, Column] = {}
+        self.notes: list[str] = []
+
+    def add_array(self, archive: Npz, name: str) -> None:
+        """Add an array of the size of the cloud, or each plane of it; note which arrays are passed over."""
+        shape, dtype = archive.headers[name]
+        if shape[-2:] != self._shape or len(shape) not in (2, 3) or dtype.kind not in 'fiub':
+            self.notes.append(f'the array {name} with shape {shape} and type {dtype} is passed over')
+            return
+        values = archive.load(name)
+        if values.ndim == 2:
+            self.add(name, values)
+        else:
+            for plane, part in enumerate(values):
+                self.add(f'{name}_{plane}', part)
+
+    def add(self, name: str, values: Column) -> None:
+        """Add values (rows, columns)."""
+        kind, size = values.dtype.kind, values.dtype.itemsize
+        if kind == 'b':
+            self._add(name, values.astype(np.uint8))
+        elif kind in 'iu' and size <= 4:
+            self._add(name, values.astype(f'{kind}{size}'))
+        elif kind == 'f' and size <= 4:
+            self._add(name, values.astype(np.float32))
+        elif _is_exact(real := values.astype(np.float64), values):
+            self._add(name, real)
+        elif kind == 'f':
+            self._add(name, real)
+            self.notes.append(f'{name} has {8 * size} bits, of which 64 are kept')
+        else:
+            self._add(f'{name}_high', (values >> np.asarray(32, values.dtype)).astype(f'{kind}4'))
+            self._add(f'{name}_low', (values & np.asarray(0xFFFFFFFF, values.dtype)).astype(np.uint32))
+            self.notes.append(
+                f'{name} has 64-bit whole numbers, which no field holds: it becomes {name}_high · 2³² + {name}_low'
+            )
+
+    def _add(self, name: str, values: Column) -> None:
+        free, number = name, 1
+        while free in self.by_name or free in ('x', 'y', 'z'):
+            number += 1
+            free = f'{name}_{number}'
+        if free != name:
+            self.notes.append(f'the field {name} becomes {free}, because there is one with its name')
+        self.by_name[free] = values
 
 
-def _as_field(values: Column) -> Column:
-    """Convert to a type that a PointCloud2 can hold, in native byte order."""
-    kind, size = values.dtype.kind, values.dtype.itemsize
-    if kind == 'b':
-        return values.astype(np.uint8)
-    if kind in 'iu' and size <= 4:
-        return values.astype(f'{kind}{size}')
-    return _as_coordinates(values)
+def _as_coordinates(path: Path, name: str, values: Column) -> Coordinates:
+    """Convert to float32 if that holds every value of the type, as it does for half floats; else to float64.
+
+    Raises:
+        ImportFileError: these are no numbers, or float64 does not hold them all.
+    """
+    if values.dtype.kind not in 'fiu':
+        raise ImportFileError(f'{path} has {values.dtype} in {name!r}: it must hold numbers.')
+    if values.dtype.kind == 'f' and values.dtype.itemsize <= 4:
+        return values.astype(np.float32)
+    real = values.astype(np.float64)
+    if values.dtype.kind in 'iu' and not _is_exact(real, values):
+        raise ImportFileError(
+            f'{path} has 64-bit whole numbers in {name!r} that lose digits as coordinates: subtract an offset.'
+        )
+    return real
+
+
+def _is_exact(real: NDArray[np.float64], values: Column) -> bool:
+    """Whether float64 holds all values."""
+    if values.dtype.kind == 'f':
+        return bool(np.array_equal(real.astype(values.dtype), values, equal_nan=True))
+    if values.dtype.itemsize <= 4:
+        return True
+    # 2⁶³ and 2⁶⁴ are floats, but not whole numbers of 64 bits, and must not be converted back.
+    limits = np.iinfo(np.int64 if values.dtype.kind == 'i' else np.uint64)
+    inside = (real >= float(limits.min)) & (real < float(limits.max))
+    return bool(inside.all()) and bool(np.array_equal(real.astype(values.dtype), values))
 
 
 def _checked(path: Path, cloud: ImportedCloud) -> ImportedCloud:

@@ -1,11 +1,16 @@
 import os
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.recording import import_cloud
+from socialcircle_ros.recording.compression import LIMIT_VARIABLE
 
 Z = np.array([[1, 2, 3], [4, np.nan, 6]], np.float32)
 DATA = os.environ.get('SOCIALCIRCLE_DATA')
@@ -90,10 +95,133 @@ def test_an_archive_cut_off_at_any_byte_is_refused(tmp_path):
             import_cloud(tmp_path / 'cut.npz')
 
 
-def test_pickled_objects_are_refused(tmp_path):
-    np.savez(tmp_path / 'a.npz', z=np.array([object()], dtype=object), allow_pickle=True)
-    with pytest.raises(ImportFileError, match=r'is not an \.npz archive of numbers'):
+def test_objects_are_never_loaded_and_refused_only_where_numbers_are_needed(tmp_path):
+    objects = np.array([[object()] * 3] * 2, dtype=object)
+    cloud = import_cloud(npz(tmp_path / 'a.npz', meta=objects, note='x', other=np.arange(4)))
+    assert cloud.fields == {}
+    assert [note.split()[2] for note in cloud.notes] == ['meta', 'note', 'other']
+    np.testing.assert_array_equal(cloud.points[..., 2], Z)
+    with pytest.raises(ImportFileError, match=r'must hold numbers'):
+        import_cloud(npz(tmp_path / 'a.npz', z=objects))
+    with pytest.raises(ImportFileError, match=r"has Python objects in 'dx'"):
+        import_cloud(npz(tmp_path / 'a.npz', dx=objects))
+
+
+OWN_X, OWN_Y = np.array([0.5, 1.0, 2.0]), np.array([3.0, 1.0])
+
+
+@pytest.mark.parametrize('full', [True, False])
+@pytest.mark.parametrize('kind', ['f8', '>f4', 'i4'])
+def test_a_height_map_with_its_own_x_and_y_uses_them(tmp_path, full, kind):
+    x, y = np.meshgrid(OWN_X, OWN_Y) if full else (OWN_X, OWN_Y)
+    np.savez(tmp_path / 'a.npz', z=Z, x=x.astype(kind), y=y.astype(kind))
+    cloud = import_cloud(tmp_path / 'a.npz')
+    np.testing.assert_array_equal(cloud.points[..., 0], np.broadcast_to(OWN_X.astype(kind), (2, 3)))
+    np.testing.assert_array_equal(cloud.points[..., 1], np.broadcast_to(OWN_Y[:, None], (2, 3)))
+    np.testing.assert_array_equal(cloud.points[..., 2], Z)
+    assert cloud.fields == {}
+
+
+@pytest.mark.parametrize(
+    ('arrays', 'sentence'),
+    [
+        ({'x': OWN_X}, r'has x \(3,\), which do not fit z \(2, 3\)'),
+        ({'x': OWN_X, 'y': OWN_X}, r'has x \(3,\) and y \(3,\), which do not fit'),
+        ({'x': OWN_Y, 'y': OWN_X}, 'do not fit'),
+        ({'x': np.zeros((3, 2)), 'y': np.zeros((3, 2))}, 'do not fit'),
+        ({'x': OWN_X, 'y': np.array(['a', 'b'])}, 'must hold numbers'),
+        ({'x': OWN_X, 'y': OWN_Y, 'dx': 7.0}, 'has dx 7, but its own x is 0.75 apart: remove one'),
+    ],
+)
+def test_own_coordinates_that_do_not_fit_are_refused(tmp_path, arrays, sentence):
+    np.savez(tmp_path / 'a.npz', z=Z, **arrays)
+    with pytest.raises(ImportFileError, match=sentence):
         import_cloud(tmp_path / 'a.npz')
+
+
+def test_own_coordinates_may_agree_with_the_pitches(tmp_path):
+    cloud = import_cloud(npz(tmp_path / 'a.npz', x=np.arange(3) * 0.5, y=-np.arange(2) * 2.0))
+    assert cloud.points[1, 2, :2].tolist() == [1.0, -2.0]
+
+
+def whole(kind, *values):
+    return np.array(values, kind).reshape(2, 3)
+
+
+@pytest.mark.parametrize('kind', ['<u8', '>u8', '<i8', '>i8'])
+def test_64_bit_numbers_keep_every_digit_or_are_split(tmp_path, kind):
+    small = whole(kind, 0, 1, 2**53, 3, 4, 5)
+    large = whole(kind, 0, 1, 2**53 + 1, 1726578368464684544, 2**63 - 1, 5)
+    if kind[1] == 'i':
+        large[0, 0] = -1
+    cloud = import_cloud(npz(tmp_path / 'a.npz', small=small, large=large))
+    assert list(cloud.fields) == ['small', 'large_high', 'large_low']
+    np.testing.assert_array_equal(cloud.fields['small'], small.astype('f8'))
+    high, low = (cloud.fields[f'large_{part}'].astype(object) for part in ('high', 'low'))
+    np.testing.assert_array_equal(high * 2**32 + low, large.astype(object))
+    assert cloud.fields['large_high'].dtype == f'{kind[1]}4'
+    assert ['64-bit' in note for note in cloud.notes] == [True]
+
+
+def test_64_bit_heights_that_lose_digits_are_refused(tmp_path):
+    with pytest.raises(ImportFileError, match='lose digits as coordinates'):
+        import_cloud(npz(tmp_path / 'a.npz', z=whole('u8', 0, 1, 2**53 + 1, 3, 4, 5)))
+    assert import_cloud(npz(tmp_path / 'a.npz', z=whole('>u8', 0, 1, 2, 3, 4, 2**53))).points[1, 2, 2] == 2**53
+
+
+@pytest.mark.skipif(np.dtype(np.longdouble).itemsize == 8, reason='there is no wider float here')
+def test_floats_of_more_than_64_bits_are_told_if_they_lose_digits(tmp_path):
+    values = whole(np.longdouble, 1, 2, 3, 4, 5, 6)
+    assert import_cloud(npz(tmp_path / 'a.npz', a=values)).notes == ()
+    values[0, 0] += np.finfo(np.longdouble).eps
+    assert 'of which 64 are kept' in import_cloud(npz(tmp_path / 'a.npz', a=values)).notes[0]
+
+
+@given(
+    values=st.sampled_from(['?', 'i1', '>i2', 'u4', '>i4', 'i8', '>u8', 'f2', '>f4', 'f8']).flatmap(
+        lambda kind: arrays.arrays(kind, (2, 3))
+    )
+)
+def test_fields_of_any_type_keep_their_values(values, tmp_path_factory):
+    cloud = import_cloud(npz(tmp_path_factory.getbasetemp() / 'fields.npz', a=values))
+    assert all(field.dtype.isnative for field in cloud.fields.values())
+    if 'a' in cloud.fields:
+        assert (cloud.fields['a'].astype(object) == values.astype(object))[~np.isnan(values)].all()
+    else:
+        high, low = (cloud.fields[f'a_{part}'].astype(object) for part in ('high', 'low'))
+        assert (high * 2**32 + low == values.astype(object)).all()
+
+
+def test_a_field_with_the_name_of_another_gets_its_own(tmp_path):
+    cloud = import_cloud(npz(tmp_path / 'a.npz', a_0=Z, a=np.array([Z, Z])))
+    assert list(cloud.fields) == ['a_0', 'a_0_2', 'a_1']
+    assert 'a_0 becomes a_0_2' in cloud.notes[0]
+
+
+def test_a_small_archive_that_expands_to_much_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv(LIMIT_VARIABLE, '1')
+    big = np.zeros((1000, 1000))
+    np.savez_compressed(tmp_path / 'a.npz', z=big, dx=1.0, dy=1.0)
+    tracemalloc.start()
+    with pytest.raises(ImportFileError, match=r"'z' expands to 8 MB, above the limit of 1 MB"):
+        import_cloud(tmp_path / 'a.npz')
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e6
+    np.savez(tmp_path / 'a.npz', z=big, dx=1.0, dy=1.0)
+    assert import_cloud(tmp_path / 'a.npz').points.shape == (1000, 1000, 3)
+
+
+def test_an_array_that_states_more_than_it_holds_is_refused_before_memory_is_allocated(tmp_path):
+    path = npz(tmp_path / 'a.npz')
+    content = path.read_bytes().replace(b"'shape': (2, 3), }", b"'shape': (9999,9999)}")
+    path.write_bytes(content.replace(b"'shape': (9999,9999)}  ", b"'shape': (9999,9999)}"))
+    tracemalloc.start()
+    with pytest.raises(ImportFileError, match=r'is not an \.npz archive'):
+        import_cloud(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e6
 
 
 def test_a_single_array_is_refused(tmp_path):
