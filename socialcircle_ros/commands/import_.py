@@ -7,6 +7,8 @@ import click
 
 if TYPE_CHECKING:
     from socialcircle_ros.recording import ImportedCloud
+    from socialcircle_ros.recording.create import ImportedFrame
+    from socialcircle_ros.recording.frame_names import Order, ZFrom
 
 
 @click.command('import', epilog='Example: socialcircle import part1.npz part2.npz -o parts.mcap')
@@ -32,10 +34,31 @@ if TYPE_CHECKING:
 @click.option(
     '--pitch',
     type=float,
-    help='Distance of two pixels on the part: for a focus stack, in m; for heights without it, in --unit.',
+    help='Distance of two pixels on the part: for a focus stack, in m (default: as a TIFF says); for heights without'
+    ' it, in --unit.',
 )
 @click.option('--unit', help='Unit of files that do not name it: m, mm, um or nm.')
-@click.option('--z-step', type=float, help='For a focus stack: length of one unit of its z, in m.')
+@click.option(
+    '--z-step',
+    type=float,
+    help='For a focus stack: length of one unit of its z, in m. Not needed if names or a TIFF say z with a unit.',
+)
+@click.option(
+    '--z-from',
+    type=click.Choice(['auto', 'name', 'order', 'file']),
+    default='auto',
+    show_default=True,
+    help='For images: take z from the numbers in their names, from their order as evenly spaced, or from what a'
+    ' TIFF with pages says.',
+)
+@click.option(
+    '--order',
+    type=click.Choice(['auto', 'natural', 'name', 'time']),
+    default='auto',
+    show_default=True,
+    help='For a folder of images: sort them with 9 before 10, as text, or by the times of the files. name and time'
+    ' imply --z-from order.',
+)
 @click.option('--overwrite', is_flag=True, help='Replace an existing recording and its parameters.')
 def command(
     files: tuple[Path, ...],
@@ -47,6 +70,8 @@ def command(
     pitch: float | None,
     unit: str | None,
     z_step: float | None,
+    z_from: 'ZFrom',
+    order: 'Order',
     overwrite: bool,
 ) -> None:
     """Write measurement FILES into a recording.
@@ -60,9 +85,11 @@ def command(
 
     Coordinates keep the unit of the file.
 
-    A focus stack is imported by itself: an .npz file with frames (N, rows, columns) and z (N), or a folder of
-    images in the order of their names. It needs --pitch and --z-step. The parameters that measure the stack are
-    written beside the recording.
+    A focus stack is imported by itself: an .npz file with frames (N, rows, columns) and z (N), a TIFF with pages,
+    or a folder of images. z comes from the numbers in the names of the images, which hold z itself
+    (part_z-12.5um) or count the frames, or from what ImageJ or OME say in a TIFF. What was taken is printed as a
+    table. What is not certain is refused: --z-from or --order settles it. The stack needs --pitch and --z-step,
+    unless the files say them. The parameters that measure the stack are written beside the recording.
 
     Example of a stack: socialcircle import frames/ -o stack.mcap --pitch 1e-6 --z-step 2e-6
     """  # noqa: D301 - click reads \b
@@ -75,15 +102,27 @@ def command(
     if any(is_stack(path) for path in files):
         if len(files) > 1:
             raise ImportFileError('A focus stack is imported by itself; give one file or folder.')
-        stack = record_stack(files[0], output, pitch=pitch, z_step=z_step, period_s=period, overwrite=overwrite)
+        stack = record_stack(
+            files[0],
+            output,
+            pitch=pitch,
+            z_step=z_step,
+            z_from=z_from,
+            order=order,
+            period_s=period,
+            overwrite=overwrite,
+            written=_print_frame,
+            tell=lambda sentence: click.echo(f'Note: {sentence}.', err=True),
+        )
         click.echo(f'{stack.frames} frames of {files[0]} written to {output}, parameters to {stack.parameters}.')
         click.echo(f'Next: socialcircle filter {output} --params-file {stack.parameters} -o cleaned.mcap')
         return
     stated = {path.suffix.lower() for path in files} & {'.npz', '.ply', '.pcd'}
-    if (z_step is not None or (pitch is not None and stated)) and files[0].exists():
+    for_stacks = z_step is not None or (pitch is not None and stated) or (z_from, order) != ('auto', 'auto')
+    if for_stacks and files[0].exists():
         raise ImportFileError(
-            f'--pitch and --z-step are for focus stacks, and {files[0]} is not one; leave them out, because the'
-            ' file states its own coordinates.'
+            f'--pitch, --z-step, --z-from and --order are for focus stacks, and {files[0]} is not one; leave them'
+            ' out, because the file states its own coordinates.'
         )
     record_clouds(
         files,
@@ -101,7 +140,27 @@ def command(
 
 
 def _print_cloud(path: Path, cloud: 'ImportedCloud') -> None:
+    import numpy as np
+
     rows, columns = cloud.points.shape[:2]
     unit = f' in {cloud.unit}' if cloud.unit else ''
     fields = f', fields {", ".join(cloud.fields)}' if cloud.fields else ''
-    click.echo(f'{path.name}: {rows}×{columns} points{unit}{fields}')
+    z = cloud.points[..., 2]
+    measured = np.isfinite(cloud.points).all(axis=-1)
+    click.echo(
+        f'{path.name}: {rows}×{columns} points{unit}, {measured.sum()} measured, z {z[measured].min():.6g} to'
+        f' {z[measured].max():.6g}{fields}'
+    )
+    for note in cloud.notes:
+        click.echo(f'Note: {path.name}: {note}.', err=True)
+
+
+def _print_frame(frame: 'ImportedFrame') -> None:
+    """Print a line of the table of what was taken."""
+    number, name, z, (pixels, mode) = frame
+    rows, columns = pixels.shape
+    if number == 0:
+        click.echo(f'{"file":<24} {"z":>12}  {"size":>11}  {"mode":<18} range')
+    click.echo(
+        f'{name:<24} {z * 1e6:>9.6g} µm  {f"{columns}×{rows}":>11}  {mode:<18} {pixels.min()} to {pixels.max()}'
+    )

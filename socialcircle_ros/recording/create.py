@@ -9,10 +9,21 @@ from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.simulation import Simulation
 
+from .frame_checks import FrameChecks
+from .frame_names import Order, ZFrom
 from .importers import ImportedCloud, import_cloud
 from .mcap_output import Compression
+from .pictures import Picture
 from .simulated import pitch_of, write_simulation
-from .stacks import add_stack_topics, import_stack, node_parameters, parameter_file, write_frame, write_joint_state
+from .stacks import (
+    ImportedStack,
+    add_stack_topics,
+    import_stack,
+    node_parameters,
+    parameter_file,
+    write_frame,
+    write_joint_state,
+)
 from .topics import ros_topic
 from .units import with_unit
 from .writer import RecordingWriter
@@ -30,6 +41,22 @@ class StackRecording(NamedTuple):
 
     frames: int
     parameters: Path
+
+
+class ImportedFrame(NamedTuple):
+    """A frame that was written.
+
+    Attributes:
+        number: of the frame, counted from 0.
+        name: of its file and page.
+        z: in m.
+        picture: its pixels, and what the file holds.
+    """
+
+    number: int
+    name: str
+    z: float
+    picture: Picture
 
 
 def record_clouds(
@@ -96,47 +123,82 @@ def record_stack(
     path: str | Path,
     output: str | Path,
     *,
-    pitch: float | None,
-    z_step: float | None,
+    pitch: float | None = None,
+    z_step: float | None = None,
+    z_from: ZFrom = 'auto',
+    order: Order = 'auto',
     period_s: float = 1.0,
     overwrite: bool = False,
+    written: Callable[[ImportedFrame], None] = lambda frame: None,
+    tell: Callable[[str], None] = lambda sentence: None,
 ) -> StackRecording:
     """Write a recording of one focus stack, and beside it the parameters that measure it.
 
     Args:
-        path: an `.npz` archive with `frames` (N, rows, columns) and `z` (N,), or a folder of images.
+        path: an `.npz` archive with `frames` (N, rows, columns) and `z` (N,), a TIFF with pages, or a folder of
+            images.
         output: a name that ends in `.mcap`, or a directory. The parameter file has the same name with `.yaml`.
-        pitch: distance of two pixels on the part, in m.
-        z_step: length of one unit of the stack's z, in m; negative if z points away from the objective.
+        pitch: distance of two pixels on the part, in m; None: as the file says.
+        z_step: length of one unit of the stack's z, in m; negative if z points away from the objective. None: the
+            file says z in metres.
+        z_from: where z comes from, for images.
+        order: how the images of a folder are sorted, if z does not come from their names.
         period_s: time of 50 frames.
         overwrite: whether to replace an existing recording and its parameters.
+        written: called with each frame.
+        tell: called with each sentence on what was taken and what was passed over.
 
     Raises:
-        ImportFileError: the stack cannot be used, or its pitch or step is missing.
+        ImportFileError: the stack cannot be used, its order or z is not certain, a frame does not belong to it, or
+            its pitch or step is missing.
         RecordingError: the recording or the parameter file cannot be written, or exists already.
     """
     path = Path(path)
-    if not pitch or not z_step or pitch < 0:
-        raise ImportFileError(f'{path} is a focus stack: give --pitch and --z-step in metres, such as 1e-6.')
-    stack = import_stack(path)
+    stack = import_stack(path, z_from=z_from, order=order)
+    pitch_x, pitch_y, metres = _lengths(path, stack, pitch, z_step)
+    for note in stack.notes:
+        tell(note)
+    if pitch and stack.pitch:
+        tell(f'the file says a pitch of {stack.pitch[0]:g} m; --pitch {pitch:g} is taken')
+    checks = FrameChecks()
+    values = node_parameters(len(stack.z), pitch_x, pitch_y)
     with (
-        parameter_file(
-            Path(output), node_parameters(len(stack.z), pitch, pitch), overwrite=overwrite
-        ) as parameters,
+        parameter_file(Path(output), values, overwrite=overwrite) as parameters,
         RecordingWriter(output, compression='zstd', overwrite=overwrite) as writer,
     ):
         add_stack_topics(writer)
-        shape = None
-        for number, (z, pixels) in enumerate(zip(stack.z, stack.frames(), strict=True)):
-            if shape is not None and pixels.shape != shape:
-                raise ImportFileError(
-                    f'{path}: frame {number} has the shape {pixels.shape}, the frames before it have {shape}.'
-                )
-            shape = pixels.shape
+        for number, (z, (name, picture)) in enumerate(zip(stack.z, stack.pictures(), strict=True)):
+            checks.take(name, picture)
             stamp = int((number + 1) * period_s * 1e9 / _FRAMES_PER_PERIOD)
-            write_joint_state(writer, stamp, float(z) * z_step)
-            write_frame(writer, stamp, pixels)
+            write_joint_state(writer, stamp, float(z) * metres)
+            write_frame(writer, stamp, picture.pixels)
+            written(ImportedFrame(number, name, float(z) * metres, picture))
+        checks.finish()
     return StackRecording(len(stack.z), parameters)
+
+
+def _lengths(
+    path: Path, stack: ImportedStack, pitch: float | None, z_step: float | None
+) -> tuple[float, float, float]:
+    """The pitches along x and y, and the length of one unit of z, all in m.
+
+    Raises:
+        ImportFileError: one is missing, or z is given twice.
+    """
+    missing = [] if pitch or stack.pitch else ['--pitch']
+    if not stack.in_metres and not z_step:
+        missing.append('--z-step')
+    if missing or (pitch or 0) < 0:
+        raise ImportFileError(
+            f'{path} is a focus stack: give {" and ".join(missing or ["--pitch"])} in metres, such as 1e-6.'
+        )
+    if stack.in_metres and z_step:
+        raise ImportFileError(
+            f'{path} says z itself: leave --z-step out, or give --z-from order to take the frames as evenly'
+            ' spaced.'
+        )
+    pitch_x, pitch_y = (pitch, pitch) if pitch else stack.pitch or (0.0, 0.0)
+    return pitch_x, pitch_y, 1.0 if stack.in_metres else z_step or 0.0
 
 
 def record_simulation(

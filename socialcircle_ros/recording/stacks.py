@@ -19,8 +19,11 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.settings import RosValue, yaml_text
 from socialcircle_ros.storage import Unfinished
 
-from .importers import load_npz
+from .frame_names import Order, ZFrom, order_frames
+from .npz import open_npz
+from .pictures import SUFFIXES, TIFF_SUFFIXES, Page, Picture, page_count, read_pictures
 from .reader import natural_order
+from .tiff import read_tiff_stack
 from .topics import Topic, offered_qos, ros_topic
 from .writer import RecordingWriter
 
@@ -28,7 +31,8 @@ FRAME_ID = 'microscope'
 JOINT = 'stage_z'
 FRAMES, JOINT_STATES = interface.STACK_FRAMES.within(''), interface.STACK_JOINT_STATES.within('')
 
-IMAGE_SUFFIXES = ('.png', '.tif', '.tiff', '.jpg', '.jpeg', '.bmp')
+_LEAST = 3  # frames of a stack
+_MOST_LISTED = 5  # files in a note
 
 
 @dataclass(frozen=True)
@@ -37,55 +41,137 @@ class ImportedStack:
 
     Attributes:
         name: of the file or folder.
-        z: (N,) position of the stage at each frame, in the unit of the file or in steps.
-        images: the frames, (H, W) uint8 or uint16 each, or the files that hold them.
+        z: (N,) position of the stage at each frame: in metres, or in the unit of the file or in steps.
+        images: the frames, (N, H, W) uint8 or uint16, or the pages of the files that hold them.
+        in_metres: whether z is in metres.
+        pitch: distances of two pixels along x and y in metres; None if the file does not say it.
+        notes: what was taken and what was passed over, one sentence each.
     """
 
     name: str
     z: npt.NDArray[np.float64]
-    images: Sequence[Path] | GrayImage
+    images: Sequence[Page] | GrayImage
+    in_metres: bool = False
+    pitch: tuple[float, float] | None = None
+    notes: tuple[str, ...] = ()
 
-    def frames(self) -> Iterator[GrayImage]:
-        """Yield the frames, (H, W) each; frames from files are loaded one at a time.
+    def pictures(self) -> Iterator[tuple[str, Picture]]:
+        """Yield the name and the pixels of each frame; frames from files are loaded one at a time.
 
         Raises:
             ImportFileError: a file cannot be read, or Pillow is not installed.
         """
-        for item in self.images:
-            yield _read_image(item) if isinstance(item, Path) else item
+        if isinstance(self.images, np.ndarray):
+            for number, pixels in enumerate(self.images):
+                native = pixels.astype(pixels.dtype.newbyteorder('='), copy=False)
+                yield f'frame {number}', Picture(native, f'gray, {8 * native.itemsize} bits')
+        else:
+            for page, picture in zip(self.images, read_pictures(self.images), strict=True):
+                yield str(page), picture
+
+    def frames(self) -> Iterator[GrayImage]:
+        """Yield the pixels of each frame, (H, W), as `pictures`."""
+        return (picture.pixels for _, picture in self.pictures())
 
 
 def is_stack(path: Path) -> bool:
-    """Whether a path is a folder, or an `.npz` archive with frames."""
-    if path.is_dir():
-        return True
-    return path.suffix.lower() == '.npz' and path.is_file() and 'frames' in load_npz(path)
-
-
-def import_stack(path: Path) -> ImportedStack:
-    """Read a focus stack: an `.npz` archive with `frames` (N, H, W) and `z` (N,), or a folder of images.
-
-    The images of a folder are read in the natural order of their names (9 before 10), with z = 0, 1, 2, …
+    """Whether a path is a folder, an `.npz` archive with frames, or a TIFF with several pages.
 
     Raises:
-        ImportFileError: the path holds no such stack; the message says what to do.
+        ImportFileError: the file cannot be read.
     """
     if path.is_dir():
-        files = sorted(
-            (file for file in path.iterdir() if file.suffix.lower() in IMAGE_SUFFIXES), key=natural_order
+        return True
+    if not path.is_file():
+        return False
+    if path.suffix.lower() in TIFF_SUFFIXES:
+        return page_count(path) > 1
+    if path.suffix.lower() != '.npz':
+        return False
+    with open_npz(path) as archive:
+        return 'frames' in archive.headers
+
+
+def import_stack(path: Path, *, z_from: ZFrom = 'auto', order: Order = 'auto') -> ImportedStack:
+    """Read a focus stack.
+
+    Args:
+        path: an `.npz` archive with `frames` (N, H, W) and `z` (N,), a TIFF with pages, or a folder of images.
+        z_from: for a folder or a TIFF, where z comes from.
+        order: for a folder, how its images are sorted if z does not come from their names.
+
+    Raises:
+        ImportFileError: the path holds no such stack, or z or the order is not certain; the message says what to
+            do.
+    """
+    if path.is_dir():
+        return _folder_stack(path, z_from, order)
+    if order != 'auto':
+        raise ImportFileError(f'--order is for a folder of images, and {path} is a file: leave it out.')
+    if path.suffix.lower() in TIFF_SUFFIXES:
+        return _tiff_stack(path, z_from)
+    if z_from != 'auto':
+        raise ImportFileError(f'--z-from is for images, and {path} holds z: leave it out.')
+    return _npz_stack(path)
+
+
+def _npz_stack(path: Path) -> ImportedStack:
+    with open_npz(path) as archive:
+        frames, z = archive.headers.get('frames'), archive.headers.get('z')
+        if frames is None or len(frames.shape) != 3 or frames.dtype.kind != 'u' or frames.dtype.itemsize > 2:
+            raise ImportFileError(f'{path} needs an array frames (N, rows, columns) of uint8 or uint16.')
+        needed = f'{path} needs an array z: one finite number for each of its {frames.shape[0]} frames.'
+        if z is None or z.shape != frames.shape[:1] or z.dtype.kind not in 'fiu':
+            raise ImportFileError(needed)
+        places = archive.load('z').astype(np.float64)
+        if not np.isfinite(places).all():
+            raise ImportFileError(needed)
+        return ImportedStack(path.stem, places, cast('GrayImage', archive.load('frames')))
+
+
+def _tiff_stack(path: Path, z_from: ZFrom) -> ImportedStack:
+    if z_from == 'name':
+        raise ImportFileError(f'--z-from name is for a folder of images, and {path} is a file.')
+    stack = read_tiff_stack(path)
+    if len(stack.pages) < _LEAST:
+        raise ImportFileError(f'{path} holds {len(stack.pages)} pages; a focus stack needs {_LEAST}.')
+    pages = [Page(path, number) for number in stack.pages]
+    if z_from == 'file' and stack.z is None:
+        raise ImportFileError(f'{path} does not say the z of its pages: give --z-step.')
+    if stack.z is not None and z_from != 'order':
+        return ImportedStack(path.stem, np.array(stack.z), pages, True, stack.pitch, stack.notes)
+    notes = (*stack.notes, 'the pages are taken in their order, one z-step apart')
+    return ImportedStack(path.stem, np.arange(len(pages), dtype=np.float64), pages, False, stack.pitch, notes)
+
+
+def _folder_stack(folder: Path, z_from: ZFrom, order: Order) -> ImportedStack:
+    if z_from == 'file':
+        raise ImportFileError(f'--z-from file is for a TIFF with pages, and {folder} is a folder.')
+    entries = sorted(folder.iterdir(), key=natural_order)
+    images = [entry for entry in entries if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+    files = [file for file in images if not file.name.startswith('.')]
+    notes = []
+    if len(files) < len(images):
+        notes.append(f'hidden files are passed over: {len(images) - len(files)}, such as {images[0].name}')
+    others = [entry.name for entry in entries if entry not in images]
+    if others:
+        listed = ', '.join(others[:_MOST_LISTED]) + (', …' if len(others) > _MOST_LISTED else '')
+        notes.append(f'what is no image is passed over: {listed}')
+    with_pages = [file for file in files if file.suffix.lower() in TIFF_SUFFIXES and page_count(file) > 1]
+    if with_pages and len(files) == 1:
+        return _tiff_stack(files[0], z_from)
+    if with_pages:
+        raise ImportFileError(
+            f'{folder} has {with_pages[0].name} with several pages beside other images: import it by itself, or'
+            ' split it.'
         )
-        if len(files) < 3:
-            raise ImportFileError(
-                f'{path} holds {len(files)} images ({", ".join(IMAGE_SUFFIXES)}); a focus stack needs 3.'
-            )
-        return ImportedStack(path.name, np.arange(len(files), dtype=np.float64), files)
-    arrays = load_npz(path)
-    frames, z = arrays.get('frames'), arrays.get('z')
-    if frames is None or frames.ndim != 3 or frames.dtype not in (np.uint8, np.uint16):
-        raise ImportFileError(f'{path} needs an array frames (N, rows, columns) of uint8 or uint16.')
-    if z is None or z.shape != frames.shape[:1] or z.dtype.kind not in 'fiu' or not np.isfinite(z).all():
-        raise ImportFileError(f'{path} needs an array z: one finite number for each of its {len(frames)} frames.')
-    return ImportedStack(path.stem, z.astype(np.float64), cast('GrayImage', frames))
+    if len(files) < _LEAST:
+        raise ImportFileError(
+            f'{folder} holds {len(files)} images ({", ".join(SUFFIXES)}); a focus stack needs {_LEAST}.'
+        )
+    named = order_frames(folder, files, z_from, order)
+    pages = [Page(file) for file in named.files]
+    return ImportedStack(folder.name, np.array(named.z), pages, named.in_metres, None, (*notes, *named.notes))
 
 
 def add_stack_topics(writer: RecordingWriter) -> None:
@@ -178,22 +264,3 @@ def parameter_file(
 def _topic(topic: NodeTopic) -> Topic:
     """The topic with the depth of the node: a stack needs every message, not only the newest one."""
     return ros_topic(topic.within(''), topic.type, offered_qos(topic.depth))
-
-
-def _read_image(path: Path) -> GrayImage:
-    """Read one image in gray.
-
-    Raises:
-        ImportFileError: the file cannot be read, or Pillow is not installed.
-    """
-    try:
-        from PIL import Image  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise ImportFileError('Images need Pillow: pip install "socialcircle_ros[pictures]".') from None
-    try:
-        with Image.open(path) as opened:
-            if opened.mode.startswith('I;16'):
-                return np.asarray(opened).astype(np.uint16)
-            return np.asarray(opened.convert('L'))
-    except (OSError, ValueError, SyntaxError):
-        raise ImportFileError(f'{path} is not a readable image; save it as PNG or TIFF.') from None

@@ -37,8 +37,9 @@ def test_height_maps_become_clouds_in_the_given_order(run, tmp_path):
         (
             ['good.npz', '-o', 'x.mcap', '--pitch', '1e-6'],
             1,
-            '--pitch and --z-step are for focus stacks, and good.npz is not one',
+            '--order are for focus stacks, and good.npz is not one',
         ),
+        (['good.npz', '-o', 'x.mcap', '--order', 'time'], 1, '--order are for focus stacks'),
         (['nowhere.npz', '-o', 'x.mcap', '--pitch', '1e-6'], 1, 'nowhere.npz does not exist'),
         (['-o', 'x.mcap'], 2, 'Missing argument'),
     ],

@@ -25,7 +25,7 @@ def test_an_archive_of_frames_is_a_stack(tmp_path):
 
 def test_a_folder_of_images_is_a_stack_in_the_order_of_their_names(tmp_path):
     pillow = pytest.importorskip('PIL.Image')
-    for number, name in enumerate(['f1.png', 'f2.png', 'f9.png', 'f10.png']):
+    for number, name in enumerate(['f8.png', 'f9.png', 'f10.png', 'f11.png']):
         pillow.fromarray(FRAMES[number]).save(tmp_path / name)
     (tmp_path / 'notes.txt').write_text('not an image')
     assert is_stack(tmp_path)
