@@ -39,6 +39,7 @@ class Npz:
         """Read the headers; see `open_npz`."""
         self.path = path
         self._archive = archive
+        self._expanded = 0  # bytes that compressed arrays have become
         self._members = {
             info.filename.removesuffix('.npy'): info
             for info in archive.infolist()
@@ -55,10 +56,12 @@ class Npz:
         header, info = self.headers[name], self._members[name]
         if header.dtype.hasobject:
             raise ImportFileError(f'{self.path} has Python objects in {name!r}: save numbers.')
-        if info.compress_type != zipfile.ZIP_STORED and info.file_size > expansion_limit():
+        if info.compress_type != zipfile.ZIP_STORED:
+            self._expanded += info.file_size
+        if self._expanded > expansion_limit():
             raise ImportFileError(
-                f'{self.path} is not read, because {name!r} {over_the_limit(info.file_size)}; or save it without'
-                ' compression.'
+                f'{self.path} is not read, because with {name!r} it {over_the_limit(self._expanded)}; or save it'
+                ' without compression.'
             )
         # NumPy allocates what the header states, whatever there is.
         stated = header.dtype.itemsize * int(np.prod(header.shape, dtype=object))

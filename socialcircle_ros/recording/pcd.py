@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.kernels.compiled import kernel
 
+from .compression import expansion_limit, over_the_limit
 from .point_table import Column, PointTable, ascii_columns, cut_off, first, unique_names
 
 _KINDS = {
@@ -132,6 +133,8 @@ def _compressed(path: Path, data: bytes, points: int, fields: list[_Field]) -> l
         raise cut_off(path)
     if unpacked > _BEST_LZF * packed:  # before memory is allocated
         raise _damaged(path)
+    if unpacked > expansion_limit():
+        raise ImportFileError(f'{path} is not read, because it {over_the_limit(unpacked)}; or save it as binary.')
     out = np.empty(unpacked, np.uint8)
     if _lzf(np.frombuffer(data, np.uint8, packed, 8), out) != unpacked:
         raise _damaged(path)

@@ -9,11 +9,14 @@ from pathlib import Path
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
 
+from .compression import LIMIT_VARIABLE, expansion_limit
 from .mcap_file import McapFile
 from .mcap_records import DAMAGE, Span
 from .topics import Attachment, Message, MetadataRecord, Topic
 
 _LARGEST_METADATA = 16 << 20  # bytes
+_MOST_HELD = 4  # times what a chunk may expand to
+_SUFFIXES = ('.mcap', '.mcap.zstd', '.mcap.zst')  # rosbag2 and the command zstd name compressed files so
 
 
 class RecordingReader:
@@ -47,6 +50,9 @@ class RecordingReader:
         One chunk is in memory at a time, or as many as overlap in time. If a file is damaged, its messages before
         the damage are read, and all messages of the other files; `damage` is set then.
 
+        Raises:
+            RecordingError: chunks that overlap in time would fill the memory.
+
         Args:
             topics: names of the wanted topics; None: all.
             since: the first wanted log time, ns. Chunks before it are not loaded.
@@ -59,11 +65,13 @@ class RecordingReader:
                     queue.append((span.start_time, number, span.offset, -1, span))  # noqa: PERF401 - easier to read
         heapq.heapify(queue)
         damaged_at: dict[int, int] = {}  # file number → offset of its damage
-        count = 0
+        count = held = 0
+        most = _MOST_HELD * expansion_limit()
         while queue:
             _, number, offset, _, item = heapq.heappop(queue)
             if isinstance(item, Message):
                 count += 1
+                held -= len(item.data)
                 yield item
             elif offset < damaged_at.get(number, offset + 1):
                 file = self._files[number]
@@ -71,6 +79,9 @@ class RecordingReader:
                     for place, message in enumerate(file.messages(item)):
                         if message.log_time >= since and (topics is None or message.topic in topics):
                             heapq.heappush(queue, (message.log_time, number, offset, place, message))
+                            held += len(message.data)
+                            if held > most:
+                                raise self._too_much_at_once(most)
                 except DAMAGE as reason:
                     damaged_at[number] = offset
                     self.damage = self.damage or file.damage_sentence(offset, reason)
@@ -107,6 +118,12 @@ class RecordingReader:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _too_much_at_once(self, most: int) -> RecordingError:
+        return RecordingError(
+            f'{self.path} has more than {most / 1e6:.0f} MB in chunks that overlap in time, which must be in'
+            f' memory together: sort it by time, or raise {LIMIT_VARIABLE}.'
+        )
 
     def _opened(self, path: Path) -> McapFile:
         file = McapFile(path)
@@ -178,7 +195,7 @@ def _parts(folder: Path) -> list[Path]:
         (file for file in folder.iterdir() if file.is_file() and not file.name.startswith('.')),
         key=natural_order,
     )
-    recorded = [file for file in found if file.name.endswith(('.mcap', '.mcap.zstd'))]
+    recorded = [file for file in found if file.name.endswith(_SUFFIXES)]
     if any('.db3' in file.suffixes for file in found) and not recorded:
         raise RecordingError(
             f'{folder} is an sqlite3 bag: convert it to MCAP with `ros2 bag convert`, and use the result.'

@@ -110,7 +110,7 @@ def make_report(
                 entries.append(found)
         damage = reader.damage
     if not entries:
-        reasons = ' '.join(refused) or damage or 'Its topics hold no message.'
+        reasons = ' '.join([*refused, *([damage] if damage else [])]) or 'Its topics hold no message.'
         raise RecordingError(f'{recording} has no cloud that can be filtered. {reasons}')
     groups: list[Settings] = [settings.circle]
     groups += [settings.repair] if settings.output.repaired else []

@@ -131,7 +131,9 @@ class SweptRecording:
 
         clouds = list(self._not_refused(in_order(with_truth, chosen)))
         if not clouds:
-            reasons = ' '.join(self.refused) or self.damage or 'Its topics hold no message.'
+            reasons = (
+                ' '.join([*self.refused, *([self.damage] if self.damage else [])]) or 'Its topics hold no message.'
+            )
             raise RecordingError(f'{self._recording} has no cloud that can be filtered. {reasons}')
         return [cloud for cloud in clouds if cloud.has_truth] or clouds
 

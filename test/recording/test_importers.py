@@ -203,12 +203,16 @@ def test_a_small_archive_that_expands_to_much_is_refused(tmp_path, monkeypatch):
     big = np.zeros((1000, 1000))
     np.savez_compressed(tmp_path / 'a.npz', z=big, dx=1.0, dy=1.0)
     tracemalloc.start()
-    with pytest.raises(ImportFileError, match=r"'z' expands to 8 MB, above the limit of 1 MB"):
+    with pytest.raises(ImportFileError, match=r"with 'z' it expands to 8 MB, above the limit of 1 MB"):
         import_cloud(tmp_path / 'a.npz')
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1e6
-    np.savez(tmp_path / 'a.npz', z=big, dx=1.0, dy=1.0)
+    monkeypatch.setenv(LIMIT_VARIABLE, '20')
+    np.savez_compressed(tmp_path / 'a.npz', z=big, dx=1.0, dy=1.0, a=big, b=big)
+    with pytest.raises(ImportFileError, match=r"with 'b' it expands to 24 MB, above the limit of 20 MB"):
+        import_cloud(tmp_path / 'a.npz')
+    np.savez(tmp_path / 'a.npz', z=big, dx=1.0, dy=1.0, a=big, b=big)
     assert import_cloud(tmp_path / 'a.npz').points.shape == (1000, 1000, 3)
 
 

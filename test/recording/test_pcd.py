@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from recording.point_samples import COLUMNS, POINTS, RECORD, ROWS, lines, pcd, pcd_header
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.recording.compression import LIMIT_VARIABLE
 from socialcircle_ros.recording.pcd import _lzf, read_pcd
 
 ENCODINGS = ('ascii', 'binary', 'binary_compressed')
@@ -168,6 +169,12 @@ def test_64_bit_numbers_keep_every_digit(tmp_path, encoding, kind):
     found = read(tmp_path, header + body).columns['t']
     assert found.dtype == kind
     np.testing.assert_array_equal(found, values)
+
+
+def test_compressed_data_above_the_limit_are_not_expanded(tmp_path, monkeypatch):
+    monkeypatch.setenv(LIMIT_VARIABLE, '0.0001')
+    with pytest.raises(ImportFileError, match=r'is not read, because it expands to 0 MB, above the limit'):
+        read(tmp_path, pcd('binary_compressed'))
 
 
 def test_a_small_file_that_states_much_allocates_nothing(tmp_path):

@@ -9,6 +9,7 @@ from recording.samples import CLOCK, POINTS, SMALL, read, small_topic, some_mess
 
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.recording import Message, RecordingWriter, Topic, open_recording, reader
+from socialcircle_ros.recording.compression import LIMIT_VARIABLE
 from socialcircle_ros.recording.topics import Attachment, MetadataRecord
 
 times = st.lists(st.integers(0, 30), max_size=60)
@@ -144,6 +145,24 @@ def test_a_directory_of_compressed_files_is_read_however_far_it_is_decompressed(
             f'rosbag2_bagfile_information:\n  compression_mode: FILE\n  relative_file_paths:\n{names}'
         )
     assert read(folder) == (messages, None)
+
+
+def test_chunks_that_overlap_in_time_and_would_fill_the_memory_are_refused(tmp_path, monkeypatch):
+    """Each chunk has its first message at the beginning and its last at the end of the recording."""
+    messages = [Message('/points', bytes(10**6), time, 0, 0) for _ in range(20) for time in (1, 10**9)]
+    path = write_mcap(tmp_path / 'a.mcap', messages, topics=SMALL, chunk_size=15 * 10**5, compression='ZSTD')
+    assert len(read(path)[0]) == 40
+    monkeypatch.setenv(LIMIT_VARIABLE, '3')
+    with pytest.raises(RecordingError, match=r'has more than 12 MB in chunks that overlap in time'):
+        read(path)
+
+
+@pytest.mark.parametrize('suffix', ['zstd', 'zst'])
+def test_a_directory_without_metadata_may_hold_compressed_files(tmp_path, suffix):
+    folder = split_bag(tmp_path / 'bag', some_messages(60), metadata=False)
+    for file in list(folder.iterdir()):
+        compressed(file).rename(f'{file}.{suffix}')
+    assert read(folder) == (some_messages(60), None)
 
 
 def bag_by_message(folder, messages, kind='zstd', pack=zstandard.compress):
