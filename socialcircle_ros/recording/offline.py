@@ -126,9 +126,13 @@ def filter_recording(
         produced = {name for cell in cells for name in cell.replaced}
         summary.replaced = sorted(produced & reader.topics.keys())
         with RecordingWriter(target, compression=compression, overwrite=overwrite, source=source) as writer:
+            for attachment in reader.attachments():
+                writer.add_attachment(attachment)
+            for record in reader.metadata():
+                writer.add_metadata(record)
             for name, topic in reader.topics.items():
                 if name not in produced:
-                    writer.add_topic(topic)
+                    writer.add_topic(topic, name)
             for cell in cells:
                 for name, kind in cell.outputs.items():
                     writer.add_topic(ros_topic(name, kind))
@@ -199,7 +203,7 @@ def clouds_of(reader: RecordingReader) -> tuple[str, ...]:
         return named
     if len(clouds) < 2:
         return tuple(clouds)
-    raise RecordingError(
+    raise reader.refusal(
         f'{reader.path} has several topics of clouds; choose with --topic: {", ".join(sorted(clouds))}.'
     )
 
@@ -317,11 +321,11 @@ def _cells(reader: RecordingReader, topics: tuple[str, ...], settings: PipelineS
     clouds = topics or clouds_of(reader)
     for name in clouds:
         if name not in reader.topics or reader.topics[name].type != POINTS.type:
-            raise RecordingError(f'{reader.path} has no topic {name} of clouds; it has: {_listed(reader)}.')
+            raise reader.refusal(f'{reader.path} has no topic {name} of clouds; it has: {_listed(reader)}.')
         if any(topic.namespace_of(name) is not None for topic in (FILTERED, REPAIRED)):
             raise RecordingError(f'{name} is an output of this filter; filter the clouds that it came from.')
     if not clouds and not stacks:
-        raise RecordingError(
+        raise reader.refusal(
             f'{reader.path} has neither clouds ({POINTS.type}) nor frames ({STACK_FRAMES.name}); it has:'
             f' {_listed(reader)}.'
         )
