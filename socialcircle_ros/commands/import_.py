@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 @click.option(
     '--pitch',
     type=float,
-    help='Distance of two pixels on the part: for a focus stack, in m (default: as a TIFF says); for heights without'
-    ' it, in --unit.',
+    help='Distance of two pixels on the part: for a focus stack, in m (default: as a TIFF says); for heights'
+    ' without it, in --unit.',
 )
 @click.option('--unit', help='Unit of files that do not name it: m, mm, um or nm.')
 @click.option(
