@@ -295,6 +295,25 @@ def test_sections_of_a_parameter_file(run, case, name):
     assert float(measurement.values['circle.radius_scale']) == 1.5
 
 
+@pytest.mark.parametrize(
+    ('text', 'scale'),
+    [
+        ('/cell1/social_circle: {N: 1.5}\n/cell2/social_circle: {N: 2.5}', 1.5),
+        ('/**: {N: 1.5}\n/cell2/social_circle: {N: 2.5}', 1.5),
+        ('/**: {N: 2.5}\ncell1: {social_circle: {N: 1.5}}', 1.5),
+        ('cell1: {social_circle: {N: 2.5}}\n/**: {N: 1.5}', 1.5),
+        ('rviz: {N: 2.5}\n"*": {social_circle: {N: 1.5}, other: {N: 3.5}}', 1.5),
+        ('/cell2/social_circle: {N: 2.5}', 2.5),
+    ],
+)
+def test_c13_c14_sections_apply_to_the_node_of_the_recorded_namespace(run, text, scale):
+    path = run.folder / 'cell.yaml'
+    path.write_text(text.replace('{N: ', '{ros__parameters: {circle.radius_scale: ').replace('5}', '5}}'))
+    code, (measurement,) = run.filtered(recording(run), '--params-file', path)
+    assert code == 0, run.err
+    assert float(measurement.values['circle.radius_scale']) == scale
+
+
 def test_c15_a_number_in_quotes(run, case):
     code, _ = run.filtered(recording(run), '--params-file', case('c15_number_in_quotes.yaml'))
     assert code == 1

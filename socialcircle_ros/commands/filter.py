@@ -70,7 +70,7 @@ def command(
     from socialcircle_ros.settings import PipelineSettings
 
     keep_freed_memory()
-    settings = PipelineSettings.from_ros(parameter_values(params_file, parameters))
+    settings = PipelineSettings.from_ros(parameter_values(params_file, parameters, recording))
     with open_recording(recording) as reader:
         total = reader.message_count
     read = measured = outliers = 0

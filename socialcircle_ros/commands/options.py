@@ -9,7 +9,7 @@ from typing import TypeVar, cast
 import click
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
-from socialcircle_ros.interface import NODE_NAME
+from socialcircle_ros.interface import NODE_NAME, POINTS, STACK_FRAMES
 from socialcircle_ros.settings import PARAMETERS, RosValue
 from socialcircle_ros.settings.files import read_parameter_file
 from socialcircle_ros.settings.rcl_rules import RclError, rcl_value
@@ -44,12 +44,15 @@ def parameter_options(function: Function) -> Function:
     )(function)
 
 
-def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> dict[str, RosValue]:
+def parameter_values(
+    params_file: Path | None, parameters: tuple[str, ...], recording: Path | None = None
+) -> dict[str, RosValue]:
     """Read parameters from a file and from -p, which overrides the file.
 
     Args:
         params_file: a parameter file; None for none.
         parameters: texts of the form NAME:=VALUE.
+        recording: whose namespaces say which sections of a file are meant, if it has several for the node.
 
     Returns:
         Full names to values. Ranges are checked by the settings, not here.
@@ -62,7 +65,7 @@ def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> d
     if params_file is not None:
         context = click.get_current_context(silent=True)
         node = context.meta.get(_NODE, NODE_NAME) if context is not None else NODE_NAME
-        values |= read_parameter_file(params_file, node)
+        values |= read_parameter_file(params_file, node, lambda: _recorded_namespaces(recording))
         for name in [name for name in values if not _is_known(name)]:
             click.echo(f'Warning: there is no parameter {name}; {params_file} sets it in vain.', err=True)
             del values[name]
@@ -85,6 +88,17 @@ def parameter_values(params_file: Path | None, parameters: tuple[str, ...]) -> d
 def _keep_node(context: click.Context, _: click.Parameter, name: str | None) -> None:
     if name is not None:
         context.meta[_NODE] = name
+
+
+def _recorded_namespaces(recording: Path | None) -> set[str]:
+    """The namespaces in which a recording has input of a node."""
+    from socialcircle_ros.recording import open_recording
+
+    if recording is None:
+        return set()
+    with open_recording(recording) as reader:
+        found = {topic.namespace_of(name) for name in reader.topics for topic in (POINTS, STACK_FRAMES)}
+    return {namespace for namespace in found if namespace is not None}
 
 
 def _is_known(name: str) -> bool:

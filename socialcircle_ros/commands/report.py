@@ -46,7 +46,7 @@ def command(
     from socialcircle_ros.report.report import make_report
     from socialcircle_ros.settings import PipelineSettings
 
-    settings = PipelineSettings.from_ros(parameter_values(params_file, parameters))
+    settings = PipelineSettings.from_ros(parameter_values(params_file, parameters, recording))
     with progress_bar(f'filtering {recording.name}') as progress:
         report = make_report(recording, output, settings, topics=topics, progress=progress)
     click.echo(

@@ -71,7 +71,7 @@ def command(
     from socialcircle_ros.sweep.sweep import BEST, PAGE, TABLE, TRIALS, run_sweep
 
     search_space = [parse_dimension(text) for text in params]
-    given = parameter_values(params_file, parameters)
+    given = parameter_values(params_file, parameters, recording)
     try:
         with progress_bar(f'trying settings on {recording.name}') as progress:
             result = run_sweep(

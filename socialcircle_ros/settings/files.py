@@ -1,6 +1,6 @@
 """Reads ROS parameter files for one node, by the rules of ROS (`rcl_rules`)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -13,15 +13,18 @@ from .schema import RosValue
 _LARGEST = 16 * 2**20  # bytes
 
 
-def read_parameter_file(path: Path, node: str) -> dict[str, RosValue]:
+def read_parameter_file(
+    path: Path, node: str, namespaces: Callable[[], Iterable[str]] = tuple
+) -> dict[str, RosValue]:
     """Read the parameters that a node would get from a file.
 
     Sections of other nodes are passed over, and of the matching ones the last has the last word, as in ROS. A name
-    without a namespace stands for the node in whichever namespace the file has it.
+    without a namespace stands for the node in `namespaces`, or in whichever namespace the file has it.
 
     Args:
         path: A ROS parameter file.
         node: `social_circle`, or a full name such as `/cell1/social_circle`.
+        namespaces: Called if the file has several sections for the node: the namespaces in which it would be.
 
     Returns:
         Values under dotted names, some of which may be no parameters of ours.
@@ -44,7 +47,8 @@ def read_parameter_file(path: Path, node: str) -> dict[str, RosValue]:
         raise SettingError(
             f'{path} is not a parameter file of ROS, because {error}; see config/social_circle.yaml for the form.'
         ) from None
-    values = parameters_of(sections, node if node.startswith('/') else _full_name(path, sections, node))
+    full_name = node if node.startswith('/') else _full_name(path, sections, node, namespaces)
+    values = parameters_of(sections, full_name)
     if not values:
         raise _nothing_for(path, sections, node)
     for name, value in values.items():
@@ -54,7 +58,7 @@ def read_parameter_file(path: Path, node: str) -> dict[str, RosValue]:
     return cast('dict[str, RosValue]', values)
 
 
-def _full_name(path: Path, sections: Sequence[Section], node: str) -> str:
+def _full_name(path: Path, sections: Sequence[Section], node: str, namespaces: Callable[[], Iterable[str]]) -> str:
     """The full name of the node that the file means.
 
     Raises:
@@ -63,10 +67,12 @@ def _full_name(path: Path, sections: Sequence[Section], node: str) -> str:
     ours = [pattern for pattern, _ in sections if pattern.rpartition('/')[2] in (node, '*', '**')]
     named = [pattern for pattern in ours if '*' not in pattern]
     in_namespace = [pattern for pattern in ours if pattern.rpartition('/')[0].strip('/*')]
+    known = [f'{namespace.rstrip("/")}/{node}' for namespace in (namespaces() if len(ours) > 1 else ())]
     # A section for all nodes beside one for a certain node does not make the file one for two nodes.
-    meant = list(dict.fromkeys(_example(pattern, node) for pattern in named or in_namespace or ours)) or [
-        f'/{node}'
+    meant = [name for name in known if parameters_of(sections, name)] or [
+        _example(pattern, node) for pattern in named or in_namespace or ours
     ]
+    meant = list(dict.fromkeys(meant)) or [f'/{node}']
     if any(parameters_of(sections, name) != parameters_of(sections, meant[0]) for name in meant):
         raise SettingError(
             f'{path} has different parameters for {" and ".join(meant)}: choose with --node, such as'

@@ -53,6 +53,18 @@ def test_a_file_with_different_parameters_for_the_node_needs_its_full_name(file)
 
 
 @pytest.mark.parametrize(
+    ('namespaces', 'window'),
+    [(['/cell1'], 5), (['/cell2'], 7), (['/cell2', '/cell2'], 7), ([''], None), (['/x'], None)],
+)
+def test_the_namespaces_of_a_recording_choose_among_the_sections(file, namespaces, window):
+    file.write_text(TWO_CELLS)
+    values = read_parameter_file(file, NODE, lambda: namespaces)
+    assert values == {'repair.sides': 2} | ({'circle.window': window} if window else {})
+    with pytest.raises(SettingError, match='different parameters for /cell1/social_circle and /cell2'):
+        read_parameter_file(file, NODE, lambda: ['/cell1', '/cell2'])
+
+
+@pytest.mark.parametrize(
     'section',
     ['/**', '/*', '*', '**', '/cell1/*', '/*/social_circle', '/**/social_circle', 'cell1/social_circle', NODE],
 )
