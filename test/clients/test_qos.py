@@ -39,6 +39,8 @@ def profile_text(**values):
         (profile_text(reliability=77), ('KEEP_LAST', 10, 'RELIABLE', 'VOLATILE')),
         ('', ('KEEP_LAST', 10, 'RELIABLE', 'VOLATILE')),
         ('[: ??', ('KEEP_LAST', 10, 'RELIABLE', 'VOLATILE')),
+        ('- &a {reliability: best_effort, depth: *a}', ('KEEP_LAST', 10, 'RELIABLE', 'VOLATILE')),
+        ('[' * 5000, ('KEEP_LAST', 10, 'RELIABLE', 'VOLATILE')),
     ],
 )
 def test_a_topic_is_played_with_the_recorded_policies(recorded, expected):

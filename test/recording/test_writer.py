@@ -154,9 +154,13 @@ def test_the_numbers_of_an_older_rosbag2_s_qos_become_words(tmp_path):
     assert information['topics_with_message_count'][0]['topic_metadata']['offered_qos_profiles'] == [profile]
 
 
-def test_invalid_qos_is_kept_as_it_is(tmp_path):
+BOMB = '- &a0 {history: 1}\n' + ''.join(f'- &a{i} [{f"*a{i - 1}, " * 9}]\n' for i in range(1, 12))
+
+
+@pytest.mark.parametrize('qos', ['[: ??', BOMB, '[' * 5000], ids=['not YAML', 'aliases', 'deep'])
+def test_invalid_qos_is_kept_as_it_is(tmp_path, qos):
     topic = small_topic('/a')
-    odd = type(topic)(**{**vars(topic), 'metadata': {'offered_qos_profiles': '[: ??'}})
+    odd = type(topic)(**{**vars(topic), 'metadata': {'offered_qos_profiles': qos}})
     path = write(tmp_path / 'a.mcap', [Message('/a', b'', 1, 1, 0)], [odd])
     with open_recording(path) as reader:
         assert reader.topics == {'/a': odd}

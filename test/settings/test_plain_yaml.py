@@ -1,13 +1,18 @@
 """Loading YAML that cannot fill the memory."""
 
+import re
 import tracemalloc
+from pathlib import Path
 
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+import socialcircle_ros
 from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
+
+PACKAGE = Path(socialcircle_ros.__file__).parent
 
 BOMB = 'a0: &a0 [x, x]\n' + ''.join(f'a{i}: &a{i} [{", ".join([f"*a{i - 1}"] * 9)}]\n' for i in range(1, 10))
 
@@ -52,6 +57,12 @@ def test_other_texts_are_refused_with_the_reason_and_in_little_memory(text, reas
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 20e6
+
+
+@pytest.mark.parametrize('path', sorted(PACKAGE.rglob('*.py')), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_other_module_loads_yaml(path):
+    loads = re.findall(r'yaml\.(?:\w*load\w*|parse|compose|scan)\(', path.read_text(encoding='utf-8'))
+    assert not loads or path.name == 'plain_yaml.py'
 
 
 @given(st.text(max_size=60) | st.binary(max_size=60))
