@@ -205,7 +205,7 @@ class PointCloud:
 
         def write(band: slice) -> None:
             x, y, z = (values[band] for values in xyz)
-            coordinates = _Coordinates(x, y, z, nan_x, nan_y, nan_z)
+            coordinates = _CoordinateBits(x, y, z, nan_x, nan_y, nan_z)
             _copy_without(source_rows[band], outliers[band], rows[band], coordinates)
 
         in_bands(write, self.height, self.width)
@@ -249,7 +249,7 @@ class PointCloud:
         )
 
 
-class _Coordinates(NamedTuple):
+class _CoordinateBits(NamedTuple):
     """x, y and z of a cloud as whole numbers of their width, (H, W) views of a message, and the bits of NaN."""
 
     x: Bits
@@ -262,7 +262,7 @@ class _Coordinates(NamedTuple):
 
 @kernel
 def _copy_without(
-    source: npt.NDArray[np.uint8], outliers: Mask, target: npt.NDArray[np.uint8], coordinates: _Coordinates
+    source: npt.NDArray[np.uint8], outliers: Mask, target: npt.NDArray[np.uint8], coordinates: _CoordinateBits
 ) -> None:
     """Copy rows of a message, (H, row_step), and set x, y and z of the outliers in the copy to NaN.
 

@@ -13,7 +13,7 @@ from .frame_checks import FrameChecks
 from .frame_names import Order, ZFrom
 from .importers import ImportedCloud, import_cloud
 from .mcap_output import Compression
-from .pictures import Picture
+from .pictures import FramePicture
 from .simulated import pitch_of, write_simulation
 from .stacks import (
     ImportedStack,
@@ -56,7 +56,7 @@ class ImportedFrame(NamedTuple):
     number: int
     name: str
     z: float
-    picture: Picture
+    picture: FramePicture
 
 
 def record_clouds(

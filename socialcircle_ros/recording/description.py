@@ -68,7 +68,7 @@ class Description:
 
 
 @dataclass
-class _Tally:
+class _TopicTally:
     counts: Counter[str] = field(default_factory=Counter)
     sizes: dict[str, str] = field(default_factory=dict)
     first: int | None = None
@@ -96,7 +96,7 @@ def describe(path: str | Path) -> Description:
 
 
 def _recording(path: Path) -> Description:
-    seen = _Tally()
+    seen = _TopicTally()
     with reader.open_recording(path) as opened:
         for message in opened.messages():
             seen.take(message, opened.topics[message.topic])

@@ -6,7 +6,7 @@ import numpy.typing as npt
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.messages.gray import GrayImage
 
-from .pictures import Picture
+from .pictures import FramePicture
 
 _TILES = 8  # along each side
 _TILE = 32  # pixels of a tile that are looked at, along each side
@@ -21,11 +21,11 @@ class FrameChecks:
 
     def __init__(self) -> None:
         self._names: list[str] = []
-        self._first: Picture | None = None
+        self._first: FramePicture | None = None
         self._sharpness: list[npt.NDArray[np.float64]] = []
         self._values: list[int] = []
 
-    def take(self, name: str, picture: Picture) -> None:
+    def take(self, name: str, picture: FramePicture) -> None:
         """Take the next frame.
 
         Raises:
@@ -61,7 +61,7 @@ class FrameChecks:
             )
 
 
-def described(picture: Picture) -> str:
+def described(picture: FramePicture) -> str:
     """Size and mode."""
     rows, columns = picture.pixels.shape
     return f'{columns}×{rows} {picture.mode}'

@@ -15,7 +15,7 @@ from socialcircle_ros.formats.points import comments_of
 from .npz import Npz, open_npz
 from .pcd import read_pcd
 from .ply import read_ply
-from .point_table import Column, PointTable
+from .point_table import FieldValues, PointTable
 
 Coordinates = NDArray[np.float32] | NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class ImportedCloud:
 
     name: str
     points: Cloud
-    fields: dict[str, Column]
+    fields: dict[str, FieldValues]
     unit: str | None
     notes: tuple[str, ...] = ()
 
@@ -152,7 +152,7 @@ def _lateral(archive: Npz, rows: int, columns: int) -> tuple[Coordinates, Coordi
     return x, y
 
 
-def _pitch(path: Path, key: str, value: Column) -> float:
+def _pitch(path: Path, key: str, value: FieldValues) -> float:
     """Read a pitch.
 
     Raises:
@@ -183,7 +183,7 @@ def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
     for axis in 'xyz':
         if axis not in table.columns or table.columns[axis].ndim != 1:
             raise ImportFileError(f'{path} has no coordinate {axis!r} for its points: save it with x, y and z.')
-    grid = _Grid(path, table, shape)
+    grid = _PointGrid(path, table, shape)
     coordinates = [_as_coordinates(path, axis, table.columns.pop(axis)) for axis in 'xyz']
     points = cast('Cloud', np.stack([grid.place(values, np.nan) for values in coordinates], axis=-1))
     fields = _Fields(grid.shape)
@@ -197,7 +197,7 @@ def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
     return _checked(path, ImportedCloud(path.stem, points, fields.by_name, comments_of(path).get('unit'), notes))
 
 
-class _Grid:
+class _PointGrid:
     """Arranges the points of a table in rows and columns."""
 
     def __init__(self, path: Path, table: PointTable, shape: tuple[int, int] | None) -> None:
@@ -232,7 +232,7 @@ class _Fields:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._shape = shape
-        self.by_name: dict[str, Column] = {}
+        self.by_name: dict[str, FieldValues] = {}
         self.notes: list[str] = []
 
     def add_array(self, archive: Npz, name: str) -> None:
@@ -248,7 +248,7 @@ class _Fields:
             for plane, part in enumerate(values):
                 self.add(f'{name}_{plane}', part)
 
-    def add(self, name: str, values: Column) -> None:
+    def add(self, name: str, values: FieldValues) -> None:
         """Add values (rows, columns)."""
         kind, size = values.dtype.kind, values.dtype.itemsize
         if kind == 'b':
@@ -269,7 +269,7 @@ class _Fields:
                 f'{name} has 64-bit whole numbers, which no field holds: it becomes {name}_high · 2³² + {name}_low'
             )
 
-    def _add(self, name: str, values: Column) -> None:
+    def _add(self, name: str, values: FieldValues) -> None:
         free, number = name, 1
         while free in self.by_name or free in ('x', 'y', 'z'):
             number += 1
@@ -279,7 +279,7 @@ class _Fields:
         self.by_name[free] = values
 
 
-def _as_coordinates(path: Path, name: str, values: Column) -> Coordinates:
+def _as_coordinates(path: Path, name: str, values: FieldValues) -> Coordinates:
     """Convert to float32 if that holds every value of the type, as it does for half floats; else to float64.
 
     Raises:
@@ -297,7 +297,7 @@ def _as_coordinates(path: Path, name: str, values: Column) -> Coordinates:
     return real
 
 
-def _is_exact(real: NDArray[np.float64], values: Column) -> bool:
+def _is_exact(real: NDArray[np.float64], values: FieldValues) -> bool:
     """Whether float64 holds all values."""
     if values.dtype.kind == 'f':
         return bool(np.array_equal(real.astype(values.dtype), values, equal_nan=True))

@@ -14,7 +14,7 @@ from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.kernels.compiled import kernel
 
 from .compression import expansion_limit, over_the_limit
-from .point_table import Column, PointTable, ascii_columns, cut_off, first, unique_names
+from .point_table import FieldValues, PointTable, ascii_columns, cut_off, first, unique_names
 
 _KINDS = {
     **{('F', str(size)): f'f{size}' for size in (2, 4, 8)},
@@ -110,7 +110,7 @@ def _header(path: Path, content: bytes) -> tuple[dict[str, list[str]], str, int]
     raise ImportFileError(f'{path} is not a PCD file, or its header is cut off: save it again.')
 
 
-def _ascii(path: Path, data: bytes, points: int, fields: list[_Field]) -> list[Column]:
+def _ascii(path: Path, data: bytes, points: int, fields: list[_Field]) -> list[FieldValues]:
     values = iter(ascii_columns(path, data, points, [field.kind for field in fields for _ in range(field.count)]))
     return [
         np.stack([next(values) for _ in range(field.count)], axis=1) if field.count else np.empty((points, 0))
@@ -118,13 +118,13 @@ def _ascii(path: Path, data: bytes, points: int, fields: list[_Field]) -> list[C
     ]
 
 
-def _binary(path: Path, data: bytes, points: int, fields: list[_Field]) -> list[Column]:
+def _binary(path: Path, data: bytes, points: int, fields: list[_Field]) -> list[FieldValues]:
     record = np.dtype([(f'f{place}', f'<{field.kind}', (field.count,)) for place, field in enumerate(fields)])
     rows = np.frombuffer(first(path, data, points * record.itemsize), record)
     return [rows[name] for name in record.names or ()]
 
 
-def _compressed(path: Path, data: bytes, points: int, fields: list[_Field]) -> list[Column]:
+def _compressed(path: Path, data: bytes, points: int, fields: list[_Field]) -> list[FieldValues]:
     """Decompress the LZF block of PCL, which holds one field after the other, each for all points."""
     packed, unpacked = (int(size) for size in np.frombuffer(first(path, data, 8), '<u4'))
     if unpacked != points * sum(field.size for field in fields):

@@ -22,7 +22,7 @@ _BITS_PER_SAMPLE = 258  # a tag of TIFF
 _WITH_ALPHA = {'LA': 'L', 'La': 'L', 'PA': 'RGB', 'RGBA': 'RGB', 'RGBa': 'RGB'}
 
 
-class Page(NamedTuple):
+class ImagePage(NamedTuple):
     """Where a frame is: a file, and the page of it if it has several, counted from 0."""
 
     path: Path
@@ -32,7 +32,7 @@ class Page(NamedTuple):
         return self.path.name if self.number is None else f'{self.path.name} page {self.number + 1}'
 
 
-class Picture(NamedTuple):
+class FramePicture(NamedTuple):
     """A frame in gray.
 
     Attributes:
@@ -44,7 +44,7 @@ class Picture(NamedTuple):
     mode: str
 
 
-def read_pictures(pages: Sequence[Page]) -> Iterator[Picture]:
+def read_pictures(pages: Sequence[ImagePage]) -> Iterator[FramePicture]:
     """Read frames one at a time; a file is opened once for pages that follow one another.
 
     Colours become gray as Pillow weights them. Other images than those with 8 or 16 bits are converted if every
@@ -116,7 +116,7 @@ def _damage_told(path: Path) -> Iterator[None]:
         raise ImportFileError(f'{path} is not a readable image; save it as PNG or TIFF.') from None
 
 
-def _gray(path: Path, image: 'Image') -> Picture:
+def _gray(path: Path, image: 'Image') -> FramePicture:
     """The pixels of the current page.
 
     Raises:
@@ -132,17 +132,17 @@ def _gray(path: Path, image: 'Image') -> Picture:
         image = image.convert(_WITH_ALPHA.get(image.mode, image.mode))
     mode = image.mode
     if mode.startswith('I;16'):
-        return Picture(np.asarray(image).astype(np.uint16), f'gray, {max(bits, 16)} bits')
+        return FramePicture(np.asarray(image).astype(np.uint16), f'gray, {max(bits, 16)} bits')
     if mode in ('I', 'F'):
-        return Picture(_whole(path, np.asarray(image), bits), f'gray, {bits} bits{" float" * (mode == "F")}')
+        return FramePicture(_whole(path, np.asarray(image), bits), f'gray, {bits} bits{" float" * (mode == "F")}')
     if bits > 8:
         raise ImportFileError(
             f'{path} has {bits} bits for each colour, of which 8 would be kept: save it as gray with 16 bits.'
         )
     if mode in ('L', '1'):
-        return Picture(np.asarray(image.convert('L')), f'gray, {1 if mode == "1" else 8} bits')
+        return FramePicture(np.asarray(image.convert('L')), f'gray, {1 if mode == "1" else 8} bits')
     if mode in ('P', 'RGB'):
-        return Picture(np.asarray(image.convert('RGB').convert('L')), 'RGB' if mode == 'RGB' else 'palette')
+        return FramePicture(np.asarray(image.convert('RGB').convert('L')), 'RGB' if mode == 'RGB' else 'palette')
     raise ImportFileError(f'{path} has pixels of the kind {mode}, which is not read: save it as gray or RGB.')
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
 
-from .point_table import Column, PointTable, ascii_columns, cut_off, first, unique_names
+from .point_table import FieldValues, PointTable, ascii_columns, cut_off, first, unique_names
 
 _TYPES = {
     **dict.fromkeys(('char', 'int8'), 'i1'),
@@ -55,7 +55,7 @@ class _Element:
 
 
 @dataclass(frozen=True)
-class _Header:
+class _PlyHeader:
     order: str  # as NumPy has it; '=': ascii
     elements: list[_Element]
     sizes: dict[str, int]
@@ -109,7 +109,7 @@ def read_ply(path: Path) -> PointTable:
     return table
 
 
-def _read_header(path: Path, content: bytes) -> _Header:
+def _read_header(path: Path, content: bytes) -> _PlyHeader:
     match = re.match(rb'ply\s*?\n(.*?\n)end_header[ \t\r]*\n', content, re.DOTALL)
     if match is None:
         raise ImportFileError(f'{path} is not a PLY file, or its header is cut off: save it again.')
@@ -137,12 +137,12 @@ def _read_header(path: Path, content: bytes) -> _Header:
         raise ImportFileError(
             f'{path} has an invalid PLY header: save it again with the program that made it.'
         ) from None
-    return _Header(order, elements, sizes, match.end())
+    return _PlyHeader(order, elements, sizes, match.end())
 
 
 def _rows(
     path: Path, order: str, element: _Element, body: bytes, notes: list[str]
-) -> tuple[dict[str, Column], bytes]:
+) -> tuple[dict[str, FieldValues], bytes]:
     """Read the columns of an element without lists, and give the rest of the data."""
     names = [item.name for item in element.properties]
     if element.name == _VERTICES:
@@ -218,7 +218,7 @@ def _entries(path: Path, order: str, element: _Element, body: bytes) -> Iterator
         yield start_of_list, count, position
 
 
-def _viewport(values: dict[str, Column]) -> tuple[int, int] | None:
+def _viewport(values: dict[str, FieldValues]) -> tuple[int, int] | None:
     """The size of the grid that PCL writes into the camera; None: it has none."""
     sizes = [values.get(name, np.empty(0)) for name in ('viewporty', 'viewportx')]
     if any(size.size != 1 or size.dtype.kind not in 'iu' for size in sizes):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
 
-Column = NDArray[np.generic]
+FieldValues = NDArray[np.generic]
 """One value for each point, of any type."""
 
 Number = TypeVar('Number', bound=np.generic)
@@ -36,7 +36,7 @@ class PointTable:
         notes: what was not taken literally, one sentence each.
     """
 
-    columns: dict[str, Column]
+    columns: dict[str, FieldValues]
     shape: tuple[int, int] | None
     places: NDArray[np.int64] | None = None
     notes: list[str] = field(default_factory=list)
@@ -67,7 +67,7 @@ def unique_names(path: Path, names: Sequence[str], notes: list[str]) -> list[str
     return unique
 
 
-def ascii_columns(path: Path, text: bytes, rows: int, kinds: Sequence[str]) -> list[Column]:
+def ascii_columns(path: Path, text: bytes, rows: int, kinds: Sequence[str]) -> list[FieldValues]:
     """Read lines of numbers.
 
     A value that its type cannot hold is not changed to one that it can: the column becomes float64 then.
@@ -123,7 +123,7 @@ def cut_off(path: Path) -> ImportFileError:
     return ImportFileError(f'{path} is cut off: it has fewer points than its header says; save it again.')
 
 
-def _as_stated(values: NDArray[np.float64], kind: str) -> Column:
+def _as_stated(values: NDArray[np.float64], kind: str) -> FieldValues:
     """The values in the type of the header, if that holds them."""
     with np.errstate(invalid='ignore', over='ignore'):
         stated = values.astype(kind)

@@ -21,7 +21,7 @@ from socialcircle_ros.storage import Unfinished
 
 from .frame_names import Order, ZFrom, order_frames
 from .npz import open_npz
-from .pictures import SUFFIXES, TIFF_SUFFIXES, Page, Picture, page_count, read_pictures
+from .pictures import SUFFIXES, TIFF_SUFFIXES, FramePicture, ImagePage, page_count, read_pictures
 from .reader import natural_order
 from .tiff import read_tiff_stack
 from .topics import Topic, offered_qos, ros_topic
@@ -50,12 +50,12 @@ class ImportedStack:
 
     name: str
     z: npt.NDArray[np.float64]
-    images: Sequence[Page] | GrayImage
+    images: Sequence[ImagePage] | GrayImage
     in_metres: bool = False
     pitch: tuple[float, float] | None = None
     notes: tuple[str, ...] = ()
 
-    def pictures(self) -> Iterator[tuple[str, Picture]]:
+    def pictures(self) -> Iterator[tuple[str, FramePicture]]:
         """Yield the name and the pixels of each frame; frames from files are loaded one at a time.
 
         Raises:
@@ -64,7 +64,7 @@ class ImportedStack:
         if isinstance(self.images, np.ndarray):
             for number, pixels in enumerate(self.images):
                 native = pixels.astype(pixels.dtype.newbyteorder('='), copy=False)
-                yield f'frame {number}', Picture(native, f'gray, {8 * native.itemsize} bits')
+                yield f'frame {number}', FramePicture(native, f'gray, {8 * native.itemsize} bits')
         else:
             for page, picture in zip(self.images, read_pictures(self.images), strict=True):
                 yield str(page), picture
@@ -135,7 +135,7 @@ def _tiff_stack(path: Path, z_from: ZFrom) -> ImportedStack:
     stack = read_tiff_stack(path)
     if len(stack.pages) < _LEAST:
         raise ImportFileError(f'{path} holds {len(stack.pages)} pages; a focus stack needs {_LEAST}.')
-    pages = [Page(path, number) for number in stack.pages]
+    pages = [ImagePage(path, number) for number in stack.pages]
     if z_from == 'file' and stack.z is None:
         raise ImportFileError(f'{path} does not say the z of its pages: give --z-step.')
     if stack.z is not None and z_from != 'order':
@@ -170,7 +170,7 @@ def _folder_stack(folder: Path, z_from: ZFrom, order: Order) -> ImportedStack:
             f'{folder} holds {len(files)} images ({", ".join(SUFFIXES)}); a focus stack needs {_LEAST}.'
         )
     named = order_frames(folder, files, z_from, order)
-    pages = [Page(file) for file in named.files]
+    pages = [ImagePage(file) for file in named.files]
     return ImportedStack(folder.name, np.array(named.z), pages, named.in_metres, None, (*notes, *named.notes))
 
 

@@ -7,7 +7,7 @@ from typing import cast
 from socialcircle_ros.errors import SettingError, SocialCircleError
 
 from .groups import PARAMETERS
-from .rcl_rules import RclError, Section, parameters_of, read_sections
+from .rcl_rules import ParameterSection, RclError, parameters_of, read_sections
 from .schema import RosValue
 
 _LARGEST = 16 * 2**20  # bytes
@@ -58,7 +58,9 @@ def read_parameter_file(
     return cast('dict[str, RosValue]', values)
 
 
-def _full_name(path: Path, sections: Sequence[Section], node: str, namespaces: Callable[[], Iterable[str]]) -> str:
+def _full_name(
+    path: Path, sections: Sequence[ParameterSection], node: str, namespaces: Callable[[], Iterable[str]]
+) -> str:
     """The full name of the node that the file means.
 
     Raises:
@@ -88,7 +90,7 @@ def _example(pattern: str, node: str) -> str:
     return f'{namespace}/{node if "*" in last else last}'
 
 
-def _nothing_for(path: Path, sections: Sequence[Section], node: str) -> SettingError:
+def _nothing_for(path: Path, sections: Sequence[ParameterSection], node: str) -> SettingError:
     if not any(values for _, values in sections):
         return SettingError(f'{path} holds no ros__parameters; see config/social_circle.yaml for the form.')
     names = ', '.join(dict.fromkeys(pattern for pattern, _ in sections))

@@ -39,7 +39,7 @@ class RclError(ValueError):
 
 
 @dataclass
-class _Entry:
+class _NodeEntry:
     """A parameter of a section. A name that occurs twice with values of different types holds both."""
 
     name: str
@@ -62,11 +62,11 @@ class _Entry:
         return next((self.values[kind] for kind in _TYPES if kind in self.values), None)
 
 
-Section = tuple[str, dict[str, RclValue]]
+ParameterSection = tuple[str, dict[str, RclValue]]
 """The full name of a node, in which `*` and `**` may stand for parts, and its parameters by dotted names."""
 
 
-def read_sections(text: str | bytes) -> list[Section]:
+def read_sections(text: str | bytes) -> list[ParameterSection]:
     """Read a parameter file.
 
     Args:
@@ -90,7 +90,7 @@ def read_sections(text: str | bytes) -> list[Section]:
     ]
 
 
-def parameters_of(sections: Iterable[Section], node: str) -> dict[str, RclValue]:
+def parameters_of(sections: Iterable[ParameterSection], node: str) -> dict[str, RclValue]:
     """The parameters that a node gets.
 
     Args:
@@ -111,7 +111,7 @@ def rcl_value(text: str) -> RclValue:
     Raises:
         RclError: rcl would refuse it.
     """
-    entry = _Entry('')
+    entry = _NodeEntry('')
     in_list = first = False
     try:
         for event in plain_events(text):
@@ -137,8 +137,8 @@ class _Parser:
     """The state of rcl's parser. It tells keys, values and levels apart by counting, with the same quirks."""
 
     def __init__(self) -> None:
-        self.sections: dict[str, list[_Entry]] = {}
-        self._section: list[_Entry] = []
+        self.sections: dict[str, list[_NodeEntry]] = {}
+        self._section: list[_NodeEntry] = []
         self._place = 0  # in the section; it outlives the section, as in rcl
         self._namespace, self._namespace_length = '', 0  # of the node
         self._prefix, self._prefix_length = '', 0  # of the parameter
@@ -231,7 +231,7 @@ class _Parser:
         if self._place == len(names):
             if self._place == _MOST:
                 raise RclError(f'a node has more than {_MOST} parameters')
-            self._section.append(_Entry(name))
+            self._section.append(_NodeEntry(name))
 
 
 def _check_node(name: str, line: int) -> None:

@@ -91,7 +91,7 @@ class _Lock(Enum):
     IMPOSSIBLE = auto()  # some network file systems have no locks
 
 
-class _Entry:
+class _OpenEntry:
     """A temporary file or folder, its lock, and the handling of signals while it exists.
 
     Attributes:
@@ -167,7 +167,7 @@ class Unfinished:
         self._folder = folder
         self._check_target()
         remove_leftovers(self._target)
-        self._entry = _Entry()
+        self._entry = _OpenEntry()
         # It also runs when the object is lost, as by Ctrl-C just after it was made, and at the exit.
         self._cleaner = weakref.finalize(self, self._entry.remove)
         try:

@@ -5,7 +5,7 @@ import pytest
 
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.recording.frame_checks import FrameChecks
-from socialcircle_ros.recording.pictures import Picture
+from socialcircle_ros.recording.pictures import FramePicture
 from socialcircle_ros.simulation import simulate
 
 GRAY = 'gray, 8 bits'
@@ -32,7 +32,7 @@ def in_focus(frames):
 def check(frames, modes=None):
     checks = FrameChecks()
     for number, pixels in enumerate(frames):
-        checks.take(f'f{number}', Picture(pixels, GRAY if modes is None else modes[number]))
+        checks.take(f'f{number}', FramePicture(pixels, GRAY if modes is None else modes[number]))
     checks.finish()
 
 

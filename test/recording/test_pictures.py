@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from socialcircle_ros.errors import ImportFileError
-from socialcircle_ros.recording.pictures import Page, page_count, read_pictures
+from socialcircle_ros.recording.pictures import ImagePage, page_count, read_pictures
 
 pillow = pytest.importorskip('PIL.Image')
 
@@ -25,7 +25,7 @@ def saved(path, pixels, mode=None, **options):
 
 
 def read(path):
-    (picture,) = read_pictures([Page(path)])
+    (picture,) = read_pictures([ImagePage(path)])
     return picture
 
 
@@ -130,7 +130,12 @@ def test_pages_are_read_in_the_order_asked_for(tmp_path):
     path = tmp_path / 'a.tif'
     first.save(path, save_all=True, append_images=others)
     assert page_count(path) == 3
-    pages = [Page(path, 2), Page(path, 0), Page(saved(tmp_path / 'b.png', GRAY)), Page(path, 1)]
+    pages = [
+        ImagePage(path, 2),
+        ImagePage(path, 0),
+        ImagePage(saved(tmp_path / 'b.png', GRAY)),
+        ImagePage(path, 1),
+    ]
     assert [picture.pixels[0, 0] for picture in read_pictures(pages)] == [3, 1, 0, 2]
     assert [str(page) for page in pages] == ['a.tif page 3', 'a.tif page 1', 'b.png', 'a.tif page 2']
 

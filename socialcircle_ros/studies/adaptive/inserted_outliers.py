@@ -25,7 +25,7 @@ _THRESHOLDS = np.geomspace(0.3, 60, 400)
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredSurface:
+class StudiedSurface:
     """A measured surface before the insertion.
 
     Attributes:
@@ -67,7 +67,7 @@ class ContaminatedSurface:
         return float(f1_at(residuals, self.outlier, self.counted, _THRESHOLDS * self.noise).max())
 
 
-def measured_surface(cloud: MeasuredCloud) -> MeasuredSurface:
+def measured_surface(cloud: MeasuredCloud) -> StudiedSurface:
     """Measure the noise of a surface, and find its spikes.
 
     Where more than half of the residuals are 0, the noise is their standard deviation instead of the robust σ.
@@ -77,10 +77,10 @@ def measured_surface(cloud: MeasuredCloud) -> MeasuredSurface:
     robust = _SIGMA * float(np.median(fine[measured]))
     noise = robust if robust > 0 else float(fine[measured].std())
     plausible: Mask = coarse <= _PLAUSIBLE * _SIGMA * float(np.median(coarse[measured]))
-    return MeasuredSurface(cloud, noise, plausible, measured & ~plausible)
+    return StudiedSurface(cloud, noise, plausible, measured & ~plausible)
 
 
-def insert_outliers(surface: MeasuredSurface, share: float, seed: int) -> ContaminatedSurface:
+def insert_outliers(surface: StudiedSurface, share: float, seed: int) -> ContaminatedSurface:
     """Insert outliers of 8 to 40 σ: half isolated, half in clusters of 2 to 8 points radius, sharp or blurred.
 
     Args:

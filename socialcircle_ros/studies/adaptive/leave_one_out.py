@@ -12,7 +12,7 @@ from socialcircle_ros.metrics.scores import Scores
 from socialcircle_ros.report.content import Cell, Column, Section, Table
 
 from .goals import Evaluation, Goal
-from .inserted_outliers import ContaminatedSurface, MeasuredSurface, insert_outliers
+from .inserted_outliers import ContaminatedSurface, StudiedSurface, insert_outliers
 
 SELECTION_SEEDS = (501, 502)
 """Seeds of the inserted outliers that rules are chosen on; they are judged on outliers of other seeds."""
@@ -38,7 +38,7 @@ def candidates() -> Iterator[Rules]:
 
 
 def leave_one_out(
-    surfaces: Sequence[MeasuredSurface], seeds: Sequence[int], progress: Callable[[str], None]
+    surfaces: Sequence[StudiedSurface], seeds: Sequence[int], progress: Callable[[str], None]
 ) -> Evaluation:
     """Choose the rules on all surfaces but one, and judge them on that one; each surface is left out once.
 
@@ -74,7 +74,7 @@ def leave_one_out(
     return Evaluation(Section('Leave-one-out validation', [text], items=[table]), [goal])
 
 
-def _trials(surfaces: Sequence[MeasuredSurface], progress: Callable[[str], None]) -> list[_RulesTrial]:
+def _trials(surfaces: Sequence[StudiedSurface], progress: Callable[[str], None]) -> list[_RulesTrial]:
     """Evaluate all candidates on all surfaces."""
     contaminated = [
         [insert_outliers(surface, share, seed) for share in SELECTION_SHARES for seed in SELECTION_SEEDS]
@@ -98,7 +98,7 @@ def _score(surface: ContaminatedSurface, rules: Rules) -> Scores:
     return surface.score(find_outliers(surface.points[..., 2], None, rules).outliers)
 
 
-def _removed(surface: MeasuredSurface, rules: Rules) -> float:
+def _removed(surface: StudiedSurface, rules: Rules) -> float:
     """Share of the plausible points of an untouched surface that the rules remove."""
     found = find_outliers(surface.cloud.points[..., 2], None, rules).outliers
     return float(np.mean(found[surface.plausible]))

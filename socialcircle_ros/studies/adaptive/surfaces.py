@@ -11,7 +11,7 @@ from socialcircle_ros.studies.comparison.study import Study
 from . import drawings
 from .detection import detect
 from .goals import Evaluation, Goal
-from .inserted_outliers import MeasuredSurface, insert_outliers
+from .inserted_outliers import StudiedSurface, insert_outliers
 
 CONTROLS = ('alicona_fv_al3d1', 'alicona_fv_rubber')
 """Surfaces of the data folder that have no outliers."""
@@ -21,7 +21,7 @@ SHARES = (0.01, 0.05, 0.15, 0.3)
 """Shares of inserted outliers."""
 
 
-def contaminated_surfaces(study: Study, surfaces: Sequence[MeasuredSurface]) -> Evaluation:
+def contaminated_surfaces(study: Study, surfaces: Sequence[StudiedSurface]) -> Evaluation:
     """Insert outliers, and compare the adaptive mode with the median residual tuned on the truth."""
     seeds = study.plan.seeds[:REPEATS]
     rows: list[list[Cell]] = []
@@ -67,7 +67,7 @@ def _contaminated_goals(rows: Sequence[Sequence[Cell]]) -> list[Goal]:
     ]
 
 
-def untouched_surfaces(study: Study, surfaces: Sequence[MeasuredSurface]) -> Evaluation:
+def untouched_surfaces(study: Study, surfaces: Sequence[StudiedSurface]) -> Evaluation:
     """Filter the surfaces as measured: the plausible points removed, and the share of spikes removed."""
     rows: list[list[Cell]] = []
     pictures = []

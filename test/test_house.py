@@ -1,0 +1,123 @@
+"""The house rules that a program can check; CONTRIBUTING lists all of them."""
+
+import ast
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+import socialcircle_ros
+
+PACKAGE = Path(socialcircle_ros.__file__).parent
+TREES = {path.relative_to(PACKAGE): ast.parse(path.read_text(encoding='utf-8')) for path in PACKAGE.rglob('*.py')}
+
+MOST_LINES_OF_A_MODULE = 450
+MOST_LINES_OF_A_FUNCTION = 80
+MOST_EXPLICIT_ANY = 150
+
+
+def functions(tree):
+    return [node for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
+
+
+def is_kernel(function):
+    return any(isinstance(each, ast.Name) and each.id == 'kernel' for each in function.decorator_list)
+
+
+def is_any(node):
+    return (isinstance(node, ast.Name) and node.id == 'Any') or (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and re.search(r'\bAny\b', node.value) is not None
+    )
+
+
+def annotations(function):
+    arguments = function.args
+    every = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs, arguments.vararg, arguments.kwarg]
+    return [each.annotation for each in every if each is not None and each.annotation] + (
+        [function.returns] if function.returns else []
+    )
+
+
+def uses_any(annotation):
+    """Whether an annotation holds Any, other than as the shape of a NumPy array."""
+    return any(is_any(node) for node in ast.walk(annotation))
+
+
+@pytest.mark.parametrize('path', TREES, ids=str)
+def test_no_module_is_too_long(path):
+    assert len((PACKAGE / path).read_text(encoding='utf-8').splitlines()) <= MOST_LINES_OF_A_MODULE
+
+
+@pytest.mark.parametrize('path', TREES, ids=str)
+def test_no_function_but_a_kernel_is_too_long(path):
+    long = [
+        function.name
+        for function in functions(TREES[path])
+        if function.end_lineno - function.lineno + 1 > MOST_LINES_OF_A_FUNCTION and not is_kernel(function)
+    ]
+    assert not long
+
+
+def public_functions(tree):
+    """Functions and methods that other modules may call: no name on the way to them begins with `_`."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith('_'):
+            yield node
+        elif isinstance(node, ast.ClassDef) and not node.name.startswith('_'):
+            for method in node.body:
+                if isinstance(method, ast.FunctionDef) and (
+                    not method.name.startswith('_') or method.name == '__init__'
+                ):
+                    yield method
+
+
+@pytest.mark.parametrize('path', TREES, ids=str)
+def test_no_public_signature_holds_any(path):
+    loose = [
+        function.name
+        for function in public_functions(TREES[path])
+        if any(uses_any(annotation) for annotation in annotations(function))
+    ]
+    assert not loose
+
+
+def test_any_is_rare():
+    found = [node for tree in TREES.values() for node in ast.walk(tree) if is_any(node)]
+    assert len(found) < MOST_EXPLICIT_ANY
+
+
+def names_of_types(tree):
+    """Classes and type aliases of a module."""
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef):
+            yield node.name.strip('_')
+        elif isinstance(node, ast.Assign) and isinstance(node.value, (ast.Subscript, ast.BinOp)):
+            for target in node.targets:
+                if isinstance(target, ast.Name) and re.fullmatch(r'_?[A-Z][a-z]+([A-Z][a-z]*)*', target.id):
+                    yield target.id.strip('_')
+
+
+def test_one_name_has_one_meaning():
+    rooms = defaultdict(list)
+    for path, tree in TREES.items():
+        for name in names_of_types(tree):
+            rooms[name].append(str(path))
+    assert not {name: paths for name, paths in rooms.items() if len(paths) > 1}
+
+
+@pytest.mark.parametrize('path', TREES, ids=str)
+def test_cores_are_those_that_the_process_may_use(path):
+    assert 'cpu_count' not in (PACKAGE / path).read_text(encoding='utf-8')
+
+
+TOPICS = re.compile(
+    r"'(?!/truth/)[^' ]*\b(outlier_mask|outlier_score|points_filtered|points_repaired|stack/\w+|last_points)'"
+)
+
+
+def test_topics_are_named_in_the_interface_only():
+    named = [str(path) for path in TREES if TOPICS.search((PACKAGE / path).read_text(encoding='utf-8'))]
+    assert named == ['interface.py']
