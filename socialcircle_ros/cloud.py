@@ -30,48 +30,72 @@ Pitch = tuple[float, float]
 """Distance of two points along x and along y, in the unit of the heights."""
 
 
-def organized(xyz: npt.ArrayLike, pitch: Pitch | None = None) -> Cloud:
+def organized(xyz: npt.ArrayLike) -> Cloud:
     """Check that `xyz` is an organized cloud, and make it readable for the kernels.
 
     Args:
-        xyz: (H, W, 3) float32 or float64, any strides; rows are y, columns are x. Or heights (H, W), with `pitch`.
-            What a masked array masks becomes NaN. An xarray DataArray of heights with two evenly spaced
-            coordinates needs no pitch.
-        pitch: of heights (H, W).
+        xyz: (H, W, 3) float32 or float64, any strides; rows are y, columns are x. What a masked array masks
+            becomes NaN.
 
     Returns:
-        The same array where it is a cloud in native and aligned memory, else a copy that is.
+        The same array where its memory is native and aligned, else a copy that is.
 
     Raises:
-        CloudError: another shape or data type, no point at all, or heights without a pitch.
+        CloudError: another shape or data type, or no point at all.
     """
-    if pitch is None and np.ndim(xyz) == 2:
-        pitch = _pitch_of_coordinates(xyz)
-    cloud: npt.NDArray[np.generic] = np.ma.asanyarray(xyz) if np.ma.isMaskedArray(xyz) else np.asarray(xyz)
-    if cloud.ndim not in (2, 3) or (cloud.ndim == 3 and cloud.shape[2] != 3):
+    cloud = _floats(xyz)
+    if cloud.ndim != 3 or cloud.shape[2] != 3:
+        raise CloudError(f'An organized cloud has the shape (rows, columns, 3), not {cloud.shape}.')
+    return _native(cloud)
+
+
+def organized_from(values: npt.ArrayLike, pitch: Pitch | None) -> Cloud:
+    """An organized cloud from what users have: a cloud, or a height map.
+
+    Args:
+        values: as for `organized`; or heights (H, W) with a pitch. An xarray DataArray of heights with two evenly
+            spaced coordinates needs no pitch.
+        pitch: of heights.
+
+    Raises:
+        CloudError: neither, another data type, no point at all, or heights without a pitch.
+    """
+    if np.ndim(values) != 2:
+        if pitch is not None:
+            raise CloudError('A pitch belongs to heights (rows, columns); a cloud has x and y of its own.')
+        return organized(values)
+    pitch = pitch or _pitch_of_coordinates(values)
+    return _from_heights(_floats(values), pitch)
+
+
+def _floats(values: npt.ArrayLike) -> Floats:
+    """The values with NaN for what is masked.
+
+    Raises:
+        CloudError: another data type, or no value at all.
+    """
+    array: npt.NDArray[np.generic] = (
+        np.ma.asanyarray(values) if np.ma.isMaskedArray(values) else np.asarray(values)
+    )
+    if array.dtype.kind != 'f' or array.dtype.itemsize not in (4, 8):
         raise CloudError(
-            'An organized cloud has the shape (rows, columns, 3), and a height map (rows, columns),'
-            f' not {cloud.shape}.'
-        )
-    if cloud.dtype.kind != 'f' or cloud.dtype.itemsize not in (4, 8):
-        raise CloudError(
-            f'Coordinates must be float32 or float64, not {cloud.dtype}; convert them with'
+            f'Coordinates must be float32 or float64, not {array.dtype}; convert them with'
             ' np.asarray(xyz, dtype=np.float64).'
         )
-    if cloud.size == 0:
-        raise CloudError(f'The cloud has no point: its shape is {cloud.shape}.')
-    if isinstance(cloud, np.ma.MaskedArray):
-        cloud = cloud.filled(np.nan)
-    if cloud.ndim == 2:
-        return _from_heights(cast('HeightMap', cloud), pitch)
-    if pitch is not None:
-        raise CloudError('A pitch belongs to heights (rows, columns); a cloud has x and y of its own.')
-    if not cloud.dtype.isnative or not cloud.flags.aligned:
-        cloud = cloud.astype(cloud.dtype.newbyteorder('='), order='C')
-    return cast('Cloud', cloud)
+    if array.size == 0:
+        raise CloudError(f'The cloud has no point: its shape is {array.shape}.')
+    filled = array.filled(np.nan) if isinstance(array, np.ma.MaskedArray) else array
+    return cast('Floats', filled)
 
 
-def _from_heights(heights: HeightMap, pitch: Pitch | None) -> Cloud:
+def _native(array: Floats) -> Floats:
+    """The array in native byte order and aligned memory."""
+    if array.dtype.isnative and array.flags.aligned:
+        return array
+    return cast('Floats', array.astype(array.dtype.newbyteorder('='), order='C'))
+
+
+def _from_heights(heights: Floats, pitch: Pitch | None) -> Cloud:
     """The cloud of a height map, in its dtype: x and y of the point at (row, column) are column·dx and row·dy."""
     if pitch is None:
         raise CloudError(

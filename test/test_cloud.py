@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
-from socialcircle_ros.cloud import organized
+from socialcircle_ros.cloud import organized_from
 from socialcircle_ros.errors import CloudError
 
 HEIGHTS = np.random.default_rng(0).normal(0, 1, (64, 70))
@@ -35,7 +35,7 @@ def data_array(heights, y, x, unit=None, coordinate_unit=None):
 @pytest.mark.parametrize('kind', [np.float32, np.float64, '>f4', '>f8'])
 def test_heights_with_a_pitch_are_a_cloud(kind):
     z = HEIGHTS.astype(kind)
-    cloud = organized(z, (0.5, 2.0))
+    cloud = organized_from(z, (0.5, 2.0))
     assert cloud.dtype == np.dtype(kind).newbyteorder('=')
     assert cloud[3, 5].tolist() == [2.5, 6.0, z[3, 5]]
     np.testing.assert_array_equal(cloud[..., 2], z)
@@ -70,7 +70,7 @@ def test_a_masked_coordinate_makes_its_point_not_measured():
 
 def test_a_data_array_brings_its_pitch():
     z = data_array(HEIGHTS, np.arange(64) * 2.0 + 7, np.arange(70) * 0.5, 'µm', 'µm')
-    np.testing.assert_allclose(organized(z)[3, 5], [2.5, 6.0, HEIGHTS[3, 5]])
+    np.testing.assert_allclose(organized_from(z, None)[3, 5], [2.5, 6.0, HEIGHTS[3, 5]])
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_a_cloud_with_a_pitch_is_refused():
 
 
 def test_a_list_of_numbers_is_a_cloud():
-    assert organized([[[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]]).shape == (1, 2, 3)
+    assert organized_from([[[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]], None).shape == (1, 2, 3)
 
 
 def spiked():

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organized
+from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organized_from
 from socialcircle_ros.errors import NoSeedError, SocialCircleError
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings, Mode
@@ -111,7 +111,7 @@ def remove_outliers(
         [[20, 30]]
     """
     settings = settings or CircleSettings()
-    cloud = organized(xyz, pitch)
+    cloud = organized_from(xyz, pitch)
     unmeasured = recognise(cloud, settings.not_measured)
     if unmeasured.points is not None:
         cloud = np.where(unmeasured.points[..., None], cloud.dtype.type(np.nan), cloud)

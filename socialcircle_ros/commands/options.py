@@ -9,7 +9,6 @@ from typing import TypeVar, cast
 import click
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
-from socialcircle_ros.interface import NODE_NAME, POINTS, STACK_FRAMES
 from socialcircle_ros.settings import PARAMETERS, RosValue
 from socialcircle_ros.settings.files import read_parameter_file
 from socialcircle_ros.settings.rcl_rules import RclError, rcl_value
@@ -64,6 +63,8 @@ def parameter_values(
     values: dict[str, RosValue] = {}
     if params_file is not None:
         context = click.get_current_context(silent=True)
+        from socialcircle_ros.interface import NODE_NAME  # loads NumPy, which --help does not need
+
         node = context.meta.get(_NODE, NODE_NAME) if context is not None else NODE_NAME
         values |= read_parameter_file(params_file, node, lambda: _recorded_namespaces(recording))
         for name in [name for name in values if not _is_known(name)]:
@@ -97,6 +98,8 @@ def _recorded_namespaces(recording: Path | None) -> set[str]:
     if recording is None:
         return set()
     with open_recording(recording) as reader:
+        from socialcircle_ros.interface import POINTS, STACK_FRAMES  # loads NumPy, which --help does not need
+
         found = {topic.namespace_of(name) for name in reader.topics for topic in (POINTS, STACK_FRAMES)}
     return {namespace for namespace in found if namespace is not None}
 

@@ -17,6 +17,7 @@ HEALTH = HealthValues(
     frames_received=200,
     frames_dropped=5,
     joint_states_dropped=0,
+    clouds_lost=0,
     stack_refusals=7,
     stacks_finished=1,
     last_reason='The cloud is empty.',

@@ -11,7 +11,7 @@ from socialcircle_ros.focus import fit
 from socialcircle_ros.node import warm_up
 
 warm_up._compile_common('paper')
-for kernel in (expansion._link, fit._fit):
+for kernel in (expansion._write_links, fit._fit):
     print(sum(kernel.stats.cache_misses.values()), sum(kernel.stats.cache_hits.values()))
 """
 

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.node.transport import NETWORK_PROFILE, PROFILE
+from socialcircle_ros.storage import write_file
 
 from .live import SHAPE, Times
 from .network_peers import LOST, NO_PARTNER
@@ -174,7 +175,7 @@ def _command(folder: Path, program: str, profile: str, both_ways: bool) -> list[
     if not profile:
         return command
     path = folder / f'{program}.xml'
-    path.write_text(profile, encoding='utf-8')
+    write_file(path, profile)
     return ['env', f'FASTRTPS_DEFAULT_PROFILES_FILE={path}', *command]
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.storage import open_in_place
 
 ADDRESSES = ('10.77.0.1', '10.77.0.2')
 """IPv4 addresses of the two hosts."""
@@ -52,7 +53,7 @@ class Host:
         self.output, self.log = folder / f'{name}.out', folder / f'{name}.log'
         start = ('unshare', '--net', '--mount', 'sh', '-c', _START, 'sh', *command)
         read_end, self._write_end = os.pipe()
-        with self.output.open('wb') as output, self.log.open('wb') as log:
+        with open_in_place(self.output) as output, open_in_place(self.log) as log:
             self.process = subprocess.Popen(  # noqa: S603
                 start, stdin=read_end, stdout=output, stderr=log, env=dict(environment)
             )
