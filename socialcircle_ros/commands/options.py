@@ -68,7 +68,9 @@ def parameter_values(
         node = context.meta.get(_NODE, NODE_NAME) if context is not None else NODE_NAME
         values |= read_parameter_file(params_file, node, lambda: _recorded_namespaces(recording))
         for name in [name for name in values if not _is_known(name)]:
-            click.echo(f'Warning: there is no parameter {name}; its value in {params_file} has no effect.', err=True)
+            click.echo(
+                f'Warning: there is no parameter {name}; its value in {params_file} has no effect.', err=True
+            )
             del values[name]
     for text in parameters:
         name, separator, given = text.partition(':=')
