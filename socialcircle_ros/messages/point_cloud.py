@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -145,8 +146,13 @@ class PointCloud:
                 f'The cloud is cut short: data has {self.data_length} bytes, but row_step × height ='
                 f' {self.row_step} × {self.height} = {self.row_step * self.height}.'
             )
-        for name in 'xyz':
-            self.field(name)
+        fields = sorted((self.field(name) for name in 'xyz'), key=lambda field: field.offset)
+        for first, second in pairwise(fields):
+            if first.offset + self._kind(first).itemsize > second.offset:
+                raise MessageError(
+                    f'The cloud contradicts itself: the fields {first.name!r} and {second.name!r} overlap, at'
+                    f' offsets {first.offset} and {second.offset}.'
+                )
 
     def field(self, name: str) -> PointField:
         """The coordinate field `name`.

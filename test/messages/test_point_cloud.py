@@ -210,6 +210,14 @@ def test_rows_are_y_and_columns_are_x():
             {'fields': [('x', 0, 7, 1), ('y', 4, 7, 1), ('z', 9, 7, 1)]},
             "'z' at offset 9 does not fit into a point",
         ),
+        (
+            {'fields': [('x', 0, 7, 1), ('y', 2, 7, 1), ('z', 8, 7, 1)]},
+            "the fields 'x' and 'y' overlap, at offsets 0 and 2",
+        ),
+        (
+            {'fields': [('x', 4, 7, 1), ('y', 0, 8, 1), ('z', 8, 7, 1)]},
+            "the fields 'y' and 'x' overlap, at offsets 0 and 4",
+        ),
         ({'data': bytes(143)}, 'The cloud is cut short: data has 143 bytes'),
         ({'row_step': 47}, 'contradicts itself: row_step is 47, but 4 points of 12 bytes take 48'),
         ({'row_step': 0}, 'contradicts itself: row_step is 0'),
