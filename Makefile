@@ -1,6 +1,7 @@
 # make        create the environment in .venv
 # make demo   start the node, play recordings into it, print a table, write pictures
 # make test   run every test
+# make soak   attack the filter, recordings and a node for MINUTES=10; prints what was tried and what held
 # make lint   run ruff and mypy
 # make clean  remove everything that make and the tests created
 #
@@ -10,6 +11,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 4
+MINUTES ?= 10
+SEED ?= 1
 DATA ?=
 
 ifeq ($(ROS_DISTRO),jazzy)
@@ -22,7 +25,7 @@ endif
 
 READY := $(VENV)/.ready-$(EXTRAS)
 
-.PHONY: environment demo test lint clean
+.PHONY: environment demo test soak lint clean
 environment: $(READY)
 
 $(READY): setup.py
@@ -36,6 +39,9 @@ demo: $(READY)
 
 test: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+
+soak: $(READY)
+	cd test && PYTHONPATH=. ../$(BIN)/python -m attack.soak --minutes $(MINUTES) --seed $(SEED)
 
 lint: $(READY)
 	$(BIN)/ruff check .

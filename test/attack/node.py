@@ -29,10 +29,13 @@ LEGAL = {
 OTHERS = (0, 9, 10, 60, 99, 200)
 """Transitions that a client cannot ask for."""
 
+GOOD_FROM_NS = 10**12
+"""Good clouds have later stamps than hostile ones, so that their answers can be told apart."""
+
 
 def check_node(cell: Cell, tally: Tally, stamp: int) -> bool:
     """Whether the node answers a good cloud of a stamp of its own, with the bytes of the clean run."""
-    good = cloud(30, 40, stamp=stamp)
+    good = cloud(30, 40, stamp=GOOD_FROM_NS + stamp)
     clean = filter_cloud(good).messages
     cell.forget()
     try:
