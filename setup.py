@@ -51,6 +51,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         shared('launch', '*.launch.py'),
         shared('config', '*.yaml'),
+        shared('config', '*.xml'),
         shared('viewers', '*'),
         shared('bags', 'stack.yaml'),
         shared('bags', '*.mcap'),
