@@ -323,7 +323,9 @@ class HealthValues(StatusValues):
         metadata=_key('Clouds that were replaced by a newer one before they were filtered.', 'clouds')
     )
     clouds_lost: int = field(
-        metadata=_key('Clouds that the middleware reports as lost on the way to the node.', 'clouds')
+        metadata=_key(
+            'Clouds that were published but did not reach the node, as far as the middleware tells.', 'clouds'
+        )
     )
     clouds_refused: int = field(metadata=_key('Clouds that cannot be filtered.', 'clouds'))
     clouds_failed: int = field(

@@ -284,8 +284,9 @@ def _network(clouds: int, path: Path | None) -> None:
     console = Console()
     rows, columns = SHAPE
     title = f'{columns}×{rows} points, 16 bytes per point, every {INTERVAL_S:g} s, between two hosts'
-    headings = ('', 'loss, %', 'arrived', 'median, ms', 'most, ms', 'reported lost')
+    headings = ('', 'loss, %', 'arrived', 'median, ms', 'most, ms', 'told lost')
     table = _table(title, *headings)
+    table.columns[0].min_width = 24
     found = []
     with console.status('') as status:
         for each in measure_network(clouds):

@@ -1,22 +1,50 @@
-"""Messages that the middleware gave up: they were published, but did not arrive whole before the next one."""
+"""Messages that were published, but did not reach a subscription.
+
+Two sources are put together. The publisher numbers its messages, so a gap before a message tells how many are
+missing; but nothing is known while no message comes. The middleware has an event for lost messages: Fast DDS
+reports messages that a newer one has replaced, but not all of them.
+"""
 
 from collections.abc import Callable
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.event_handler import EventHandler, SubscriptionEventCallbacks, UnsupportedEventTypeError
+from rclpy.event_handler import (
+    EventHandler,
+    QoSMessageLostInfo,
+    SubscriptionEventCallbacks,
+    UnsupportedEventTypeError,
+)
 
 from .transport import NETWORK_PROFILE
 
+_MOST_PUBLISHERS = 16  # of which the last number is kept
+
 
 class LostMessages(SubscriptionEventCallbacks):
-    """Event callbacks of a subscription that report lost messages, if the middleware has that event.
+    """Counts the lost messages of a subscription: its event callbacks, and what takes the numbers of its messages.
 
     Args:
-        lost: takes the number of messages that were lost since the last call, on the executor's thread.
+        lost: takes the number of messages that are newly known to be lost, on the executor's thread.
     """
 
     def __init__(self, lost: Callable[[int], None]) -> None:
-        super().__init__(message_lost=lambda status: lost(status.total_count_change))
+        super().__init__(message_lost=self._reported)
+        self._lost = lost
+        self._last_numbers: dict[bytes, int] = {}
+        self._missing = 0  # by the numbers, up to the last message
+        self._reported_since = 0  # by the middleware, since the last message
+        self._told = 0
+
+    def arrived(self, publisher: bytes, number: int) -> None:
+        """A message came; `number` is counted by its publisher."""
+        before = self._last_numbers.pop(publisher, None)
+        self._last_numbers[publisher] = number
+        if len(self._last_numbers) > _MOST_PUBLISHERS:
+            del self._last_numbers[next(iter(self._last_numbers))]
+        # What was reported since the last message is part of a gap, unless the gap is not known.
+        self._missing += self._reported_since if before is None else max(0, number - before - 1)
+        self._reported_since = 0
+        self._tell()
 
     def create_event_handlers(
         self, callback_group: CallbackGroup, subscription: object, topic_name: str
@@ -28,6 +56,16 @@ class LostMessages(SubscriptionEventCallbacks):
             self.message_lost = None
             handlers = super().create_event_handlers(callback_group, subscription, topic_name)
         return handlers
+
+    def _reported(self, event: QoSMessageLostInfo) -> None:
+        self._reported_since += event.total_count_change
+        self._tell()
+
+    def _tell(self) -> None:
+        total = self._missing + self._reported_since
+        if total > self._told:
+            count, self._told = total - self._told, total
+            self._lost(count)
 
 
 def lost_sentence(count: int, topic: str) -> str:

@@ -11,6 +11,7 @@ Facts without a public way: the state of the lifecycle, and the parameters that 
 
 import ctypes
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
 
@@ -30,6 +31,8 @@ except ImportError:  # its base in every version that was looked at
 
 # rcl/types.h: RCL_RET_OK, RCL_RET_PUBLISHER_INVALID, RCL_RET_SUBSCRIPTION_TAKE_FAILED
 _OK, _PUBLISHER_INVALID, _NOTHING_TO_TAKE = 0, 300, 401
+
+_NO_NUMBER = 2**64 - 1  # rmw/types.h: RMW_MESSAGE_INFO_SEQUENCE_NUMBER_UNSUPPORTED
 
 UNKNOWN_STATE = 'unknown'
 
@@ -62,6 +65,20 @@ class _Bytes(ctypes.Structure):
             rcl = _rcl()
             if rcl is not None:
                 rcl.free(ctypes.byref(self))
+
+
+class _RmwMessageInfo(ctypes.Structure):
+    """rmw_message_info_t."""
+
+    _fields_ = (
+        ('source_timestamp', ctypes.c_int64),
+        ('received_timestamp', ctypes.c_int64),
+        ('publication_sequence_number', ctypes.c_uint64),
+        ('reception_sequence_number', ctypes.c_uint64),
+        ('implementation', ctypes.c_char_p),
+        ('publisher', ctypes.c_uint8 * 16),
+        ('rest', ctypes.c_uint8 * 64),  # more than any version appends
+    )
 
 
 class _Rcl:
@@ -146,8 +163,23 @@ def publish(publisher: LifecyclePublisher, message: bytes | memoryview) -> None:
     rcl.check(code)
 
 
-def take(subscription: Subscription) -> memoryview | None:
-    """The next message of a subscription, serialized, in memory of its own; None: there is none.
+@dataclass(frozen=True)
+class TakenMessage:
+    """A message that was taken from a subscription.
+
+    Attributes:
+        message: serialized, in memory of its own.
+        publisher: identifies the publisher; empty if rclpy does not tell it.
+        number: the publisher numbers its messages one by one; None if rclpy or the middleware does not tell it.
+    """
+
+    message: memoryview
+    publisher: bytes = b''
+    number: int | None = None
+
+
+def take(subscription: Subscription) -> TakenMessage | None:
+    """The next message of a subscription; None: there is none.
 
     Raises:
         RCLError: it cannot be taken.
@@ -155,16 +187,19 @@ def take(subscription: Subscription) -> memoryview | None:
     rcl = _rcl()
     if rcl is None:
         message = next(waiting_messages(subscription), None)
-        return None if message is None else memoryview(message)
-    taken = _Bytes(allocator=rcl.default_allocator())
+        return None if message is None else TakenMessage(memoryview(message))
+    taken, info = _Bytes(allocator=rcl.default_allocator()), _RmwMessageInfo()
     with subscription.handle:
         pointer = subscription.handle.pointer
-        rcl.check(rcl.take(pointer, ctypes.byref(taken), None, None), _NOTHING_TO_TAKE)
+        rcl.check(rcl.take(pointer, ctypes.byref(taken), ctypes.byref(info), None), _NOTHING_TO_TAKE)
     if not taken.buffer:
         return None
     array = (ctypes.c_uint8 * taken.buffer_length).from_address(taken.buffer)
     array.owner = taken
-    return np.frombuffer(array, np.uint8).data
+    number = info.publication_sequence_number
+    return TakenMessage(
+        np.frombuffer(array, np.uint8).data, bytes(info.publisher), None if number == _NO_NUMBER else number
+    )
 
 
 def waiting_messages(subscription: Subscription) -> Iterator[bytes]:
@@ -184,7 +219,12 @@ class MessageInput(Protocol):
 
 
 def listen(
-    node: Node, kind: type, topic: str, callback: Callable[[memoryview], None], **options: object
+    node: Node,
+    kind: type,
+    topic: str,
+    callback: Callable[[memoryview], None],
+    numbered: Callable[[bytes, int], None] | None = None,
+    **options: object,
 ) -> MessageInput:
     """Subscribe, and hand each serialized message to `callback` on the executor's thread.
 
@@ -193,10 +233,12 @@ def listen(
         kind: class of the messages.
         topic: its name.
         callback: takes each message.
+        numbered: called before `callback` with the publisher of the message and its number, where they are known.
         options: further arguments of `create_subscription`.
     """
-    make = PublicInput if _rcl() is None else SerializedInput
-    return make(node, kind, topic, callback, **options)
+    if _rcl() is None:
+        return PublicInput(node, kind, topic, callback, **options)
+    return SerializedInput(node, kind, topic, callback, numbered, **options)
 
 
 class PublicInput:
@@ -229,11 +271,18 @@ class SerializedInput(Waitable):
     """Hands each message of a subscription to its callback by `take`, in place of the executor's own way."""
 
     def __init__(
-        self, node: Node, kind: type, topic: str, callback: Callable[[memoryview], None], **options: object
+        self,
+        node: Node,
+        kind: type,
+        topic: str,
+        callback: Callable[[memoryview], None],
+        numbered: Callable[[bytes, int], None] | None = None,
+        **options: object,
     ) -> None:
         super().__init__(node.default_callback_group)
         self._node = node
         self._callback = callback
+        self._numbered = numbered
         self._place: int | None = None
         self.subscription: Subscription = node.create_subscription(
             kind, topic, callback, callback_group=_EventsOnly(), raw=True, **options
@@ -265,14 +314,17 @@ class SerializedInput(Waitable):
         """Whether a message has come."""
         return self._place is not None and wait_set.is_ready('subscription', self._place)
 
-    def take_data(self) -> memoryview | None:
+    def take_data(self) -> TakenMessage | None:
         """Take the message."""
         return take(self.subscription)
 
-    async def execute(self, taken: memoryview | None) -> None:
+    async def execute(self, taken: TakenMessage | None) -> None:
         """Hand the message to the callback."""
-        if taken is not None:
-            self._callback(taken)
+        if taken is None:
+            return
+        if self._numbered is not None and taken.number is not None:
+            self._numbered(taken.publisher, taken.number)
+        self._callback(taken.message)
 
 
 class _EventsOnly(ReentrantCallbackGroup):

@@ -4,6 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
+from hypothesis import given
+from hypothesis import strategies as st
 from rclpy import event_handler
 from rclpy.event_handler import QoSSubscriptionEventType, UnsupportedEventTypeError
 from rclpy.node import Node
@@ -29,7 +31,12 @@ def kinds(subscription):
     return [handler.event_type for handler in subscription.event_handlers]
 
 
-def test_a_subscription_reports_how_many_messages_were_lost_since_the_last_report(node):
+def report(lost, count):
+    """What rclpy does when the middleware reports lost messages."""
+    lost.message_lost(SimpleNamespace(total_count=count, total_count_change=count))
+
+
+def test_the_middleware_reports_lost_messages_to_the_subscription(node):
     counts = []
     subscription = node.create_subscription(
         PointCloud2, 'points', print, 1, event_callbacks=LostMessages(counts.append)
@@ -37,6 +44,45 @@ def test_a_subscription_reports_how_many_messages_were_lost_since_the_last_repor
     (handler,) = (each for each in subscription.event_handlers if each.event_type == LOST)
     handler.callback(SimpleNamespace(total_count=5, total_count_change=2))
     assert counts == [2]
+
+
+def test_a_gap_in_the_numbers_of_a_publisher_tells_how_many_are_missing():
+    counts = []
+    lost = LostMessages(counts.append)
+    for publisher, number in ((b'a', 7), (b'a', 8), (b'b', 1), (b'a', 11), (b'b', 2), (b'b', 4), (b'a', 12)):
+        lost.arrived(publisher, number)
+    assert counts == [2, 1]
+
+
+def test_a_publisher_that_starts_again_and_an_old_number_are_no_loss():
+    lost = LostMessages(pytest.fail)
+    for publisher, number in ((b'a', 7), (b'new', 1), (b'new', 2), (b'new', 2), (b'new', 1)):
+        lost.arrived(publisher, number)
+
+
+def test_the_numbers_of_many_publishers_are_not_kept():
+    lost = LostMessages(pytest.fail)
+    for number in range(1000):
+        lost.arrived(number.to_bytes(16, 'big'), 1)
+    assert len(lost._last_numbers) <= 16
+
+
+@given(st.lists(st.sampled_from(['arrives', 'lost', 'lost and reported']), max_size=30))
+def test_each_lost_message_is_counted_once(fates):
+    counts = []
+    lost = LostMessages(counts.append)
+    for number, fate in enumerate(fates, 1):
+        if fate == 'lost and reported':
+            report(lost, 1)
+        elif fate == 'arrives':
+            lost.arrived(b'publisher', number)
+    ends = [number for number, fate in enumerate(fates, 1) if fate == 'arrives']
+    known = [
+        fate
+        for number, fate in enumerate(fates, 1)
+        if fate == 'lost and reported' or (fate == 'lost' and ends and ends[0] < number < ends[-1])
+    ]
+    assert sum(counts) == len(known)
 
 
 def test_other_events_keep_their_default_callbacks(node):

@@ -115,6 +115,30 @@ def test_a_publisher_that_is_not_active_is_silent(pair):
     assert [said(taken) for taken in pair.heard] == ['heard']
 
 
+def test_rcl_tells_the_publisher_of_each_message_and_its_number(pair):
+    numbers = []
+    pair.input.destroy()
+    pair.input = listen(
+        pair.node,
+        String,
+        'words',
+        pair.heard.append,
+        lambda publisher, number: numbers.append((publisher, number)),
+        qos_profile=QoSProfile(depth=10),
+    )
+    pair.spin_until(lambda: pair.publisher.get_subscription_count() == 1)
+    for text in ('one', 'two', 'three'):
+        publish(pair.publisher, serialize_message(String(data=text)))
+    pair.spin_until(lambda: len(pair.heard) == 3)
+
+    if isinstance(pair.input, PublicInput):
+        assert numbers == []
+    else:
+        publishers, counted = zip(*numbers, strict=True)
+        assert len(set(publishers)) == 1
+        assert counted == (1, 2, 3)
+
+
 def test_there_is_nothing_to_take_where_nothing_came(pair):
     assert take(pair.input.subscription) is None
 

@@ -99,22 +99,31 @@ def _subscribe(both_ways: bool) -> int:
     from sensor_msgs.msg import PointCloud2  # noqa: PLC0415
 
     from socialcircle_ros.node.lost_messages import LostMessages  # noqa: PLC0415
+    from socialcircle_ros.node.rclpy_internals import listen  # noqa: PLC0415
 
     rclpy.init()
     node = Node('subscriber')
     reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
     relayed = node.create_publisher(PointCloud2, RELAYED, reliable) if both_ways else None
 
-    def arrived(message: bytes) -> None:
+    def arrived(message: memoryview) -> None:
         print(Header.read(CdrReader(message)).seconds, time.monotonic(), flush=True)  # noqa: T201 - as above
         if relayed is not None:
-            relayed.publish(message)
+            relayed.publish(bytes(message))
 
     def lost(count: int) -> None:
         print(LOST, count, flush=True)  # noqa: T201 - as above
 
-    events = LostMessages(lost)
-    node.create_subscription(PointCloud2, POINTS.name, arrived, reliable, raw=True, event_callbacks=events)
+    lost_clouds = LostMessages(lost)
+    listen(
+        node,
+        PointCloud2,
+        POINTS.name,
+        arrived,
+        lost_clouds.arrived,
+        qos_profile=reliable,
+        event_callbacks=lost_clouds,
+    )
     ended = threading.Event()
 
     def wait_for_end() -> None:
