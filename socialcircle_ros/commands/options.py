@@ -25,7 +25,7 @@ def parameter_options(function: Function) -> Function:
         metavar='NAME',
         expose_value=False,
         callback=_keep_node,
-        help='Node whose parameters are read from --params-file, such as /cell1/social_circle, if the file has'
+        help='Node, such as /cell1/social_circle: its parameters are read from --params-file, if the file has'
         ' different ones for several.',
     )(function)
     function = click.option(
@@ -51,7 +51,7 @@ def parameter_values(
     Args:
         params_file: a parameter file; None for none.
         parameters: texts of the form NAME:=VALUE.
-        recording: whose namespaces say which sections of a file are meant, if it has several for the node.
+        recording: its namespaces choose among the sections of a file that has several for the node.
 
     Returns:
         Full names to values. Ranges are checked by the settings, not here.

@@ -40,7 +40,7 @@ def write_ply(path: Path, cloud: OrganizedCloud) -> None:
 
 
 def write_pcd(path: Path, cloud: OrganizedCloud) -> None:
-    """Write a binary PCD file, whose WIDTH and HEIGHT are the columns and rows."""
+    """Write a binary PCD file; its WIDTH and HEIGHT are the columns and rows."""
     table = _table(cloud)
     rows, columns = table.shape
     names = table.dtype.names or ()

@@ -165,7 +165,7 @@ def _axis_pitch(values: NDArray[np.floating], measured: NDArray[np.bool_], axis:
 
 
 def _exact_pitch(line: NDArray[np.floating], places: NDArray[np.intp]) -> float | None:
-    """The shortest number whose multiples are the coordinates, bit for bit; None if there is none."""
+    """The shortest number with the coordinates as its multiples, bit for bit; None if there is none."""
     numbers = line.astype(np.float64)
     half = np.spacing(np.abs(line)).astype(np.float64) / 2
     away = places > 0

@@ -25,7 +25,7 @@ class Presets:
         self.folder = folder
 
     def names(self) -> list[str]:
-        """The names of all presets, sorted; files whose names cannot be those of presets are left out."""
+        """The names of all presets, sorted; files with names that no preset can have are left out."""
         found = (path.stem for path in self.folder.glob('*.yaml') if path.is_file())
         return sorted(name for name in found if _NAME.fullmatch(name))
 

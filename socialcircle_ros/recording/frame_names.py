@@ -212,7 +212,7 @@ def _holds_z(folder: Path, tokens: dict[Path, _Token]) -> bool:
     decimals = {token.decimals for token in found}
     if len(decimals) > 1:
         raise ImportFileError(
-            f'{folder} has names such as {_listed([*tokens][:2])}, whose numbers may be decimals or not: give'
+            f'{folder} has names such as {_listed([*tokens][:2])}; their numbers may be decimals or not: give'
             ' --z-from name or --z-from order.'
         )
     return decimals != {0}

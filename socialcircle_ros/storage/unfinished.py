@@ -24,7 +24,7 @@ _LOG = logging.getLogger(__name__)
 
 _PARTIAL = 'partial'  # removed after an error
 _UNFINISHED = 'unfinished'  # kept after an error
-_REPLACED = 'replaced'  # a folder whose place is being taken
+_REPLACED = 'replaced'  # a folder that is being replaced
 
 _REGULAR = (stat.S_IFREG, stat.S_IFDIR)
 _KINDS = {

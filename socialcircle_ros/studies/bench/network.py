@@ -42,7 +42,7 @@ class Setup:
         subscriber: text of the subscriber's profile; '': no profile.
         environment: variables of both processes.
         kernel: settings of the subscriber's kernel.
-        both_ways: whether the subscriber publishes each cloud back, as a node does whose outputs are used on the
+        both_ways: whether the subscriber publishes each cloud back, as a node does if its outputs are used on the
             publisher's host.
     """
 

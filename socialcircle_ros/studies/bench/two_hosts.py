@@ -116,7 +116,7 @@ def _run(*command: str) -> str:
 def two_hosts(
     commands: tuple[Sequence[str], Sequence[str]], loss: float, folder: Path, environment: Mapping[str, str]
 ) -> Iterator[tuple[Host, Host]]:
-    """Two joined hosts whose commands wait for `Host.begin`; the hosts end with the block.
+    """Two joined hosts with commands that wait for `Host.begin`; the hosts end with the block.
 
     Args:
         commands: what runs on the hosts.
