@@ -4,8 +4,8 @@ Two marks are recognised, besides NaN and infinite coordinates:
 
 1. One exact point, such as (0, 0, 0), at many places of the grid. Measured points differ in x or y.
 2. One exact height, such as z = 0, on a grid with x and y. A surface can have equal heights, so more is required:
-   the height is 0 or very far away; no other height lies beyond it; and it occurs ten times as often as any other,
-   on 2 % of the points at least, but on less than half.
+   the height is 0 or very far away; no other height lies beyond it; and it occurs five times as often as any
+   other, on 2 % of the points at least, but on less than half.
 
 Another height that is frequent and stands apart may be a mark, or a cluster of outliers. It is left as it is,
 and a sentence names it.
@@ -24,7 +24,7 @@ from .arrays import Floats, Indices, Real
 AUTO, ONLY_NAN = 'auto', 'nan'
 """Values of `circle.not_measured` besides a number."""
 
-_SAMPLE = 4096
+_SAMPLE = 2048
 """Points that are examined for a mark."""
 
 _LEAST_POINTS = 64
@@ -38,7 +38,7 @@ _DOUBTFUL_SHARE = 0.05
 
 _MOST_SHARE = 0.5
 
-_FREQUENT = 10
+_FREQUENT = 5
 """A mark occurs so many times as often as any other height."""
 
 _FEW_HEIGHTS = 6
