@@ -199,6 +199,7 @@ class PointCloud:
             dense: whether every point of the result is measured: the value of is_dense.
         """
         source = np.frombuffer(self.message, np.uint8)
+        source.flags.writeable = False  # as of a message in bytes: one type for the kernel, compiled once
         copy = np.frombuffer(target, np.uint8)
         first, last = self.data_start, self.data_start + self.height * self.row_step
         copy[:first] = source[:first]

@@ -16,6 +16,36 @@ for kernel in (expansion._write_links, fit._fit):
 """
 
 
+NODE_PATH = """
+import sys
+
+import numpy as np
+
+from socialcircle_ros.node import warm_up
+from socialcircle_ros.pipeline.clouds import MessageBuffer, process_cloud
+
+
+def signatures():
+    modules = [module for name, module in sys.modules.items() if name.startswith('socialcircle_ros')]
+    values = [value for module in modules for value in vars(module).values()]
+    kernels = {value for value in values if hasattr(value, 'nopython_signatures')}
+    return {kernel.__module__ + '.' + kernel.__name__: len(kernel.signatures) for kernel in kernels}
+
+
+warm_up._compile_common('paper')
+before = signatures()
+for kind in (np.float32, np.float64):
+    message = memoryview(bytearray(warm_up._cloud(kind)))  # writable, as the node takes it from the middleware
+    process_cloud(message, lambda topic, output: None, buffer=MessageBuffer())
+print({name: count for name, count in signatures().items() if count != before.get(name, 0)})
+"""
+
+
+def test_the_first_cloud_of_a_node_compiles_nothing():
+    done = subprocess.run([sys.executable, '-c', NODE_PATH], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == '{}'
+
+
 def compiled_and_loaded():
     """Kernels of clouds and of stacks that a new process compiled, and that it loaded."""
     done = subprocess.run([sys.executable, '-c', PROGRAM], capture_output=True, text=True, check=True)
