@@ -48,7 +48,7 @@ class Tuning:
 
     def close(self):
         self.process.send_signal(signal.SIGINT)
-        _, errors = self.process.communicate(timeout=60)
+        _, errors = self.process.communicate(timeout=300)
         assert self.process.returncode == 0, errors
         assert 'Traceback' not in errors
 

@@ -144,7 +144,7 @@ def filtering(folder):
 def test_a_signal_ends_it_and_leaves_nothing_behind(tmp_path, ending):
     with filtering(tmp_path) as process:
         process.send_signal(ending)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=300)
     assert process.returncode == 128 + ending
     assert err.strip() == ('Stopped.' if ending == signal.SIGINT else f'Ended by {ending.name}.')
     assert [path.name for path in tmp_path.iterdir()] == ['long.mcap']

@@ -33,7 +33,7 @@ def started(tmp_path, *arguments):
     finally:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
-        process.output = process.communicate(timeout=60)
+        process.output = process.communicate(timeout=300)
 
 
 def contents(path):

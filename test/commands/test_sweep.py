@@ -115,7 +115,7 @@ def test_ctrl_c_keeps_the_finished_trials(tmp_path):
             except subprocess.TimeoutExpired:
                 continue
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=300)
     assert process.returncode == 130, err
     assert 'the same command continues from there' in err
     assert 'Traceback' not in err

@@ -46,7 +46,7 @@ def visit(served):
 
 def status_of(served, path, headers, *, websocket):
     """The status of a request: 101 if a websocket is opened."""
-    connection = http.client.HTTPConnection('127.0.0.1', served.port, timeout=60)
+    connection = http.client.HTTPConnection('127.0.0.1', served.port, timeout=300)
     upgrade = {
         'Connection': 'Upgrade',
         'Upgrade': websocket if isinstance(websocket, str) else 'websocket',
@@ -100,7 +100,7 @@ def test_a_server_of_the_network_wants_the_token_too():
 
 def test_a_websocket_with_the_token_receives_the_page(served):
     with visit(served) as connection:
-        assert connection.recv(timeout=60)
+        assert connection.recv(timeout=300)
 
 
 def test_the_title_is_the_product_s(served, chromium):
@@ -189,14 +189,14 @@ def test_a_visitor_opens_no_tunnel_from_the_internet(served, monkeypatch):
 
 def test_a_visitor_that_sends_nonsense_does_not_end_the_page_of_the_others(served):
     with visit(served) as other:
-        other.recv(timeout=60)
+        other.recv(timeout=300)
         for nonsense in (b'\xff' * 1000, 'a text', msgspec.msgpack.encode({'type': 'Nonsense'})):
             with visit(served) as connection, pytest.raises(ConnectionClosed):
                 connection.send(nonsense)
                 while True:
-                    connection.recv(timeout=60)
+                    connection.recv(timeout=300)
         served.server.gui.add_markdown('news')
-        while b'news' not in zstandard.decompress(other.recv(timeout=60)[16:], max_output_size=1 << 20):
+        while b'news' not in zstandard.decompress(other.recv(timeout=300)[16:], max_output_size=1 << 20):
             pass
 
 
@@ -220,7 +220,7 @@ def test_an_address_of_another_machine_is_refused():
 def test_a_request_that_is_no_http_leaves_the_server_running(served, caplog):
     with (
         caplog.at_level(logging.CRITICAL),
-        contextlib.closing(http.client.HTTPConnection('127.0.0.1', served.port, timeout=60)) as connection,
+        contextlib.closing(http.client.HTTPConnection('127.0.0.1', served.port, timeout=300)) as connection,
     ):
         connection.connect()
         connection.sock.sendall(b'\x00\xff\r\n' * 1000)

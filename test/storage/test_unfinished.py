@@ -211,7 +211,7 @@ def test_a_signal_removes_it_and_ends_the_process(tmp_path, ending, options):
     process = in_a_process(WAITING.format(options=options), tmp_path, stdin=subprocess.PIPE)
     assert len(list(tmp_path.iterdir())) == 1
     process.send_signal(ending)
-    process.communicate(timeout=60)
+    process.communicate(timeout=300)
     assert process.returncode == (-ending if ending == signal.SIGINT else 128 + ending)
     assert list(tmp_path.iterdir()) == []
 
@@ -224,14 +224,14 @@ def test_a_signal_that_is_ignored_stays_ignored(tmp_path):
         stdin=subprocess.PIPE,
     )
     process.send_signal(signal.SIGHUP)
-    process.communicate('\n', timeout=60)
+    process.communicate('\n', timeout=300)
     assert process.returncode == 0
     assert [path.name for path in tmp_path.iterdir()] == ['a.html']
 
 
 def test_the_signals_act_as_before_when_all_is_written(tmp_path):
     process = in_a_process(TWO_AT_A_TIME, tmp_path)
-    process.communicate(timeout=60)
+    process.communicate(timeout=300)
     assert process.returncode == 0
 
 
@@ -272,7 +272,7 @@ def test_what_another_process_writes_is_left_alone(tmp_path):
     process = in_a_process(WAITING.format(options=''), tmp_path, stdin=subprocess.PIPE)
     write_file(tmp_path / 'a.html', 'first')
     assert len(list(tmp_path.iterdir())) == 2
-    process.communicate('\n', timeout=60)
+    process.communicate('\n', timeout=300)
     assert process.returncode == 0
     assert [path.name for path in tmp_path.iterdir()] == ['a.html']
 
