@@ -38,6 +38,8 @@ FIELDS = ('x', 'y', 'z', 'intensity', 'quality')
 GAP_NS = 500_000_000
 """Joint states that are further apart than this are not interpolated."""
 
+_NEVER = -(2**63)  # before every stamp
+
 
 @dataclass(frozen=True)
 class StackCloud:
@@ -108,7 +110,7 @@ class StackAssembler:
         # Stamp in ns, z of the stage in m; ascending stamps.
         self._track: deque[tuple[int, float]] = deque(maxlen=MOST_STATES)
         self._track_is_new = False  # whether it began again since the last frame
-        self._last_stamp = -(2**63)
+        self._last_stamp = self._last_placed = _NEVER
 
     def configure(self, focus: FocusSettings, settings: StackSettings) -> None:
         """Set how the next stack is measured; the running one keeps its settings."""
@@ -134,7 +136,10 @@ class StackAssembler:
             return
         stamp = frame.header.stamp
         if stamp < self._last_stamp:
-            yield from self._go_back(stamp)
+            if self._goes_on(stamp):
+                yield from self._refuse_after(stamp)
+            else:
+                yield from self._go_back(stamp)
         self._track_is_new = False
         self._last_stamp = stamp
         if self._settings_now.z_source == 'joint_states':
@@ -166,8 +171,11 @@ class StackAssembler:
         if self._track and stamp == self._track[-1][0]:
             self._track.pop()
         self._track.append((stamp, z))
-        # Of the states before the first waiting frame, only the nearest is needed.
-        oldest = self._waiting[0].header.stamp if self._waiting else stamp - 10 * GAP_NS
+        # Of the states before the first waiting frame, only the nearest is needed; a wrong stamp of the future
+        # needs none.
+        oldest = stamp - 10 * GAP_NS
+        if self._waiting:
+            oldest = min(oldest, self._waiting[0].header.stamp)
         while len(self._track) > 2 and self._track[1][0] < oldest:
             self._track.popleft()
         yield from self._place_waiting()
@@ -209,8 +217,24 @@ class StackAssembler:
             yield Refusal(f'Time went backwards by {back_s:.3f} s: the running stack was given up.')
         self._stack = None
         self._waiting.clear()
+        self._last_placed = _NEVER
         if not self._track_is_new:
             self._track.clear()  # its stamps are from before
+
+    def _goes_on(self, stamp: int) -> bool:
+        """Whether time goes on with a frame, although a later stamp came before: that stamp is the wrong one.
+
+        It is where no measured frame is later, and the stage is not at a later time either.
+        """
+        if stamp < self._last_placed:
+            return False
+        return not self._track or stamp >= self._track[-1][0] - GAP_NS
+
+    def _refuse_after(self, stamp: int) -> Iterator[StackEvent]:
+        """Refuse the waiting frames with later stamps."""
+        while self._waiting and self._waiting[-1].header.stamp > stamp:
+            ahead_s = (self._waiting.pop().header.stamp - stamp) / 1e9
+            yield Refusal(f'A frame was refused: its stamp is {ahead_s:.3f} s after that of the frame behind it.')
 
     def _place_waiting(self) -> Iterator[StackEvent]:
         """Take the frames with stamps that joint states cover."""
@@ -230,6 +254,7 @@ class StackAssembler:
             frame: the frame.
             z: position of the stage in m; None: counted from z_start by z_step.
         """
+        self._last_placed = frame.header.stamp
         pixels = frame.gray()
         stack = self._stack
         if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):

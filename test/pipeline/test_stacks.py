@@ -350,6 +350,44 @@ def test_refused_frames_change_nothing(refused, z_source):
     assert len(clouds(events)) == 1
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 8), st.integers(PERIOD, 10**18)), max_size=6),
+    st.integers(0, 3),
+)
+def test_frames_stamped_in_the_future_are_refused_and_cost_no_stack(wrong, states_ahead):
+    """The stage is where it should be, so it is the stamp that is wrong, not the time."""
+
+    def run(extra):
+        made, events = assembler(z_source='joint_states', frames=9), []
+        for number in range(states_ahead):
+            events += made.add_joint_state(joint((number + 1) * PERIOD, number * STEP))
+        for number, frame in enumerate(frames()):
+            for at, ahead in extra:
+                if at == number:
+                    stamp = (number + states_ahead + 1) * PERIOD + ahead
+                    events += made.add_frame(encode_image(Header.at(stamp, 'camera'), frame))
+            at = number + states_ahead
+            events += made.add_joint_state(joint((at + 1) * PERIOD, at * STEP))
+            events += made.add_frame(image(frame, number))
+        return events
+
+    events, expected = run(wrong), run([])
+    assert [cloud.points for cloud in clouds(events)] == [cloud.points for cloud in clouds(expected)]
+    assert len(clouds(events)) == 1
+    assert len(reasons(events)) == len(wrong)
+    assert all('after that of the frame behind it' in reason for reason in reasons(events))
+
+
+def test_time_that_went_back_with_the_stage_ends_the_stack_that_waits():
+    made = assembler(z_source='joint_states', frames=9)
+    list(made.add_joint_state(joint(1000 * PERIOD, 5.0)))
+    list(made.add_frame(encode_image(Header.at(2000 * PERIOD, 'camera'), frames()[0])))
+    (reason,) = reasons(made.add_frame(image(frames()[0], 0)))
+    assert 'Time went backwards' in reason
+    assert not made._track  # positions of another time say nothing of this frame
+
+
 def test_a_frame_that_is_too_large_is_refused_with_the_memory_that_it_needs():
     (event,) = assembler(max_pixels=700).add_frame(image(frames()[0], 0))
     assert '720 pixels, more than stack.max_pixels (700)' in event.reason
