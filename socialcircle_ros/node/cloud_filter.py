@@ -16,6 +16,7 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.pipeline.clouds import MessageBuffer, process_cloud
 
 from .health import Health
+from .lost_messages import LostMessages, lost_sentence
 from .parameters import Configuration
 from .rclpy_internals import MessageInput, listen
 from .topics import CLASSES, Publishers, qos_options
@@ -70,8 +71,15 @@ class CloudFilter:
 
     def listen(self) -> None:
         """Subscribe to clouds."""
+        lost = LostMessages(self._clouds_lost)
         self._input = listen(
-            self._node, CLASSES[POINTS.type], POINTS.name, self._cloud_arrived, **qos_options(POINTS)
+            self._node,
+            CLASSES[POINTS.type],
+            POINTS.name,
+            self._cloud_arrived,
+            lost.arrived,
+            event_callbacks=lost,
+            **qos_options(POINTS),
         )
 
     def ignore(self) -> None:
@@ -117,6 +125,11 @@ class CloudFilter:
     def _cloud_arrived(self, message: memoryview) -> None:
         self._health.received()
         self.filter(message)
+
+    def _clouds_lost(self, count: int) -> None:
+        reason = lost_sentence(count, self._node.resolve_topic_name(POINTS.name))
+        self._health.lost(count, reason)
+        self._node.get_logger().warning(reason, throttle_duration_sec=LOG_PERIOD_S)
 
     def _replaced(self, cloud: QueuedCloud) -> None:
         if not cloud.again:

@@ -161,6 +161,28 @@ def test_clouds_that_come_faster_than_they_are_filtered_are_dropped_and_counted(
     assert int(counts.values['clouds_dropped']) > 0
 
 
+def test_clouds_that_the_middleware_replaces_are_counted_as_lost(cell):
+    cell.clean(cloud())  # from here on the numbers of this publisher are known
+    sent = 1
+
+    def burst():
+        nonlocal sent
+        for stamp in range(1, 9):
+            cell.publish(cloud(stamp=stamp))
+        sent += 8
+        return any(int(found.values['clouds_lost']) > 0 for found in cell.inbox['diagnostics'])
+
+    def all_known(found):
+        return int(found.values['clouds_received']) + int(found.values['clouds_lost']) == sent
+
+    cell.wait_for(burst)
+    cell.forget()
+    cell.publish(cloud(stamp=10**12))
+    sent += 1
+    found = cell.diagnosis(all_known)
+    assert int(found.values['clouds_lost']) > 0
+
+
 def test_a_publisher_that_starts_again_is_heard_again(cell):
     cell.clean(cloud(seed=1))
     cell.peer.destroy_publisher(cell.clouds)

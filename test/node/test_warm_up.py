@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import numpy as np
+
 from socialcircle_ros.node import warm_up
 
 PROGRAM = """
@@ -67,3 +69,17 @@ def test_the_helper_ends_with_the_process_that_asked_for_it(tmp_path, monkeypatc
 
     assert helper.wait(60) == 0
     assert not list(tmp_path.rglob('*_fit-*.nbc'))
+
+
+def test_without_a_helper_process_this_one_compiles_everything(monkeypatch):
+    def refuse(*_, **__):
+        raise OSError('no more processes')
+
+    measured = []
+    monkeypatch.setattr(warm_up, '_is_cold', lambda: True)
+    monkeypatch.setattr(warm_up, '_measure', measured.append)
+    monkeypatch.setattr(subprocess, 'Popen', refuse)
+
+    warm_up._compile_common('paper')
+
+    assert measured == [np.uint8]

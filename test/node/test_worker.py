@@ -2,7 +2,7 @@
 
 import threading
 
-from socialcircle_ros.node.worker import LatestWorker
+from socialcircle_ros.node.worker import LatestWorker, QueueWorker
 
 
 class Gate:
@@ -50,3 +50,22 @@ def test_draining_an_idle_worker_returns_at_once():
     gate.worker.drain()
     gate.worker.stop()
     assert gate.done == []
+
+
+def test_a_queue_that_is_full_takes_nothing_more():
+    begun, through, done = threading.Semaphore(0), threading.Semaphore(0), []
+
+    def work(item):
+        begun.release()
+        through.acquire()
+        done.append(item)
+
+    worker = QueueWorker(work, lambda: None, 0.01)
+    assert worker.put_if_room(0, 3)
+    begun.acquire()
+    assert [worker.put_if_room(number, 3) for number in range(1, 6)] == [True, True, True, False, False]
+    through.release(4)
+    for _ in range(3):
+        begun.acquire()
+    worker.stop()
+    assert done == [0, 1, 2, 3]
