@@ -26,7 +26,7 @@ LEVELS = [
     {'simulation', 'messages', 'formats'},
     {'circle', 'focus', 'repair', 'baselines', 'metrics'},
     {'cloud'},
-    {'settings', 'kernels', 'storage'},
+    {'settings', 'kernels', 'storage', 'lengths'},
     {'errors'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}

@@ -38,7 +38,7 @@ def command(
     x3p, sdf            height map in m (ISO 25178-72 and -71); the mask is a PNG beside it
     tiff                height map in 32-bit float; the mask is a PNG beside it
     """  # noqa: D301 - click reads \b
-    from socialcircle_ros.formats.units import metres_per
+    from socialcircle_ros.lengths import metres_per
     from socialcircle_ros.recording.export import export_recording
 
     if unit is not None:

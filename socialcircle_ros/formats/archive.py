@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.lengths import metres_per
 
 from .surface import MeasuredSurface, PointValues, given_pitch
-from .units import metres_per
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import HeightMap

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from socialcircle_ros.errors import ImportFileError, SocialCircleError
+from socialcircle_ros.lengths import known_unit, metres_per
 from socialcircle_ros.storage import write_file
 
 from . import archive, points, sdf, tiff, x3p
 from .surface import MeasuredSurface, OrganizedCloud, surface_of
 from .table import Format, format_of, suffixes
-from .units import known_unit, metres_per
 from .vendor import read_vendor_file
 
 if TYPE_CHECKING:

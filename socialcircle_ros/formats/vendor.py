@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.lengths import known_unit
 
 from .surface import MeasuredSurface, given_pitch
-from .units import known_unit
 
 INSTALL = 'pip install "socialcircle_ros[formats]", or from a checkout pip install -e ".[formats]"'
 

@@ -13,8 +13,8 @@ import numpy as np
 from socialcircle_ros.cloud import measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.formats import OrganizedCloud, format_of, surface_of
-from socialcircle_ros.formats.units import length_text
 from socialcircle_ros.interface import POINTS
+from socialcircle_ros.lengths import length_text
 from socialcircle_ros.messages import image
 from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.point_cloud import PointCloud
@@ -137,10 +137,10 @@ def _measurement_file(path: Path) -> Description:
     }
     try:
         dx, dy = surface_of(OrganizedCloud(cloud.points, cloud.unit)).surface.pitch
-        facts['pitch'] = f'{length_text(dx, cloud.unit)} × {length_text(dy, cloud.unit)}'
+        facts['pitch'] = f'{length_text(dx, cloud.unit, digits=6)} × {length_text(dy, cloud.unit, digits=6)}'
     except CloudError as reason:
         facts['pitch'] = f'none: {reason}'
-    low, high = (length_text(float(each), cloud.unit) for each in (heights.min(), heights.max()))
+    low, high = (length_text(float(each), cloud.unit, digits=6) for each in (heights.min(), heights.max()))
     facts['heights'] = f'{low} to {high}'
     if cloud.fields:
         facts['fields'] = ', '.join(f'{name} ({values.dtype})' for name, values in cloud.fields.items())

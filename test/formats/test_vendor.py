@@ -7,7 +7,7 @@ import pytest
 
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import read_file
-from socialcircle_ros.formats.units import metres_per
+from socialcircle_ros.lengths import metres_per
 
 PAIRS = {
     'al3d-1.al3d': 'alicona_fv_al3d1',

@@ -1,0 +1,174 @@
+"""Units of length: their names in files, their size, and lengths as a person reads them.
+
+Lengths are shown with the SI prefix that suits them. A unit that is not known is said, never guessed.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import SettingError
+
+if TYPE_CHECKING:
+    from matplotlib.axis import Axis
+
+METRES = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6, 'nm': 1e-9, 'pm': 1e-12, 'Å': 1e-10, 'inch': 0.0254}
+"""The known units and their length in m."""
+
+NOT_KNOWN = 'unit not known'
+
+_SPELLINGS = {
+    **{unit.lower(): unit for unit in METRES},
+    **dict.fromkeys(('µm', 'μm', 'micron', 'microns', 'micrometer', 'micrometre', 'micrometers'), 'um'),
+    **dict.fromkeys(('meter', 'metre', 'meters', 'metres'), 'm'),
+    **dict.fromkeys(('millimeter', 'millimetre', 'millimeters'), 'mm'),
+    **dict.fromkeys(('nanometer', 'nanometre', 'nanometers'), 'nm'),
+    **dict.fromkeys(('angstrom', 'ang', 'å'), 'Å'),
+    **dict.fromkeys(('in', '"'), 'inch'),
+}
+
+_PREFIXES = {0: 'm', -3: 'mm', -6: 'µm', -9: 'nm', -12: 'pm'}
+_LEAST_DIGITS = 2  # of a value that is much smaller than the largest of its series
+_SAME = 6  # digits: values closer than that to the next prefix take it
+_SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
+
+
+def known_unit(text: str | None) -> str | None:
+    """The unit that a file means, as `METRES` spells it; None if the file names none, or one that is not known."""
+    return None if text is None else _SPELLINGS.get(text.strip().lower())
+
+
+def metres_per(unit: str | None) -> float:
+    """The length of a unit in m.
+
+    Raises:
+        SettingError: the unit is not known.
+    """
+    known = known_unit(unit)
+    if known is None:
+        what = 'is not named' if unit is None else f'{unit!r} is not known'
+        raise SettingError(f'The unit of the coordinates {what}: give one of {", ".join(METRES)}, as --unit.')
+    return METRES[known]
+
+
+@dataclass(frozen=True)
+class LengthScale:
+    """How the lengths of one series, axis or colour bar are shown: all with the same prefix.
+
+    Attributes:
+        factor: from the unit of the values to the one that is shown.
+        name: of the unit that is shown, such as µm; `NOT_KNOWN` where it is not known.
+        decimals: of numbers as large as the largest of the series.
+    """
+
+    factor: float
+    name: str
+    decimals: int
+
+    def number(self, value: float) -> str:
+        """A length without its unit; – for NaN. A small value has more decimals, so that it does not become 0."""
+        shown = float(value) * self.factor
+        if not math.isfinite(shown):
+            return '–' if math.isnan(shown) else ('−∞' if shown < 0 else '∞')
+        decimals = self.decimals if shown == 0 else max(self.decimals, _LEAST_DIGITS - 1 - _exponent(shown))
+        return _fixed(shown, decimals)
+
+    def text(self, value: float) -> str:
+        """A length with its unit, such as 12.4 µm."""
+        return f'{self.number(value)} {_after_number(self.name)}'
+
+    def label(self, quantity: str) -> str:
+        """The label of an axis, a colour bar or a column, such as x [µm]."""
+        return f'{quantity} [{self.name}]'
+
+    def label_axis(self, axis: 'Axis', quantity: str) -> None:
+        """Label a matplotlib axis whose values are in the unit of the series; `bar.ax.yaxis` is a colour bar's."""
+
+        def tick(value: float, _: float) -> str:
+            """One tick, with the decimals that tell it from its neighbours."""
+            steps = np.diff(np.unique(np.asarray(axis.get_majorticklocs(), np.float64))) * self.factor
+            return _fixed(value * self.factor, _decimals_of_step(float(steps.min()) if steps.size else 1.0))
+
+        axis.set_major_formatter(tick)
+        axis.set_label_text(self.label(quantity))
+
+
+def length_scale(values: ArrayLike, unit: str | None, *, digits: int = 4) -> LengthScale:
+    """Choose the prefix for a series of lengths: that of its largest value.
+
+    Args:
+        values: the lengths, in any shape; those that are not finite do not count.
+        unit: of the values, in any spelling; None: not known.
+        digits: significant digits of the largest value.
+    """
+    lengths = np.abs(np.asarray(values, np.float64))
+    largest = float(lengths.max(where=np.isfinite(lengths), initial=0.0))
+    known = known_unit(unit)
+    metres = largest * (METRES[known] if known else 1.0)
+    exponent = _exponent(metres, _SAME) if metres else 0
+    thousands = exponent // 3 * 3
+    if known:
+        power = min(max(thousands, min(_PREFIXES)), 0) if metres else _power_of(known)
+        name = _PREFIXES[power]
+    else:
+        # An unknown unit has no prefix: a power of ten keeps numbers short, where they would not be.
+        power = 0 if -3 <= exponent < 6 else thousands
+        ten = '' if power == 0 else f'10{str(power).translate(_SUPERSCRIPTS)}'
+        name = f'{ten} {unit}'.strip() if unit else '; '.join(filter(None, (ten, NOT_KNOWN)))
+    factor = (METRES[known] if known else 1.0) * 10.0**-power
+    return LengthScale(factor, name, max(0, digits - 1 - (exponent - power)))
+
+
+def length_text(value: float, unit: str | None, *, digits: int = 3) -> str:
+    """One length for a person, such as 12.4 µm or −3 nm; without trailing zeros.
+
+    Args:
+        value: the length.
+        unit: of the value; None: not known, and the text says so.
+        digits: significant digits.
+    """
+    if known_unit(unit) is None:
+        return f'{value:.{digits}g} {_after_number(unit or NOT_KNOWN)}'.replace('-', '−')
+    scale = length_scale(_rounded(value, digits), unit, digits=digits)
+    number = scale.number(value)
+    if '.' in number:
+        number = number.rstrip('0').rstrip('.')
+    return f'{number} {_after_number(scale.name)}'
+
+
+def _after_number(name: str) -> str:
+    return f'({name})' if name.endswith(NOT_KNOWN) else name
+
+
+def _power_of(unit: str) -> int:
+    """The prefix for 0: the unit itself, or the next larger prefix."""
+    return next(power for power in sorted(_PREFIXES) if 10.0**power >= METRES[unit] * (1 - 1e-9) or power == 0)
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f'{value:.{digits - 1}e}')
+
+
+def _exponent(value: float, digits: int = 15) -> int:
+    """The power of ten of the first digit, after rounding to some digits."""
+    return int(f'{value:.{digits - 1}e}'.partition('e')[2])
+
+
+def _decimals_of_step(step: float) -> int:
+    """The decimals that write a step of ticks, such as 2 for 0.25."""
+    if not 0 < step < math.inf:
+        return 0
+    digits = f'{_rounded(step, 3):.2e}'
+    mantissa = digits.partition('e')[0].rstrip('0')
+    return max(0, len(mantissa) - 2 - int(digits.partition('e')[2]))
+
+
+def _fixed(value: float, decimals: int) -> str:
+    """A number with decimals and a true minus sign; no negative zero."""
+    text = f'{value:.{max(0, decimals)}f}'
+    if float(text) == 0:
+        text = text.lstrip('-')
+    return text.replace('-', '−')
