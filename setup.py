@@ -17,6 +17,7 @@ ROS = [
 PICTURES = ['matplotlib>=3.6', 'Pillow>=9']
 TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
+MEASUREMENTS = ['pyarrow>=14', 'duckdb>=1.1']
 PANEL = ['viser>=1.1,<2', 'websockets>=13', *PICTURES]
 TEST = [
     'pytest>=7.4',
@@ -74,8 +75,9 @@ setup(
         'tuning': [*TUNING, *PICTURES],
         'panel': PANEL,
         'formats': FORMATS,
-        'test': [*TEST, *PANEL, *TUNING],
-        'dev': [*TEST, *PANEL, *TUNING, *LINT],
+        'measurements': MEASUREMENTS,
+        'test': [*TEST, *PANEL, *TUNING, *MEASUREMENTS],
+        'dev': [*TEST, *PANEL, *TUNING, *MEASUREMENTS, *LINT],
     },
     zip_safe=True,
     entry_points={

@@ -3,7 +3,8 @@
     python docs/generate.py
 
 The parameters come from `socialcircle_ros/settings`, the topics, services and status keys from
-`socialcircle_ros/interface.py`, the formats of files from `socialcircle_ros/formats/table.py`. In a page the
+`socialcircle_ros/interface.py`, the formats of files from `socialcircle_ros/formats/table.py`, the
+columns of measurements from `socialcircle_ros/measurements/row.py`. In a page the
 generator fills the place between `<!-- generated: NAME -->` and `<!-- end -->` with the table NAME, and changes
 nothing else.
 """
@@ -13,6 +14,7 @@ from pathlib import Path
 
 from socialcircle_ros.formats import formats_table
 from socialcircle_ros.interface import interface_tables
+from socialcircle_ros.measurements import schema_table
 from socialcircle_ros.settings import GROUPS, parameter_table, yaml_text
 from socialcircle_ros.storage import write_file
 
@@ -20,7 +22,7 @@ DOCS = Path(__file__).resolve().parent
 PARAMETER_FILE = DOCS.parent / 'config' / 'social_circle.yaml'
 
 TABLES = {f'{group.group or "node"} parameters': parameter_table(group) for group in GROUPS}
-TABLES |= interface_tables() | formats_table()
+TABLES |= interface_tables() | formats_table() | schema_table()
 PLACE = re.compile(r'(?<=<!-- generated: )(.+?)( -->\n).*?(?=<!-- end -->)', re.DOTALL)
 
 

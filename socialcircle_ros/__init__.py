@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.focus import FocusResult, FocusStack, depth_from_focus
     from socialcircle_ros.formats import MeasuredSurface, write_surface
+    from socialcircle_ros.measurements import open_measurements
     from socialcircle_ros.recording import read_surface
     from socialcircle_ros.repair import RepairResult, repair_holes
     from socialcircle_ros.report.report import make_report
@@ -30,6 +31,7 @@ __all__ = [
     'SocialCircleError',
     'depth_from_focus',
     'make_report',
+    'open_measurements',
     'read_surface',
     'remove_outliers',
     'repair_holes',
@@ -49,6 +51,7 @@ _ROOMS = {
     'MeasuredSurface': 'formats',
     'depth_from_focus': 'focus',
     'make_report': 'report.report',
+    'open_measurements': 'measurements',
     'read_surface': 'recording',
     'remove_outliers': 'circle',
     'repair_holes': 'repair',

@@ -31,7 +31,11 @@ def declared():
         exec(compile(source, 'setup.py', 'exec'), {'__file__': str(PACKAGE.parent / 'setup.py')})  # noqa: S102
     base = {name_of(each) for each in setup.call_args.kwargs['install_requires']}
     extras = setup.call_args.kwargs['extras_require']
-    product = {name_of(each) for extra in ('pictures', 'tuning', 'panel', 'formats') for each in extras[extra]}
+    product = {
+        name_of(each)
+        for extra in ('pictures', 'tuning', 'panel', 'formats', 'measurements')
+        for each in extras[extra]
+    }
     return base, base | product
 
 

@@ -20,7 +20,7 @@ LEVELS = [
     {'clients'},
     {'node', 'panel', 'sweep'},
     {'report'},
-    {'recording'},
+    {'recording', 'measurements'},
     {'pipeline'},
     {'interface'},
     {'simulation', 'messages', 'formats'},

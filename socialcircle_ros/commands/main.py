@@ -21,6 +21,7 @@ COMMANDS = {
     'simulate': 'simulate',
     'report': 'report',
     'sweep': 'sweep',
+    'measurements': 'measurements',
     'bench': 'bench',
     'experiment': 'experiment',
 }

@@ -1,0 +1,78 @@
+"""`socialcircle measurements`."""
+
+import csv
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import click
+
+SUMMARY = """
+select cell, count(*) as clouds, count(*) filter (where status = 'warning') as warnings,
+    count(*) filter (where status in ('refused', 'failed')) as refused,
+    count(*) filter (where not limits_passed) as limits_failed,
+    min(time) as first, max(time) as last, median(outlier_share) as outlier_share, median(sq) as sq
+from measurements group by cell order by cell
+"""
+
+
+@click.command(
+    'measurements',
+    epilog='Example: socialcircle measurements out "select cell, day, avg(outlier_share) from measurements'
+    ' group by all order by all"',
+)
+@click.argument('folder', type=click.Path(path_type=Path))
+@click.argument('query', required=False)
+@click.option(
+    '--format', 'form', type=click.Choice(['table', 'csv', 'json']), default='table', show_default=True,
+    help='How the rows are printed.',
+)  # fmt: skip
+def command(folder: Path, query: str | None, form: Literal['table', 'csv', 'json']) -> None:
+    """Ask the measurements in FOLDER with SQL.
+
+    FOLDER is the output of `socialcircle batch`, or the measurements.folder of nodes. QUERY is SQL of DuckDB on
+    the table `measurements`, which has one row per cloud. Without QUERY, one row per cell is printed.
+
+    \b
+    socialcircle measurements out "describe measurements"
+    socialcircle measurements out "select recording, reason from measurements where status = 'failed'"
+    socialcircle measurements out "copy (from measurements) to 'all.csv'"
+
+    docs/archives.md lists the columns.
+    """  # noqa: D301 - click reads \b
+    from socialcircle_ros.errors import SocialCircleError
+    from socialcircle_ros.measurements import open_measurements
+
+    database = open_measurements(folder)
+    import duckdb
+
+    try:
+        result = database.execute(query or SUMMARY)
+        names, rows = [column[0] for column in result.description], result.fetchall()
+    except duckdb.Error as error:
+        raise SocialCircleError(f'DuckDB cannot answer the query: {error}') from None
+    _print(names, rows, form)
+
+
+def _print(names: Sequence[str], rows: Sequence[Sequence[object]], form: Literal['table', 'csv', 'json']) -> None:
+    if form == 'csv':
+        writer = csv.writer(sys.stdout, lineterminator='\n')
+        writer.writerow(names)
+        writer.writerows(['' if cell is None else cell for cell in row] for row in rows)
+    elif form == 'json':
+        for row in rows:
+            click.echo(json.dumps(dict(zip(names, row, strict=True)), default=str, ensure_ascii=False))
+    else:
+        from rich.console import Console
+        from rich.table import Table
+
+        table = Table(*names)
+        for row in rows:
+            table.add_row(*('' if cell is None else _text(cell) for cell in row))
+        Console(width=None if sys.stdout.isatty() else 1000, markup=False, highlight=False).print(table)
+
+
+def _text(cell: object) -> str:
+    return f'{cell:.6g}' if isinstance(cell, float) else str(cell)

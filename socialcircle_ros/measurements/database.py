@@ -1,0 +1,58 @@
+"""DuckDB over the files of measurements."""
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from socialcircle_ros.errors import SocialCircleError
+
+from .files import FOLDER
+
+if TYPE_CHECKING:
+    import duckdb
+
+TABLE = 'measurements'
+"""The name of the table in queries."""
+
+
+def open_measurements(folder: str | Path) -> 'duckdb.DuckDBPyConnection':
+    """Open the measurements of a folder as a database in memory with the table `measurements`.
+
+    The files are read when a query needs them, by the columns, days and cells that it needs. Nothing is copied, so
+    rows that are written later are in the next query.
+
+    Args:
+        folder: the results of `socialcircle batch`, or the `measurements.folder` of nodes.
+
+    Returns:
+        A connection of DuckDB. `connection.sql('select ...').df()` is a DataFrame, `.arrow()` a table of Arrow,
+        `.fetchall()` a list of tuples.
+
+    Raises:
+        SocialCircleError: the folder has no measurements, or DuckDB is not installed.
+
+    Example:
+        >>> from socialcircle_ros import open_measurements
+        >>> database = open_measurements('out')
+        >>> database.sql('select cell, count(*), median(outlier_share) from measurements group by cell').fetchall()
+    """
+    try:
+        import duckdb  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise SocialCircleError('Queries need DuckDB: pip install "socialcircle_ros[measurements]".') from None
+    folder = Path(folder).absolute()
+    if next((folder / FOLDER).glob('day=*/cell=*/*.parquet'), None) is None:
+        raise SocialCircleError(
+            f'{folder} has no measurements: give the output of `socialcircle batch`, or'
+            ' measurements.folder of a node.'
+        )
+    pattern = re.sub(r'([*?\[])', r'[\1]', str(folder / FOLDER)) + '/day=*/cell=*/*.parquet'
+    connection = duckdb.connect(':memory:')
+    # Progress bars of DuckDB would mix with the output of commands.
+    connection.execute('SET enable_progress_bar = false')
+    quoted = pattern.replace("'", "''")
+    connection.execute(
+        f"CREATE VIEW {TABLE} AS SELECT * FROM read_parquet('{quoted}', union_by_name = true,"  # noqa: S608 - a path
+        " hive_partitioning = true, hive_types = {'day': DATE, 'cell': VARCHAR})"
+    )
+    return connection

@@ -1,0 +1,98 @@
+"""Rows in Parquet files, partitioned by day and cell: `measurements/day=2026-11-28/cell=cell1/NAME.parquet`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.storage import write_file
+
+from .row import SCHEMA_VERSION, MeasurementRow
+
+if TYPE_CHECKING:
+    from datetime import date
+
+    import pyarrow as pa
+
+FOLDER = 'measurements'
+"""The folder of the files, in the folder of the results."""
+
+
+def write_rows(folder: Path, name: str, rows: Sequence[MeasurementRow]) -> list[str]:
+    """Write rows to one file for each day and cell; a file of the same name is replaced.
+
+    Each file is written whole or not at all.
+
+    Args:
+        folder: of the results; the files are in `measurements` in it.
+        name: of the files, without a suffix; another name for each source of rows.
+        rows: in the order in which they are written.
+
+    Returns:
+        The files, relative to `folder`.
+
+    Raises:
+        SocialCircleError: a file cannot be written, or pyarrow is not installed.
+    """
+    partitions: dict[tuple[date, str], list[MeasurementRow]] = {}
+    for row in rows:
+        partitions.setdefault((row.day, row.cell), []).append(row)
+    written = []
+    for (day, cell), members in partitions.items():
+        # Without quoting, a cell such as `../x` would name another folder.
+        path = Path(FOLDER, f'day={day}', f'cell={quote(cell, safe=" ")}', f'{name}.parquet')
+        content = _parquet(members)
+        try:
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SocialCircleError(f'{folder / path} cannot be written: {error.strerror}.') from None
+        write_file(folder / path, content)
+        written.append(str(path))
+    return written
+
+
+def _parquet(rows: Sequence[MeasurementRow]) -> bytes:
+    try:
+        import pyarrow as pa  # noqa: PLC0415 - an extra
+        from pyarrow import parquet  # noqa: PLC0415
+    except ImportError:
+        raise SocialCircleError(
+            'Rows of measurements need pyarrow: pip install "socialcircle_ros[measurements]".'
+        ) from None
+    columns = [[getattr(row, column.name) for row in rows] for column in MeasurementRow.columns()]
+    # A map is a list of pairs; stages are the only one.
+    arrays = [
+        [None if cell is None else list(cell.items()) for cell in cells]
+        if column.type == 'number by name'
+        else cells
+        for column, cells in zip(MeasurementRow.columns(), columns, strict=True)
+    ]
+    schema = arrow_schema()
+    table = pa.Table.from_arrays(
+        [pa.array(cells, field.type) for cells, field in zip(arrays, schema, strict=True)], schema=schema
+    )
+    sink = pa.BufferOutputStream()
+    parquet.write_table(table, sink, compression='zstd')
+    content: bytes = sink.getvalue().to_pybytes()
+    return content
+
+
+def arrow_schema() -> 'pa.Schema':
+    """The schema of the files; each column has its description and its unit as metadata."""
+    import pyarrow as pa  # noqa: PLC0415 - an extra
+
+    types = {
+        'text': pa.string(),
+        'whole number': pa.int64(),
+        'number': pa.float64(),
+        'true or false': pa.bool_(),
+        'time': pa.timestamp('us'),
+        'date': pa.date32(),
+        'number by name': pa.map_(pa.string(), pa.float64()),
+    }
+    fields = [
+        pa.field(column.name, types[column.type], metadata={'description': column.sentence, 'unit': column.unit})
+        for column in MeasurementRow.columns()
+    ]
+    return pa.schema(fields, metadata={'socialcircle_schema': str(SCHEMA_VERSION)})

@@ -1,0 +1,48 @@
+"""`socialcircle measurements`."""
+
+import csv
+import io
+import json
+
+import pytest
+from measurements.row_examples import origin, row
+
+from socialcircle_ros.measurements import refused_row, write_rows
+
+pytest.importorskip('pyarrow')
+pytest.importorskip('duckdb')
+
+
+@pytest.fixture
+def out(tmp_path):
+    rows = [row(), row(number=4), refused_row(origin(cell='cell2'), 'It is not organized.')]
+    write_rows(tmp_path / 'out', 'a', rows)
+    return tmp_path / 'out'
+
+
+def test_without_a_query_it_prints_one_row_per_cell(run, out):
+    done = run('measurements', out, '--format', 'csv')
+    assert done.code == 0, done.err
+    rows = list(csv.DictReader(io.StringIO(done.out)))
+    assert [(each['cell'], each['clouds'], each['refused']) for each in rows] == [
+        ('cell1', '2', '0'),
+        ('cell2', '1', '1'),
+    ]
+
+
+def test_a_query_is_answered_as_a_table_or_as_json(run, out):
+    query = 'select number, round(outlier_share, 4) as share, reason from measurements order by all'
+    table = run('measurements', out, query)
+    assert '0.0046' in table.out
+    assert 'It is not organized.' in table.out
+    done = run('measurements', out, query, '--format', 'json')
+    rows = [json.loads(line) for line in done.out.splitlines()]
+    assert rows[0] == {'number': 3, 'share': 0.0046, 'reason': None}
+
+
+def test_a_bad_query_is_told_by_duckdb(run, out):
+    done = run('measurements', out, 'select nothing from measurements')
+    assert done.code == 1
+    assert 'DuckDB cannot answer the query' in done.err
+    assert 'nothing' in done.err
+    assert 'Traceback' not in done.err

@@ -1,0 +1,85 @@
+"""One row per cloud."""
+
+import dataclasses
+import json
+from datetime import date, datetime, timezone
+
+from measurements.row_examples import NOON, measurement, origin, row
+
+from socialcircle_ros.measurements import MeasurementRow, SettingsText, refused_row, row_of
+from socialcircle_ros.metrics.areal import Texture
+from socialcircle_ros.pipeline.clouds import Measurement
+from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings
+
+
+def test_a_row_holds_what_the_filter_says_of_the_cloud():
+    found = row()
+    assert (found.status, found.reason) == ('ok', None)
+    assert (found.points, found.measured, found.outliers, found.kept) == (5600, 5594, 26, 5568)
+    assert found.outlier_share == 26 / 5594
+    assert found.measured_share == 5594 / 5600
+    assert (found.sa, found.sq, found.sz) == (0.1, 0.2, 3.0)
+    assert (found.cell, found.part, found.topic, found.number) == ('cell1', 'lid', '/cell1/points', 3)
+    assert (found.time, found.day) == (datetime(2026, 9, 21, 14, 13, 20, tzinfo=timezone.utc), date(2026, 9, 21))
+    assert sum(found.stages_ms.values()) == found.total_ms
+    assert 'total' not in found.stages_ms
+    assert found.mode == 'paper'
+    assert found.radius > 0
+
+
+def test_a_stamp_that_is_no_date_gives_way_to_the_time_of_the_recording():
+    assert row(stamp=1_500_000_000).time == row().time
+    assert row(stamp=1_500_000_000).stamp == '1.500000000'
+
+
+def test_the_last_time_of_a_recording_is_a_day():
+    assert row(stamp=1, time_ns=2**64 - 1).day == date(2554, 7, 21)
+
+
+def test_a_warning_and_limits_are_in_the_row():
+    found = measurement()
+    text = {**found.values.to_text(), 'verdict': 'failed', 'verdict_reason': 'Sa is 2, above 1.'}
+
+    class Judged:
+        def __getattr__(self, name):
+            return getattr(found.values, name)
+
+        def to_text(self):
+            return text
+
+    warned = Measurement(1, 'Look at the mask.', 'm', Judged(), found.settings, found.times_ms)
+    made = row_of(origin(), warned)
+    assert (made.status, made.reason) == ('warning', 'Look at the mask.')
+    assert (made.limits_passed, made.limits_reason) == (False, 'Sa is 2, above 1.')
+    assert made.sa is None
+    assert row().limits_passed is None
+
+
+def test_a_texture_that_is_not_known_is_null():
+    nan = float('nan')
+    assert row_of(origin(), measurement(), Texture(nan, nan, nan)).sq is None
+
+
+def test_a_refused_cloud_and_a_recording_that_cannot_be_read_are_rows_too():
+    refused = refused_row(origin(), 'It is not organized.')
+    assert (refused.status, refused.reason, refused.number) == ('refused', 'It is not organized.', 3)
+    failed = refused_row(origin(topic='', number=0), 'It is no recording.', 'failed')
+    assert (failed.status, failed.topic, failed.number, failed.points) == ('failed', None, None, None)
+
+
+def test_settings_are_told_by_what_differs_and_by_a_hash_of_what_has_an_effect():
+    default = SettingsText.of(PipelineSettings())
+    assert default.text == '{}'
+    wide = SettingsText.of(PipelineSettings(circle=CircleSettings(radius_scale=2.0)))
+    assert json.loads(wide.text) == {'circle.radius_scale': 2.0}
+    assert wide.digest != default.digest
+    assert SettingsText.of(PipelineSettings(output=OutputSettings(mask=False))) == default
+
+
+def test_every_column_is_described():
+    for column in MeasurementRow.columns():
+        assert column.sentence.endswith('.'), column
+    assert [each.name for each in MeasurementRow.columns()] == [
+        each.name for each in dataclasses.fields(MeasurementRow)
+    ]
+    assert row(time_ns=NOON).schema_version == 1
