@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleNode
 from socialcircle_ros.errors import SocialCircleError, printable
 from socialcircle_ros.interface import CLOUD_OUTPUTS, LAST_POINTS, MEASUREMENT, POINTS
 from socialcircle_ros.messages import diagnostics
-from socialcircle_ros.pipeline.clouds import MessageBuffer, process_cloud
+from socialcircle_ros.pipeline.clouds import MessageBuffer, failure_sentence, process_cloud
 
 from .health import Health
 from .lost_messages import LostMessages, lost_sentence
@@ -154,12 +154,17 @@ class CloudFilter:
             self._node.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=LOG_PERIOD_S)
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
-            if self._node.context.ok():
-                reason = printable(f'A cloud could not be filtered: {type(error).__name__}: {error}')
-                self._health.failed(reason)
-                self._node.get_logger().error(reason, throttle_duration_sec=LOG_PERIOD_S)
+            self._failed(f'A cloud could not be filtered: {type(error).__name__}: {error}')
             return
         if not cloud.again:
             self._health.published(time.monotonic() - cloud.arrived_s)
-        if measurement.level != diagnostics.OK:
+        for topic, failure in measurement.failures.items():
+            self._failed(failure_sentence(topic, failure))
+        if measurement.level == diagnostics.WARN:
             self._node.get_logger().warning(measurement.message, throttle_duration_sec=LOG_PERIOD_S)
+
+    def _failed(self, reason: str) -> None:
+        """Tell of a fault of this package; what fails while the process ends is none."""
+        if self._node.context.ok():
+            self._health.failed(printable(reason))
+            self._node.get_logger().error(printable(reason), throttle_duration_sec=LOG_PERIOD_S)

@@ -5,7 +5,8 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import get_args
 
 import numpy as np
@@ -127,21 +128,33 @@ def _help() -> None:
 
 
 def _compile_rare() -> None:
-    """Kernels that other settings or another camera need."""
+    """Kernels that other settings or another camera need.
+
+    What cannot be compiled here fails by itself, and says so, when it is used.
+    """
+    for compile_some in _rare():
+        with contextlib.suppress(Exception):
+            compile_some()
+
+
+def _rare() -> Iterator[Callable[[], object]]:
+    """Calls that compile rare kernels, each apart from the others."""
     for other in get_args(Mode):
-        filter_cloud(_cloud(np.float32), PipelineSettings(circle=CircleSettings(mode=other)), depth_of_field=1.0)
+        settings = PipelineSettings(circle=CircleSettings(mode=other))
+        yield partial(filter_cloud, _cloud(np.float32), settings, depth_of_field=1.0)
     # The length of the frame name decides where the points begin; float64 may lie at half of its size.
     for kind, frame in ((np.float32, ''), (np.float64, ''), (np.float64, 'four')):
         cloud = _cloud(kind, frame)
-        filter_cloud(cloud, PipelineSettings(circle=CircleSettings(window=5)))
+        yield partial(filter_cloud, cloud, PipelineSettings(circle=CircleSettings(mode='paper', window=5)))
         for method in ('biharmonic', 'spline'):
             repair = RepairSettings(method=method)
-            filter_cloud(cloud, PipelineSettings(output=OutputSettings(repaired=True), repair=repair))
-    _measure(np.uint16)
+            output = OutputSettings(repaired=True)
+            yield partial(filter_cloud, cloud, PipelineSettings(output=output, repair=repair))
+    yield partial(_measure, np.uint16)
     pixels = np.frombuffer(bytes(48), np.uint8)  # read-only, as in a message
     for blue_first in (False, True):
-        gray_of_colour(pixels.reshape(4, 4, 3), blue_first=blue_first)
-    gray_of_mosaic(pixels.reshape(6, 8))
+        yield partial(gray_of_colour, pixels.reshape(4, 4, 3), blue_first=blue_first)
+    yield partial(gray_of_mosaic, pixels.reshape(6, 8))
 
 
 def _cloud(kind: type[np.floating], frame: str = '') -> bytes:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from socialcircle_ros.circle import CircleResult, remove_outliers
+from socialcircle_ros.cloud import Cloud
+from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import (
     FILTERED,
     MASK,
@@ -25,7 +27,7 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import encode_image, mask_pixels
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.repair import repair_holes
-from socialcircle_ros.settings import PipelineSettings
+from socialcircle_ros.settings import PipelineSettings, RepairSettings
 
 STATUS_NAME = 'social_circle: measurement'
 
@@ -44,6 +46,7 @@ class Measurement:
         values: the counts, seed and radius.
         settings: the settings of the circle in force, by their full names.
         times_ms: time of each stage in ms, in the order of the stages, and `total`.
+        failures: the outputs that could not be made or emitted, and why; the others were.
     """
 
     level: int
@@ -52,6 +55,7 @@ class Measurement:
     values: MeasurementValues
     settings: Mapping[str, str]
     times_ms: Mapping[str, float]
+    failures: Mapping[NodeTopic, Exception]
 
     def status(self, *, timed: bool) -> diagnostics.Status:
         """The measurement as a message; without times it is the same for the same cloud and settings."""
@@ -105,6 +109,7 @@ def filter_cloud(
     Raises:
         MessageError: the message is not an organized cloud, or contradicts itself.
         CloudError: the method has no result for this cloud.
+        Exception: an output could not be made.
     """
     messages: dict[NodeTopic, bytes] = {}
 
@@ -112,6 +117,8 @@ def filter_cloud(
         messages[topic] = bytes(output)
 
     measurement = process_cloud(message, keep, settings, depth_of_field)
+    for failure in measurement.failures.values():
+        raise failure
     messages[MEASUREMENT] = measurement.status(timed=False).encode()
     return CloudOutputs(messages, measurement)
 
@@ -124,6 +131,8 @@ def process_cloud(
     buffer: MessageBuffer | None = None,
 ) -> Measurement:
     """Filter one serialized PointCloud2, and emit each output as soon as it is made: the filtered cloud first.
+
+    An output that fails takes no other with it: the measurement names it.
 
     Args:
         message: the cloud in CDR; it is never altered.
@@ -150,41 +159,39 @@ def process_cloud(
     stopwatch.times_ms |= result.times_ms
     stopwatch.restart()
 
-    points, outliers = cloud.height * cloud.width, int(np.count_nonzero(result.outliers))
-    measured = outliers + int(np.count_nonzero(result.inliers))
-    filtered = _filtered(cloud, result, dense=outliers == 0 and measured == points, buffer=buffer)
-    stopwatch.lap('cloud')
-    emit(FILTERED, filtered)
+    outputs = _Outputs(cloud, xyz, result, settings.repair, emit)
+
+    def filtered() -> bytes | memoryview:
+        output = outputs.filtered(buffer)
+        stopwatch.lap('cloud')  # emitting it is not part of the filter
+        return output
+
+    outputs.attempt(FILTERED, filtered)
     stopwatch.restart()
-
     if MASK in wanted:
-        emit(MASK, encode_image(cloud.header, mask_pixels(result.inliers, result.outliers)))
-    if SCORE in wanted and result.score is not None:
-        emit(SCORE, encode_image(cloud.header, result.score))
+        outputs.attempt(MASK, outputs.mask)
+    score = result.score
+    if SCORE in wanted and score is not None:
+        outputs.attempt(SCORE, lambda: encode_image(cloud.header, score))
     stopwatch.lap('mask')
-
-    filled = 0
     if REPAIRED in wanted:
-        repair = repair_holes(xyz, result.outliers, settings.repair)
-        filled = int(np.count_nonzero(repair.filled))
-        dense = measured - outliers + filled == points
-        emit(REPAIRED, cloud.replaced(result.outliers, repair.xyz, dense=dense))
+        outputs.attempt(REPAIRED, outputs.repaired)
         stopwatch.lap('repair')
 
     stopwatch.times_ms['total'] = sum(stopwatch.times_ms.values())
     values = MeasurementValues(
         stamp=f'{cloud.header.seconds}.{cloud.header.nanoseconds:09d}',
-        points=points,
-        measured=measured,
-        kept=measured - outliers,
-        outliers=outliers,
-        repaired=filled,
+        points=outputs.points,
+        measured=outputs.measured,
+        kept=outputs.measured - outputs.outliers,
+        outliers=outputs.outliers,
+        repaired=outputs.filled,
         seed_row=result.seed[0],
         seed_column=result.seed[1],
         radius=result.radius,
         stack_depth_of_field=depth_of_field,
     )
-    level, sentences = _sentences(values, result)
+    level, sentences = _sentences(values, result, outputs.failures)
     return Measurement(
         level=level,
         message=sentences,
@@ -192,21 +199,60 @@ def process_cloud(
         values=values,
         settings={name: str(value) for name, value in circle.to_ros().items()},
         times_ms=stopwatch.times_ms,
+        failures=outputs.failures,
     )
 
 
-def _filtered(
-    cloud: PointCloud, result: CircleResult, *, dense: bool, buffer: MessageBuffer | None
-) -> bytes | memoryview:
-    """The filtered cloud, in the buffer where there is one."""
-    if buffer is None:
-        return cloud.without(result.outliers, dense=dense)
-    memory = buffer.view(len(cloud.message))
-    cloud.write_without(result.outliers, memory, dense=dense)
-    return memory
+class _Outputs:
+    """The outputs of one cloud, each made and emitted by itself, so that one that fails takes no other with it."""
+
+    def __init__(
+        self, cloud: PointCloud, xyz: Cloud, result: CircleResult, repair: RepairSettings, emit: Emit
+    ) -> None:
+        self._cloud, self._xyz, self._result = cloud, xyz, result
+        self._repair, self._emit = repair, emit
+        self.points = cloud.height * cloud.width
+        self.outliers = int(np.count_nonzero(result.outliers))
+        self.measured = self.outliers + int(np.count_nonzero(result.inliers))
+        self.filled = 0
+        self.failures: dict[NodeTopic, Exception] = {}
+
+    def attempt(self, topic: NodeTopic, make: Callable[[], bytes | memoryview]) -> None:
+        """Make and emit an output, or note why it is missing."""
+        try:
+            self._emit(topic, make())
+        except Exception as error:  # noqa: BLE001 - whatever it is, the other outputs must be emitted
+            self.failures[topic] = error
+
+    def filtered(self, buffer: MessageBuffer | None) -> bytes | memoryview:
+        """The filtered cloud, in the buffer if there is one."""
+        outliers, dense = self._result.outliers, self.outliers == 0 and self.measured == self.points
+        if buffer is None:
+            return self._cloud.without(outliers, dense=dense)
+        memory = buffer.view(len(self._cloud.message))
+        self._cloud.write_without(outliers, memory, dense=dense)
+        return memory
+
+    def mask(self) -> bytes:
+        """The mask as an image."""
+        return encode_image(self._cloud.header, mask_pixels(self._result.inliers, self._result.outliers))
+
+    def repaired(self) -> bytes:
+        """The cloud with its holes filled."""
+        repair = repair_holes(self._xyz, self._result.outliers, self._repair)
+        self.filled = int(np.count_nonzero(repair.filled))
+        dense = self.measured - self.outliers + self.filled == self.points
+        return self._cloud.replaced(self._result.outliers, repair.xyz, dense=dense)
 
 
-def _sentences(values: MeasurementValues, result: CircleResult) -> tuple[int, str]:
+def failure_sentence(topic: NodeTopic, error: Exception) -> str:
+    """What to say of an output that could not be made or emitted."""
+    return printable(f'{topic.name} of a cloud is missing: {type(error).__name__}: {error}')
+
+
+def _sentences(
+    values: MeasurementValues, result: CircleResult, failures: Mapping[NodeTopic, Exception]
+) -> tuple[int, str]:
     """Level and sentences of a measurement."""
     share = values.outliers / values.measured
     message = f'{values.outliers} of {values.measured} measured points are outliers ({100 * share:.2f} %).'
@@ -216,4 +262,7 @@ def _sentences(values: MeasurementValues, result: CircleResult) -> tuple[int, st
     for warning in result.warnings:
         level = diagnostics.WARN
         message += f' {warning[0].upper()}{warning[1:]}'
+    for topic, error in failures.items():
+        level = diagnostics.ERROR
+        message += f' {failure_sentence(topic, error)}'
     return level, message

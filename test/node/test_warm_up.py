@@ -83,3 +83,14 @@ def test_without_a_helper_process_this_one_compiles_everything(monkeypatch):
     warm_up._compile_common('paper')
 
     assert measured == [np.uint8]
+
+
+def test_a_rare_kernel_that_cannot_be_compiled_leaves_the_others(monkeypatch):
+    compiled = []
+
+    def fail():
+        raise RuntimeError('cannot be compiled')
+
+    monkeypatch.setattr(warm_up, '_rare', lambda: [fail, lambda: compiled.append(1)])
+    warm_up._compile_rare()
+    assert compiled == [1]

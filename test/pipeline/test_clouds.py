@@ -11,6 +11,7 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
+from socialcircle_ros.pipeline import clouds
 from socialcircle_ros.pipeline.clouds import MessageBuffer, filter_cloud, process_cloud
 from socialcircle_ros.settings import OutputSettings, PipelineSettings
 
@@ -59,6 +60,41 @@ def test_outputs_are_emitted_in_their_order_and_the_same_as_those_that_are_kept(
     assert {**emitted, MEASUREMENT: kept.messages[MEASUREMENT]} == kept.messages
     assert measurement.values == kept.measurement.values
     assert measurement.times_ms.keys() == kept.measurement.times_ms.keys()
+
+
+@pytest.mark.parametrize('failing', [FILTERED, MASK, SCORE, REPAIRED])
+def test_an_output_that_fails_takes_no_other_with_it(failing):
+    wanted = settings(CircleSettings(mode='adaptive'), OutputSettings(score=True, repaired=True))
+    message = encode_point_cloud(HEADER, surface())
+    emitted = {}
+
+    def emit(topic, output):
+        if topic is failing:
+            raise ZeroDivisionError('a fault')
+        emitted[topic] = bytes(output)
+
+    measurement = process_cloud(message, emit, wanted)
+
+    kept = filter_cloud(message, wanted)
+    others = (topic for topic in kept.messages if topic not in (failing, MEASUREMENT))
+    assert emitted == {topic: kept.messages[topic] for topic in others}
+    assert list(measurement.failures) == [failing]
+    assert measurement.values == kept.measurement.values
+    assert measurement.level == diagnostics.ERROR
+    assert f'{failing.name} of a cloud is missing: ZeroDivisionError: a fault' in measurement.message
+
+
+def test_a_repair_that_fails_leaves_the_cloud_and_the_mask(monkeypatch):
+    wanted = settings(output=OutputSettings(repaired=True))
+    message = encode_point_cloud(HEADER, surface())
+    monkeypatch.setattr(clouds, 'repair_holes', None)
+    emitted = []
+    measurement = process_cloud(message, lambda topic, _: emitted.append(topic), wanted)
+    assert emitted == [FILTERED, MASK]
+    assert measurement.values.repaired == 0
+    assert 'points_repaired of a cloud is missing' in measurement.message
+    with pytest.raises(TypeError):  # offline, a recording is whole or is not made
+        filter_cloud(message, wanted)
 
 
 def test_the_message_is_never_altered():
