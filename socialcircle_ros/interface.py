@@ -15,6 +15,9 @@ from .settings import Mode, OutputSettings, markdown_table
 
 NODE_NAME = 'social_circle'
 
+PASSED, FAILED = 'passed', 'failed'
+"""Values of the key `verdict` of `~/measurement`."""
+
 _COLUMN = 'socialcircle'
 _MOST_COUNTED = 2**63 - 1
 
@@ -276,6 +279,10 @@ class MeasurementValues(StatusValues):
         default=None,
         metadata=_key('Depth of field, read from the focus curves of a stack; absent for other clouds.', 'm'),
     )
+    verdict: str | None = field(
+        default=None, metadata=_key('passed or failed, by the limits; absent if no limit is set.')
+    )
+    verdict_reason: str | None = field(default=None, metadata=_key('Why the measurement failed; else absent.'))
 
     @classmethod
     def from_text(cls, values: Mapping[str, str]) -> 'MeasurementValues':
@@ -292,7 +299,9 @@ class MeasurementValues(StatusValues):
                     continue
                 if text is None:
                     raise KeyError(each.name)  # noqa: TRY301 - one message for both
-                found[each.name] = text if each.type is str else _number(text, whole=each.type is int)
+                found[each.name] = (
+                    text if each.type in (str, str | None) else _number(text, whole=each.type is int)
+                )
             except (KeyError, ValueError):
                 raise MessageError(
                     f'The message is not a measurement of the node: its key {each.name!r} is {text!r}.'
@@ -331,6 +340,7 @@ class HealthValues(StatusValues):
     clouds_failed: int = field(
         metadata=_key('Clouds and frames that caused an unexpected error in the node.', 'clouds')
     )
+    limits_failed: int = field(metadata=_key('Clouds that were published and failed the limits.', 'clouds'))
     frames_received: int = field(metadata=_key('Frames received on stack/image.', 'frames'))
     frames_dropped: int = field(
         metadata=_key('Frames that arrived faster than the node can process them.', 'frames')

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import parameter_options, parameter_values, progress_bar, quantity, tell_refusals
+from .options import parameter_options, parameter_values, progress_bar, quantity, tell_failures, tell_refusals
 
 if TYPE_CHECKING:
     from socialcircle_ros.pipeline.clouds import CloudOutputs
@@ -60,10 +60,14 @@ def command(
     If the output is a measurement file, such as part.x3p, it holds the cleaned cloud of the one cloud that was
     read. docs/formats.md lists the formats.
 
+    If limits are set, such as -p limits.outlier_share_max:=0.05, each measurement passes or fails. If one fails,
+    the exit code is 3, and everything is written all the same.
+
     The same recording and parameters give the same bytes.
     """  # noqa: D301 - click reads \b
+    from socialcircle_ros.interface import FAILED
     from socialcircle_ros.kernels.memory import keep_freed_memory
-    from socialcircle_ros.messages.diagnostics import OK
+    from socialcircle_ros.messages.diagnostics import WARN
     from socialcircle_ros.recording import open_recording
     from socialcircle_ros.recording.export import filter_to_file, is_file_target
     from socialcircle_ros.recording.offline import filter_recording
@@ -73,17 +77,24 @@ def command(
     settings = PipelineSettings.from_ros(parameter_values(params_file, parameters, recording))
     with open_recording(recording) as reader:
         total = reader.message_count
-    read = measured = outliers = 0
+    read = measured = outliers = judged = 0
     warnings: set[str] = set()
+    failures: list[str] = []
     with progress_bar(f'filtering {recording.name}') as progress:
 
         def count(message: 'Message | None', results: 'list[CloudOutputs]') -> None:
-            nonlocal read, measured, outliers
+            nonlocal read, measured, outliers, judged
             read += message is not None
             measurements = [result.measurement for result in results]
             measured += sum(each.values.measured for each in measurements)
             outliers += sum(each.values.outliers for each in measurements)
-            warnings.update(each.message for each in measurements if each.level != OK)
+            warnings.update(each.message for each in measurements if each.level == WARN)
+            judged += sum(each.values.verdict is not None for each in measurements)
+            failures.extend(
+                f'the cloud with the stamp {each.values.stamp} s: {each.values.verdict_reason}'
+                for each in measurements
+                if each.values.verdict == FAILED
+            )
             progress(read, total)
 
         notes: tuple[str, ...] = ()
@@ -102,6 +113,7 @@ def command(
                 seen=count,
             )
     _tell(summary, output, measured, outliers, notes, warnings)
+    tell_failures(failures, judged, sum(summary.refused.values()))
 
 
 def _tell(

@@ -62,7 +62,8 @@ def main(arguments: list[str] | None = None) -> int:
         arguments: the command and its arguments; None: those of the process.
 
     Returns:
-        The exit code: 0 for success, 1 for an error, 2 for wrong arguments, 130 after Ctrl-C.
+        The exit code: 0 for success, 1 for an error, 2 for wrong arguments, 3 if a measurement failed its limits,
+        130 after Ctrl-C.
     """
     try:
         # Outside of standalone mode click returns an exit code instead of ending the process.

@@ -2,7 +2,7 @@
 
 import contextlib
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -144,9 +144,9 @@ def size_in_bytes(ctx: click.Context, param: click.Parameter, value: str) -> int
     return int(float(found[1]) * 1000 ** ' KMGT'.index(found[2].upper() or ' '))
 
 
-def quantity(count: int, noun: str) -> str:
+def quantity(count: int, noun: str, plural: str = '') -> str:
     """A number with its noun: 1 cloud, 2 clouds."""
-    return f'{count} {noun}' if count == 1 else f'{count} {noun}s'
+    return f'{count} {noun}' if count == 1 else f'{count} {plural or noun + "s"}'
 
 
 def tell_refusals(refused: Mapping[str, int], damage: str | None) -> None:
@@ -155,6 +155,29 @@ def tell_refusals(refused: Mapping[str, int], damage: str | None) -> None:
         click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
     if damage:
         click.echo(f'Warning: {damage}', err=True)
+
+
+LIMITS_FAILED = 3
+"""Exit code if a measurement failed its limits; everything is written by then."""
+
+
+def tell_failures(failures: Sequence[str], judged: int, refused: int) -> None:
+    """Print which measurements failed their limits, and end with `LIMITS_FAILED` if any did.
+
+    Args:
+        failures: one sentence for each measurement that failed.
+        judged: number of measurements that were held to limits; 0: no limit is set.
+        refused: number of clouds and frames that could not be measured; where limits are set, they fail as well.
+    """
+    if not judged:
+        return
+    for failure in failures:
+        click.echo(f'Failed: {failure}', err=True)
+    if refused:
+        click.echo(f'Failed: {quantity(refused, "refused cloud or frame", "refused clouds or frames")}.', err=True)
+    click.echo(f'{judged - len(failures)} of {quantity(judged, "measurement")} passed the limits.')
+    if failures or refused:
+        raise click.exceptions.Exit(LIMITS_FAILED)
 
 
 def require_ros() -> None:

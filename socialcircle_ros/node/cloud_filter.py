@@ -156,6 +156,7 @@ class CloudFilter:
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
             self._failed(f'A cloud could not be filtered: {type(error).__name__}: {error}')
             return
+        self._health.judged(measurement.values.verdict_reason or '', again=cloud.again)
         if not cloud.again:
             self._health.published(time.monotonic() - cloud.arrived_s)
         for topic, failure in measurement.failures.items():

@@ -25,6 +25,7 @@ class InputCounts:
     lost: int = 0
     refused: int = 0
     failed: int = 0
+    limits_failed: int = 0
     frames_received: int = 0
     frames_dropped: int = 0
     joint_states_dropped: int = 0
@@ -43,6 +44,7 @@ class Health:
     _latencies_s: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=10_000))
     _trouble_at_s: float = float('-inf')
     _last_was_refused: bool = False
+    _failed_limits: str = ''
     _stack_latency_s: float | None = None
     _bad_pixels: Mapping[str, int] = field(default_factory=dict)
 
@@ -51,6 +53,12 @@ class Health:
         with self._lock:
             self.counts.received += 1
             self._arrivals_s.append(time.monotonic())
+
+    def judged(self, failure: str, *, again: bool) -> None:
+        """A cloud was held to the limits; `failure`: why it failed ('': it did not); `again`: it was counted."""
+        with self._lock:
+            self.counts.limits_failed += bool(failure) and not again
+            self._failed_limits = failure
 
     def published(self, latency: float) -> None:
         """A cloud went out, `latency` seconds after it had arrived."""
@@ -134,6 +142,7 @@ class Health:
             self._latencies_s.clear()
             self._stack_latency_s = None
             self._bad_pixels = {}
+            self._failed_limits = ''
             self._trouble_at_s = float('-inf')
             self._last_was_refused = False
 
@@ -145,6 +154,10 @@ class Health:
     def in_trouble(self) -> bool:
         """Whether the last cloud was refused or failed."""
         return self._last_was_refused
+
+    def failed_limits(self) -> str:
+        """Why the last cloud failed its limits; '': it did not."""
+        return self._failed_limits
 
     def had_trouble(self) -> bool:
         """Whether a cloud was lost within the last window."""
@@ -173,6 +186,7 @@ class Health:
                 clouds_lost=self.counts.lost,
                 clouds_refused=self.counts.refused,
                 clouds_failed=self.counts.failed,
+                limits_failed=self.counts.limits_failed,
                 frames_received=self.counts.frames_received,
                 frames_dropped=self.counts.frames_dropped,
                 joint_states_dropped=self.counts.joint_states_dropped,

@@ -67,6 +67,8 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
         level, message = diagnostics.ERROR, unheard[0]
     elif health.in_trouble():
         level, message = diagnostics.ERROR, health.last_reason
+    elif health.failed_limits():
+        level, message = diagnostics.WARN, f'The last measurement failed its limits: {health.failed_limits()}'
     elif health.had_trouble():
         level, message = diagnostics.WARN, health.last_reason
     elif publishers and now.silence_s and silent_s > now.silence_s:

@@ -12,9 +12,11 @@ from socialcircle_ros.circle import CircleResult, remove_outliers
 from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import (
+    FAILED,
     FILTERED,
     MASK,
     MEASUREMENT,
+    PASSED,
     REPAIRED,
     SCORE,
     STAGE_TIME,
@@ -27,7 +29,9 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import encode_image, mask_pixels
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.repair import repair_holes
-from socialcircle_ros.settings import PipelineSettings, RepairSettings
+from socialcircle_ros.settings import LimitSettings, PipelineSettings, RepairSettings
+
+from .limits import verdict
 
 STATUS_NAME = 'social_circle: measurement'
 
@@ -40,7 +44,7 @@ class Measurement:
     """What the filter says of a cloud.
 
     Attributes:
-        level: of diagnostics; WARN where a person should look.
+        level: of diagnostics; WARN where a person should look, ERROR where the measurement failed its limits.
         message: the result in sentences.
         frame_id: the cloud's frame.
         values: the counts, seed and radius.
@@ -178,6 +182,7 @@ def process_cloud(
         outputs.attempt(REPAIRED, outputs.repaired)
         stopwatch.lap('repair')
 
+    judged = _judged(settings.limits, result, xyz, outputs.measured, stopwatch)
     stopwatch.times_ms['total'] = sum(stopwatch.times_ms.values())
     values = MeasurementValues(
         stamp=f'{cloud.header.seconds}.{cloud.header.nanoseconds:09d}',
@@ -190,6 +195,7 @@ def process_cloud(
         seed_column=result.seed[1],
         radius=result.radius,
         stack_depth_of_field=depth_of_field,
+        **judged,
     )
     level, sentences = _sentences(values, result, outputs.failures)
     return Measurement(
@@ -245,6 +251,21 @@ class _Outputs:
         return self._cloud.replaced(self._result.outliers, repair.xyz, dense=dense)
 
 
+def _judged(
+    limits: LimitSettings, result: CircleResult, xyz: Cloud, measured: int, stopwatch: Stopwatch
+) -> dict[str, str]:
+    """Verdict and reason as `MeasurementValues` holds them; nothing, in no time, if there is no limit."""
+    if not limits.are_set:
+        return {}
+    heights = np.where(result.inliers, xyz[..., 2], np.nan)
+    kept = int(np.count_nonzero(result.inliers))
+    found = verdict(limits, points=result.inliers.size, measured=measured, kept=kept, heights=heights)
+    stopwatch.lap('limits')
+    if found is None or found.passed:
+        return {'verdict': PASSED}
+    return {'verdict': FAILED, 'verdict_reason': ' '.join(found.reasons)}
+
+
 def failure_sentence(topic: NodeTopic, error: Exception) -> str:
     """What to say of an output that could not be made or emitted."""
     return printable(f'{topic.name} of a cloud is missing: {type(error).__name__}: {error}')
@@ -265,4 +286,6 @@ def _sentences(
     for topic, error in failures.items():
         level = diagnostics.ERROR
         message += f' {failure_sentence(topic, error)}'
+    if values.verdict == FAILED:
+        return diagnostics.ERROR, f'Failed: {values.verdict_reason} {message}'
     return level, message

@@ -292,6 +292,64 @@ class OutputSettings(Settings):
     )
 
 
+def _texture_limit(end: str, name: str) -> float | None:
+    sentence = f'{end} {name} of the kept points, in the unit of the cloud. 0: no limit.'
+    return setting(None, sentence, unit='cloud', minimum=0.0, empty=0.0)
+
+
+@dataclass(frozen=True)
+class LimitSettings(Settings):
+    """Settings that decide whether a measurement passes. Heights are those of the kept points, after levelling."""
+
+    group: ClassVar[str] = 'limits'
+
+    outlier_share_max: float | None = setting(
+        None,
+        'Largest share of outliers among the measured points with which a measurement passes. 0: no limit.',
+        minimum=0.0,
+        maximum=1.0,
+        empty=0.0,
+    )
+    measured_share_min: float | None = setting(
+        None,
+        'Smallest share of measured points among all points with which a measurement passes. 0: no limit.',
+        minimum=0.0,
+        maximum=1.0,
+        empty=0.0,
+    )
+    sa_min: float | None = _texture_limit('Smallest', 'Sa')
+    sa_max: float | None = _texture_limit('Largest', 'Sa')
+    sq_min: float | None = _texture_limit('Smallest', 'Sq')
+    sq_max: float | None = _texture_limit('Largest', 'Sq')
+    sz_min: float | None = _texture_limit('Smallest', 'Sz')
+    sz_max: float | None = _texture_limit('Largest', 'Sz')
+
+    @property
+    def of_texture(self) -> tuple[tuple[str, float | None, float | None], ...]:
+        """Name, smallest and largest value of each parameter of the texture; None: no limit."""
+        return (
+            ('Sa', self.sa_min, self.sa_max),
+            ('Sq', self.sq_min, self.sq_max),
+            ('Sz', self.sz_min, self.sz_max),
+        )
+
+    @property
+    def are_set(self) -> bool:
+        """Whether there is a limit."""
+        return any(getattr(self, each.name) is not None for each in dataclasses.fields(self))
+
+    def _check_together(self) -> None:
+        for each in dataclasses.fields(self):
+            if getattr(self, each.name) == 0.0:
+                raise SettingError(f'limits.{each.name} must be above 0; use None for no limit.')
+        for name, low, high in self.of_texture:
+            if low is not None and high is not None and low > high:
+                raise SettingError(
+                    f'limits.{name.lower()}_min {low:g} is above limits.{name.lower()}_max {high:g}: no surface'
+                    ' passes.'
+                )
+
+
 @dataclass(frozen=True)
 class NodeSettings(Settings):
     """Settings of the node itself."""
@@ -331,6 +389,7 @@ GROUPS: tuple[type[Settings], ...] = (
     StackSettings,
     RepairSettings,
     OutputSettings,
+    LimitSettings,
     NodeSettings,
 )
 """The groups of the node, in the order in which they are shown."""
@@ -351,6 +410,7 @@ class PipelineSettings:
     stack: StackSettings = dataclasses.field(default_factory=StackSettings)
     repair: RepairSettings = dataclasses.field(default_factory=RepairSettings)
     output: OutputSettings = dataclasses.field(default_factory=OutputSettings)
+    limits: LimitSettings = dataclasses.field(default_factory=LimitSettings)
 
     @classmethod
     def from_ros(cls: type[AnyPipelineSettings], values: Mapping[str, object]) -> AnyPipelineSettings:  # noqa: PYI019 - not in Python 3.10

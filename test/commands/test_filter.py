@@ -169,3 +169,25 @@ def test_a_full_disk_is_told_and_leaves_nothing_behind(run, tmp_path):
             assert f'{disk / name} cannot be written (No space left on device): check the space' in done.err
             assert 'Traceback' not in done.err
             assert list(disk.iterdir()) == []
+
+
+def test_a_measurement_that_fails_its_limits_is_told_and_ends_with_its_exit_code(run, tmp_path):
+    done = run('filter', BAGS / 'padded.mcap', '-o', 'cleaned.mcap', '-p', 'limits.outlier_share_max:=0.0001')
+    assert done.code == 3, done.err
+    assert done.err.count('Failed: the cloud with the stamp ') == 2
+    assert 'of the measured points are outliers, more than 0.01 %.' in done.err
+    assert '0 of 2 measurements passed the limits.' in done.out
+    assert (tmp_path / 'cleaned.mcap').exists()
+    done = run('filter', BAGS / 'padded.mcap', '-o', 'passed.mcap', '-p', 'limits.outlier_share_max:=0.99')
+    assert done.code == 0, done.err
+    assert '2 of 2 measurements passed the limits.' in done.out
+
+
+def test_a_refused_cloud_fails_where_limits_are_set(run, tmp_path):
+    with RecordingWriter(tmp_path / 'mixed.mcap') as writer:
+        writer.add_topic(ros_topic('/points', CLOUD))
+        for number, points in enumerate((cloud(), cloud(1, 9))):
+            writer.write('/points', points, number)
+    done = run('filter', 'mixed.mcap', '-o', 'cleaned.mcap', '-p', 'limits.sz_max:=5.0')
+    assert done.code == 3, done.err
+    assert 'Failed: 1 refused cloud or frame.' in done.err

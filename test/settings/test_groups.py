@@ -12,6 +12,7 @@ from socialcircle_ros import CircleSettings, SocialCircleError
 from socialcircle_ros.settings import (
     GROUPS,
     PARAMETERS,
+    LimitSettings,
     NodeSettings,
     OutputSettings,
     choices_in,
@@ -64,6 +65,15 @@ def test_settings_are_frozen():
 def test_a_value_that_is_not_allowed_is_refused_with_what_is(values, sentence):
     with pytest.raises(SocialCircleError, match=sentence):
         CircleSettings(**values)
+
+
+def test_limits_that_nothing_meets_are_refused():
+    with pytest.raises(SocialCircleError, match=r'limits.sq_min 2 is above limits.sq_max 1: no surface passes'):
+        LimitSettings(sq_min=2.0, sq_max=1.0)
+    with pytest.raises(SocialCircleError, match=r'limits.sz_max must be above 0; use None for no limit'):
+        LimitSettings(sz_max=0.0)
+    assert not LimitSettings.from_ros({'limits.sz_max': 0.0}).are_set
+    assert LimitSettings.from_ros({'limits.sz_max': 1e-6}).are_set
 
 
 @pytest.mark.parametrize('wrong', [1, 'yes', None])

@@ -1,0 +1,74 @@
+"""Limits: which measurements pass."""
+
+import numpy as np
+import pytest
+from examples import cloud, surface
+from hypothesis import given
+from hypothesis import strategies as st
+
+from socialcircle_ros.metrics.areal import texture
+from socialcircle_ros.pipeline.clouds import filter_cloud
+from socialcircle_ros.pipeline.limits import verdict
+from socialcircle_ros.settings import LimitSettings, PipelineSettings
+
+HEIGHTS = surface()[..., 2]
+
+
+def judge(heights=HEIGHTS, points=200, measured=100, kept=90, **limits):
+    return verdict(LimitSettings(**limits), points=points, measured=measured, kept=kept, heights=heights)
+
+
+def test_without_a_limit_there_is_no_verdict_and_no_cost():
+    assert judge(heights=None) is None
+    found = filter_cloud(cloud()).measurement
+    assert found.values.verdict is None
+    assert 'limits' not in found.times_ms
+    assert not {'verdict', 'verdict_reason'} & found.status(timed=True).values.keys()
+
+
+@pytest.mark.parametrize(
+    ('limits', 'reasons'),
+    [
+        ({'outlier_share_max': 0.1}, []),
+        ({'outlier_share_max': 0.05}, ['10 % of the measured points are outliers, more than 5 %.']),
+        ({'measured_share_min': 0.5}, []),
+        ({'measured_share_min': 0.51}, ['50 % of the points are measured, fewer than 51 %.']),
+        (
+            {'outlier_share_max': 0.01, 'measured_share_min': 1.0},
+            ['10 % of the measured points are outliers, more than 1 %.', '50 % of the points are measured, fewer'],
+        ),
+    ],
+)
+def test_shares_are_held_to_their_limits(limits, reasons):
+    found = judge(heights=None, **limits)
+    assert found.passed == (not reasons)
+    assert len(found.reasons) == len(reasons)
+    assert all(text.startswith(start) for text, start in zip(found.reasons, reasons, strict=True))
+
+
+@given(
+    name=st.sampled_from(['sa', 'sq', 'sz']), factor=st.floats(0.1, 10), scale=st.sampled_from([1e-7, 1.0, 1e5])
+)
+def test_the_texture_of_the_kept_points_is_held_to_its_limits(name, factor, scale):
+    heights = HEIGHTS * scale
+    value = getattr(texture(heights), name)
+    for end in ('min', 'max'):
+        found = judge(heights, **{f'{name}_{end}': value * factor})
+        assert found.passed == (factor <= 1 if end == 'min' else factor >= 1)
+
+
+def test_a_cloud_without_a_texture_fails_limits_of_the_texture():
+    assert judge(np.full((3, 4), np.nan), sa_max=1.0).reasons == (
+        'Sa is not known: fewer than three points are kept.',
+    )
+
+
+def test_a_measurement_says_whether_it_passed_and_why_not():
+    failed = filter_cloud(cloud(), PipelineSettings(limits=LimitSettings(outlier_share_max=0.001))).measurement
+    assert (failed.level, failed.values.verdict) == (2, 'failed')
+    assert failed.values.verdict_reason == '0.4648 % of the measured points are outliers, more than 0.1 %.'
+    assert failed.message.startswith(f'Failed: {failed.values.verdict_reason} 26 of 5594')
+    assert 'time_limits_ms' in failed.status(timed=True).values
+    passed = filter_cloud(cloud(), PipelineSettings(limits=LimitSettings(sz_max=5.0, sz_min=1.0))).measurement
+    assert (passed.level, passed.values.verdict, passed.values.verdict_reason) == (0, 'passed', None)
+    assert type(passed.values).from_text(passed.status(timed=False).values) == passed.values
