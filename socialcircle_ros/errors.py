@@ -20,6 +20,28 @@ def printable(text: str) -> str:
     return text.encode('utf-8', 'backslashreplace').decode()
 
 
+def install_command(extra: str) -> str:
+    """The command that installs what an extra of this package needs, such as `pip install "optuna>=4"`.
+
+    It names the requirements, not this package: no index has it, so `pip install "socialcircle_ros[...]"` finds
+    nothing. This works for a checkout, a wheel and a colcon workspace alike.
+
+    Args:
+        extra: a key of `extras_require` in setup.py.
+    """
+    import importlib.metadata  # noqa: PLC0415 - takes time that only this needs
+
+    try:
+        requirements = importlib.metadata.requires('socialcircle_ros') or []
+    except importlib.metadata.PackageNotFoundError:
+        requirements = []
+    parts = (requirement.partition(';') for requirement in requirements)
+    marker = f'extra == "{extra}"'
+    needed = [f'"{name.strip()}"' for name, _, condition in parts if marker in condition.replace("'", '"')]
+    # Without metadata, as in a source tree that was only copied, the tree itself can be installed.
+    return f'pip install {" ".join(needed)}' if needed else f'pip install ".[{extra}]" in the source tree'
+
+
 class SettingError(SocialCircleError, ValueError):
     """A parameter has a value that is not allowed; the message says which values are."""
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organized_from
-from socialcircle_ros.errors import NoSeedError, SocialCircleError
+from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings, Mode
 
@@ -67,7 +67,7 @@ class CircleResult:
             from matplotlib.figure import Figure  # noqa: PLC0415
             from matplotlib.patches import Patch  # noqa: PLC0415
         except ImportError:
-            raise SocialCircleError('Pictures need matplotlib: pip install matplotlib.') from None
+            raise SocialCircleError(f'Pictures need matplotlib: {install_command("pictures")}.') from None
         classes = {'not measured': '#c8c8c8', 'kept': '#4f6d8f', 'outlier': '#e8590c'}
         figure = Figure(figsize=(7, 5), layout='constrained')
         axes = figure.subplots()

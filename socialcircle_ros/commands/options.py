@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 
 import click
 
-from socialcircle_ros.errors import SettingError, SocialCircleError
+from socialcircle_ros.errors import SettingError, SocialCircleError, install_command
 from socialcircle_ros.settings import PARAMETERS, RosValue
 from socialcircle_ros.settings.files import read_parameter_file
 from socialcircle_ros.settings.rcl_rules import RclError, rcl_value
@@ -189,6 +189,4 @@ def require_ros() -> None:
     try:
         import rclpy  # noqa: F401
     except ImportError:
-        raise SocialCircleError(
-            'This command needs ROS 2: source Jazzy, or pip install "socialcircle_ros[ros]".'
-        ) from None
+        raise SocialCircleError(f'This command needs ROS 2: source Jazzy, or {install_command("ros")}.') from None

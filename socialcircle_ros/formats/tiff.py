@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from socialcircle_ros.errors import ImportFileError, SocialCircleError
+from socialcircle_ros.errors import ImportFileError, SocialCircleError, install_command
 
 from .surface import MeasuredSurface, given_pitch
 
@@ -17,10 +17,6 @@ if TYPE_CHECKING:
 _DESCRIPTION, _PIXEL_SCALE, _NO_DATA = 270, 33550, 42113
 _DOUBLES = 12  # the type of a tag
 _MODES = {'F': np.float32, 'I': np.int32, 'I;16': np.uint16, 'I;16B': np.uint16, 'I;16L': np.uint16}
-_HINT = (
-    'TIFF files need Pillow: pip install "socialcircle_ros[pictures]", or from a checkout'
-    ' pip install -e ".[pictures]"'
-)
 
 
 def write_tiff(path: Path, surface: MeasuredSurface) -> None:
@@ -32,7 +28,7 @@ def write_tiff(path: Path, surface: MeasuredSurface) -> None:
     try:
         from PIL import Image, TiffImagePlugin  # noqa: PLC0415 - an extra
     except ImportError:
-        raise SocialCircleError(f'{_HINT}.') from None
+        raise SocialCircleError(f'TIFF files need Pillow: {install_command("pictures")}.') from None
     tags = TiffImagePlugin.ImageFileDirectory_v2()
     text = {
         'dx': float(surface.pitch[0]),
@@ -62,7 +58,7 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
     try:
         from PIL import Image, UnidentifiedImageError  # noqa: PLC0415 - an extra
     except ImportError:
-        raise ImportFileError(f'{_HINT}.') from None
+        raise ImportFileError(f'TIFF files need Pillow: {install_command("pictures")}.') from None
     try:
         with Image.open(path) as image:
             mode, pages = image.mode, getattr(image, 'n_frames', 1)

@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import HeightMap
-from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.errors import ImportFileError, install_command
 from socialcircle_ros.lengths import known_unit
 
 from .surface import MeasuredSurface, given_pitch
-
-INSTALL = 'pip install "socialcircle_ros[formats]", or from a checkout pip install -e ".[formats]"'
 
 
 def read_vendor_file(
@@ -35,7 +33,7 @@ def read_vendor_file(
     try:
         from SurfaceTopography.IO import open_topography  # noqa: PLC0415 - an extra
     except ImportError:
-        raise ImportFileError(f'{path} needs SurfaceTopography: {INSTALL}.') from None
+        raise ImportFileError(f'{path} needs SurfaceTopography: {install_command("formats")}.') from None
     reasons = []
     for name in readers:
         found = _attempt(path, partial(open_topography, str(path), format=name), pitch, unit)

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SocialCircleError, install_command
 
 from .files import FOLDER
 
@@ -39,7 +39,7 @@ def open_measurements(folder: str | Path) -> 'duckdb.DuckDBPyConnection':
     try:
         import duckdb  # noqa: PLC0415 - an extra
     except ImportError:
-        raise SocialCircleError('Queries need DuckDB: pip install "socialcircle_ros[measurements]".') from None
+        raise SocialCircleError(f'Queries need DuckDB: {install_command("measurements")}.') from None
     folder = Path(folder).absolute()
     if next((folder / FOLDER).glob('day=*/cell=*/*.parquet'), None) is None:
         raise SocialCircleError(

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.storage import write_file
 
 from .row import SCHEMA_VERSION, MeasurementRow
@@ -57,9 +57,7 @@ def _parquet(rows: Sequence[MeasurementRow]) -> bytes:
         import pyarrow as pa  # noqa: PLC0415 - an extra
         from pyarrow import parquet  # noqa: PLC0415
     except ImportError:
-        raise SocialCircleError(
-            'Rows of measurements need pyarrow: pip install "socialcircle_ros[measurements]".'
-        ) from None
+        raise SocialCircleError(f'Rows of measurements need pyarrow: {install_command("measurements")}.') from None
     columns = [[getattr(row, column.name) for row in rows] for column in MeasurementRow.columns()]
     # A map is a list of pairs; stages are the only one.
     arrays = [

@@ -41,7 +41,9 @@ def _run(arguments: list[str] | None) -> int:
     try:
         import rclpy  # noqa: PLC0415 - after the environment is set, and with a sentence where it is missing
     except ImportError as error:
-        sys.stderr.write(f'ROS 2 is not here ({error}): source Jazzy, or pip install "socialcircle_ros[ros]".\n')
+        from socialcircle_ros.errors import install_command  # noqa: PLC0415
+
+        sys.stderr.write(f'ROS 2 is not here ({error}): source Jazzy, or {install_command("ros")}.\n')
         return 1
     from rclpy.exceptions import ParameterException  # noqa: PLC0415
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415

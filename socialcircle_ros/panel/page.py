@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SocialCircleError, install_command
 
 from . import markup
 from .changes import Changes
@@ -167,7 +167,7 @@ def require_viser() -> None:
     try:
         import viser  # noqa: F401, PLC0415 - an extra
     except ImportError:
-        raise SocialCircleError('The page needs viser: pip install "socialcircle_ros[panel]".') from None
+        raise SocialCircleError(f'The page needs viser: {install_command("panel")}.') from None
 
 
 def page_of(link: Link, presets: Presets, host: str, port: int) -> 'tuple[viser.ViserServer, Page, str]':

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.errors import CloudError, MessageError, RecordingError, SocialCircleError
+from socialcircle_ros.errors import CloudError, MessageError, RecordingError, SocialCircleError, install_command
 from socialcircle_ros.formats import Format, OrganizedCloud, format_of, suffixes, write_cloud_file
 from socialcircle_ros.interface import FILTERED, MASK, MEASUREMENT, POINTS, REPAIRED, NodeTopic
 from socialcircle_ros.messages import diagnostics
@@ -282,8 +282,8 @@ def _write_mask(path: Path, mask: NDArray[np.uint8], *, overwrite: bool) -> Path
         from PIL import Image  # noqa: PLC0415 - an extra
     except ImportError:
         raise SocialCircleError(
-            'Masks beside x3p, sdf and tiff need Pillow: pip install "socialcircle_ros[pictures]"; ply, pcd, npz'
-            ' and csv hold the mask themselves.'
+            f'Masks beside x3p, sdf and tiff need Pillow: {install_command("pictures")}; ply, pcd, npz and csv'
+            ' hold the mask themselves.'
         ) from None
     if path.exists() and not overwrite:
         raise SocialCircleError(f'{path} exists already: give --overwrite to replace it.')

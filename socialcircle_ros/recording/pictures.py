@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.errors import ImportFileError, install_command
 from socialcircle_ros.messages.gray import GrayImage
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def open_image(path: Path) -> _Opened:
     try:
         from PIL import Image  # noqa: PLC0415 - an extra
     except ImportError:
-        raise ImportFileError('Images need Pillow: pip install "socialcircle_ros[pictures]".') from None
+        raise ImportFileError(f'Images need Pillow: {install_command("pictures")}.') from None
     try:
         with _damage_told(path):
             return _Opened(Image.open(path))

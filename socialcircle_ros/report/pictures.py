@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, HeightMap, Mask
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.storage import write_file
 
 if TYPE_CHECKING:
@@ -20,14 +20,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-NEEDED = 'Pictures need matplotlib: pip install "socialcircle_ros[pictures]".'
-
 _PIXELS = 800  # along the longer side of one panel
 _PERCENTILES = (0.5, 99.5)  # of the kept heights: the range of the colours
 
 Scalar = TypeVar('Scalar', bound=np.generic)
 Extent = tuple[float, float, float, float]
 """Left, right, bottom and top of a picture, in the unit of the cloud; row 0 is at the top."""
+
+
+def no_matplotlib() -> SocialCircleError:
+    """The error where matplotlib is not installed."""
+    return SocialCircleError(f'Pictures need matplotlib: {install_command("pictures")}.')
 
 
 def new_figure(width: float, height: float) -> 'Figure':
@@ -43,7 +46,7 @@ def new_figure(width: float, height: float) -> 'Figure':
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
     except ImportError:
-        raise SocialCircleError(NEEDED) from None
+        raise no_matplotlib() from None
     return Figure(figsize=(width, height), dpi=110, layout='constrained')
 
 

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import HeightMap, Mask
-from socialcircle_ros.errors import SocialCircleError
 
-from .pictures import NEEDED, any_in_tile, over_tiles, thinned
+from .pictures import any_in_tile, no_matplotlib, over_tiles, thinned
 
 PIXELS = 480
 """Most pixels along the longer side. Larger clouds are thinned; outliers are always drawn."""
@@ -157,7 +156,7 @@ def _palette() -> bytes:
     try:
         from matplotlib import colormaps  # noqa: PLC0415 - an extra
     except ImportError:
-        raise SocialCircleError(NEEDED) from None
+        raise no_matplotlib() from None
     heights = colormaps['viridis'](np.linspace(0, 1, _LEVELS), bytes=True)[:, :3]
     return bytes(heights.ravel().tolist()) + bytes(value for colour in _COLOURS.values() for value in colour)
 

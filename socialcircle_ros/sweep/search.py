@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.settings import RosValue
 
 from .search_space import Choice, ParameterValues, Range, SearchDimension, check_search_space, contains
@@ -43,8 +43,7 @@ class Search:
             import optuna  # noqa: PLC0415 - an extra
         except ImportError:
             raise SocialCircleError(
-                'A search needs Optuna: pip install "socialcircle_ros[tuning]"; a grid (without --search)'
-                ' does not.'
+                f'A search needs Optuna: {install_command("tuning")}; a grid (without --search) does not.'
             ) from None
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         self._optuna, self._search_space, self._count = optuna, search_space, count

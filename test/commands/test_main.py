@@ -51,7 +51,7 @@ def test_a_command_that_needs_ros_says_how_to_install_it(name, tmp_path):
         [sys.executable, '-c', program], capture_output=True, text=True, check=False, cwd=tmp_path
     )
     assert done.returncode == 1
-    assert 'pip install "socialcircle_ros[ros]"' in done.stderr
+    assert 'source Jazzy, or pip install ' in done.stderr
     assert 'Traceback' not in done.stderr
 
 
@@ -65,7 +65,7 @@ def test_tune_says_how_to_install_viser(tmp_path):
         [sys.executable, '-c', program], capture_output=True, text=True, check=False, cwd=tmp_path
     )
     assert done.returncode == 1
-    assert done.stderr == 'Error: The page needs viser: pip install "socialcircle_ros[panel]".\n'
+    assert done.stderr.startswith('Error: The page needs viser: pip install ')
 
 
 @pytest.mark.parametrize(
