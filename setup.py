@@ -18,6 +18,8 @@ PICTURES = ['matplotlib>=3.6', 'Pillow>=9']
 TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
 MEASUREMENTS = ['pyarrow>=14', 'duckdb>=1.1']
+# The training of the network that judges touch.
+TRAIN = ['torch>=2.2', 'onnx>=1.15', 'onnxruntime>=1.17', 'scipy>=1.11', *PICTURES]
 PANEL = ['viser>=1.1,<2', 'websockets>=13', *PICTURES]
 TEST = [
     'pytest>=7.4',
@@ -75,6 +77,7 @@ setup(
         'tuning': [*TUNING, *PICTURES],
         'panel': PANEL,
         'formats': FORMATS,
+        'train': TRAIN,
         'measurements': MEASUREMENTS,
         'test': [*TEST, *PANEL, *TUNING, *MEASUREMENTS],
         'dev': [*TEST, *PANEL, *TUNING, *MEASUREMENTS, *LINT],

@@ -33,7 +33,7 @@ def declared():
     extras = setup.call_args.kwargs['extras_require']
     product = {
         name_of(each)
-        for extra in ('pictures', 'tuning', 'panel', 'formats', 'measurements')
+        for extra in ('pictures', 'tuning', 'panel', 'formats', 'measurements', 'train')
         for each in extras[extra]
     }
     return base, base | product
@@ -48,14 +48,17 @@ def imported(tree, *, at_the_top):
             yield node.module.partition('.')[0]
 
 
-ON_DEMAND = PACKAGE / 'panel' / 'server.py'
-"""Needs an extra at its import, so it is imported only when the page is opened."""
+ON_DEMAND = {
+    PACKAGE / 'panel' / 'server.py',
+    *(PACKAGE / 'studies' / 'learned' / f'{name}.py' for name in ('network', 'training', 'export', 'run')),
+}
+"""Modules that need an extra at their import; they are imported only for the tuning page and for the training."""
 
 
 def distributions(*, at_the_top):
     names = set()
     for path in PACKAGE.rglob('*.py'):
-        if at_the_top and path == ON_DEMAND:
+        if at_the_top and path in ON_DEMAND:
             continue
         names |= set(imported(ast.parse(path.read_text(encoding='utf-8')), at_the_top=at_the_top))
     names -= {*sys.stdlib_module_names, 'socialcircle_ros', *ROS, *PEERS}

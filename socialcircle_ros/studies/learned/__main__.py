@@ -1,0 +1,82 @@
+"""`python -m socialcircle_ros.studies.learned`: make the corpus, train the network, and write it as ONNX."""
+
+from pathlib import Path
+
+import click
+
+from socialcircle_ros.errors import SocialCircleError, install_command
+
+
+@click.command(
+    'learned', epilog='Example: python -m socialcircle_ros.studies.learned --work /tmp/learned -o network.onnx'
+)
+@click.option(
+    '--data', type=click.Path(path_type=Path, exists=True, file_okay=False), envvar='SOCIALCIRCLE_DATA',
+    required=True,
+    help='Directory of measured surfaces with its subdirectory training/; default: $SOCIALCIRCLE_DATA.',
+)  # fmt: skip
+@click.option(
+    '--work', type=click.Path(path_type=Path), required=True,
+    help='Directory of the corpus and of the state of the training. With the same directory and options, the'
+    ' training goes on where it was stopped.',
+)  # fmt: skip
+@click.option('-o', '--out', type=click.Path(path_type=Path), required=True, help='ONNX file to write.')
+@click.option('--files', default=80, show_default=True, help='Files of the corpus: 100 patches, 143 MB each.')
+@click.option('--steps', default=12_000, show_default=True, help='Steps of the training: 0.3 s each on two cores.')
+@click.option('--workers', default=2, show_default=True, help='Processes; each has 16 crops a step.')
+@click.option('--seed', default=1, show_default=True, help='Decides corpus, first weights and order of the crops.')
+@click.option(
+    '--leave-out', multiple=True, metavar='NAME',
+    help='Surfaces that are not trained on: those whose name begins with NAME; may be given several times.'
+    ' Default: the surfaces that the packaged weights leave out.',
+)  # fmt: skip
+@click.option(
+    '--from', 'start', type=click.Path(path_type=Path, exists=True),
+    help='ONNX file to start from; default: random weights.',
+)  # fmt: skip
+@click.option('--threshold', default=0.5, show_default=True, help='Probability above which a point is an outlier.')
+def command(
+    data: Path,
+    work: Path,
+    out: Path,
+    files: int,
+    steps: int,
+    workers: int,
+    seed: int,
+    leave_out: tuple[str, ...],
+    start: Path | None,
+    threshold: float,
+) -> None:
+    """Train the network that judges touch.
+
+    The corpus is made first, and kept: real surfaces of the data folder and simulated ones, with outliers from
+    several generators. The result depends on the options and on the number of workers.
+    """
+    try:
+        from .corpus import make_corpus
+        from .measured import training_surfaces
+        from .run import Run, train
+    except ImportError as error:
+        raise click.ClickException(f'The training needs {error.name}: {install_command("train")}.') from None
+    from .surfaces import HELD_OUT, read_surfaces
+
+    left_out = leave_out or tuple(HELD_OUT)
+    surfaces = read_surfaces(data)
+    chosen = training_surfaces(surfaces, left_out)
+    if not chosen:
+        raise click.BadParameter('no surface is left to train on.', param_hint='--leave-out')
+    folder = work / 'corpus'
+    click.echo(f'{len(chosen)} of {len(surfaces)} surfaces are trained on; corpus in {folder}', err=True)
+    make_corpus(folder, chosen, range(1000 * seed, 1000 * seed + files), lambda step: click.echo(step, err=True))
+    trained = [each.name for each in chosen]
+    others = [each.cloud.name for each in surfaces if each.cloud.name not in trained]
+    names = {'trained_on': trained, 'held_out': others}
+    train(Run(folder, work, out, steps, workers, seed, start, threshold, names))
+    click.echo(f'{out} written')
+
+
+if __name__ == '__main__':
+    try:
+        command()
+    except SocialCircleError as error:
+        raise SystemExit(str(error)) from None

@@ -1,0 +1,81 @@
+"""The corpus: patches with their features and labels on disk, made once and used by many trainings."""
+
+import io
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from socialcircle_ros.storage import write_file
+
+from .features import CHANNELS, features_of
+from .measured import TrainingSurface, noise_of, varied
+from .outliers import SHARES, place_outliers
+from .simulated import simulated_surface
+
+SIDE = 320
+"""Side of a patch, in points."""
+SHARD = 100
+"""Patches in one file."""
+REAL_SHARE = 0.6
+"""Share of patches that are real surfaces."""
+PLANES = CHANNELS + 1
+"""Planes of a patch: the features, and the label: 0 does not count, 1 good, 2 outlier."""
+_MOST_TRIES = 50
+
+Patch = NDArray[np.float16]
+"""(7, 320, 320) float16; a smaller surface lies in the upper left corner, and the rest does not count."""
+
+
+def make_patch(surfaces: Sequence[TrainingSurface], random: np.random.Generator) -> tuple[Patch, float]:
+    """One patch, real or simulated, with outliers or without; and the grain of its cloud."""
+    for _ in range(_MOST_TRIES):
+        if surfaces and random.random() < REAL_SHARE:
+            weights = np.array([surface.weight for surface in surfaces])
+            chosen = surfaces[random.choice(len(surfaces), p=weights / weights.sum())]
+            heights, plausible = varied(chosen, SIDE, random)
+        else:
+            heights = simulated_surface(SIDE, random)
+            plausible = np.isfinite(heights)
+        if plausible.mean() < 0.3:
+            continue
+        if random.random() < 0.5:
+            heights, plausible = heights.T, plausible.T
+        placed = place_outliers(heights, noise_of(heights), float(random.choice(SHARES)), random)
+        counts = placed.certain & (plausible | placed.outlier)
+        found = features_of((placed.heights - np.nanmedian(placed.heights)).astype(np.float32))
+        patch = np.zeros((PLANES, SIDE, SIDE), np.float16)
+        height, width = heights.shape
+        patch[:CHANNELS, :height, :width] = found.channels
+        patch[CHANNELS, :height, :width] = np.where(counts, 1 + placed.outlier, 0)
+        return patch, found.grain
+    raise RuntimeError('no surface has enough measured points')
+
+
+def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> Path:
+    """Make one file of patches; the seed decides its content, and its name."""
+    random = np.random.default_rng(seed)
+    patches = np.empty((SHARD, PLANES, SIDE, SIDE), np.float16)
+    grains = []
+    for place in range(SHARD):
+        patches[place], grain = make_patch(surfaces, random)
+        grains.append(grain)
+    path = folder / f'{seed:06d}.npy'
+    write_file(path.with_suffix('.json'), json.dumps({'grain': grains, 'surfaces': [s.name for s in surfaces]}))
+    content = io.BytesIO()
+    np.save(content, patches)
+    write_file(path, content.getvalue())
+    return path
+
+
+def make_corpus(
+    folder: Path, surfaces: Sequence[TrainingSurface], seeds: Sequence[int], progress: Callable[[str], None]
+) -> None:
+    """Make the files of a corpus that are not there yet, one for each seed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for seed in seeds:
+        if not (folder / f'{seed:06d}.npy').exists():
+            make_shard(folder, surfaces, seed)
+            progress(f'{folder / f"{seed:06d}.npy"}')

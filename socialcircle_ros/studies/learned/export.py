@@ -1,0 +1,123 @@
+"""The network as an ONNX file, and back: what the product uses, and what a later training starts from.
+
+Needs PyTorch and ONNX, and is imported only on demand. The file depends on the weights and the card alone. Weights
+are stored as float16 and used as float32. Norms of batches stay in the file, so that a training can go on from it;
+the runtime merges them with the convolutions.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+
+from socialcircle_ros.storage import write_file
+
+from .network import HALO, INPUTS, MULTIPLE, WIDTHS, Network
+
+INPUT, LOGITS, LAST = 'features', 'logits', 'last'
+"""Names of the input, of the output, and of the output that a lesson refits the last layer on."""
+_OPSET, _IR = 17, 8
+_EPSILON = 1e-5
+
+
+class _Graph:
+    """Nodes and weights of the graph, as they are added."""
+
+    def __init__(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
+        self.weights = weights
+        self.nodes: list[onnx.NodeProto] = []
+        self.stored: list[onnx.TensorProto] = []
+
+    def weight(self, name: str) -> str:
+        """A weight by its name: stored as float16, cast to float32."""
+        self.stored.append(numpy_helper.from_array(self.weights[name].astype(np.float16), name))
+        return self.node('Cast', [name], f'{name}.float', to=TensorProto.FLOAT)
+
+    def node(self, kind: str, inputs: list[str], output: str, **attributes: object) -> str:
+        self.nodes.append(helper.make_node(kind, inputs, [output], output, **attributes))
+        return output
+
+    def convolution(self, name: str, planes: str, output: str = '') -> str:
+        """Convolution, norm and rectification, as `network.Convolution`."""
+        convolved = self.node('Conv', [planes, self.weight(f'{name}.weights.weight')], f'{name}.sum', pads=[1] * 4)
+        norm = [self.weight(f'{name}.norm.{part}') for part in ('weight', 'bias', 'running_mean', 'running_var')]
+        normed = self.node('BatchNormalization', [convolved, *norm], f'{name}.normed', epsilon=_EPSILON)
+        return self.node('Relu', [normed], output or f'{name}.out')
+
+
+def to_onnx(network: Network, card: Mapping[str, str]) -> onnx.ModelProto:
+    """The network as an ONNX model.
+
+    Args:
+        network: its weights.
+        card: further entries of the metadata, such as `threshold`.
+    """
+    weights = {name: value.detach().cpu().float().numpy() for name, value in network.state_dict().items()}
+    graph = _Graph(weights)
+    _add_layers(graph, network)
+    planes = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ['batch', INPUTS, 'rows', 'columns'])
+    outputs = [
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ['batch', count, 'rows', 'columns'])
+        for name, count in ((LOGITS, 4), (LAST, WIDTHS[0]))
+    ]
+    model = helper.make_model(
+        helper.make_graph(graph.nodes, 'touch', [planes], outputs, graph.stored),
+        opset_imports=[helper.make_opsetid('', _OPSET)], ir_version=_IR, producer_name='socialcircle_ros',
+    )  # fmt: skip
+    half = {name: weights[f'last.{name}'].astype(np.float16).astype(np.float64) for name in ('weight', 'bias')}
+    metadata = {
+        'version': '1', 'features': '1', 'multiple': str(MULTIPLE), 'halo': str(HALO),
+        'last_weight': json.dumps(half['weight'].reshape(4, -1).tolist()),
+        'last_bias': json.dumps(half['bias'].tolist()),
+        **card,
+    }  # fmt: skip
+    helper.set_model_props(model, metadata)
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def _add_layers(graph: _Graph, network: Network) -> None:
+    """The layers in the order of `Network.last_features`, then the last one."""
+    planes, kept = INPUT, []
+    graph.stored.append(numpy_helper.from_array(np.array([1, 1, 2, 2], np.float32), 'twice'))
+    for level, convolutions in enumerate(network.down):
+        if level:
+            planes = graph.node('AveragePool', [planes], f'pool{level}', kernel_shape=[2, 2], strides=[2, 2])
+        for place in range(len(convolutions)):
+            planes = graph.convolution(f'down.{level}.{place}', planes)
+        kept.append(planes)
+    for level in reversed(range(len(network.up))):
+        join = [graph.weight(f'joins.{level}.{part}') for part in ('weight', 'bias')]
+        joined = graph.node('Conv', [planes, *join], f'joins.{level}.out')
+        raised = graph.node(
+            'Resize', [joined, '', 'twice'], f'raised.{level}', mode='nearest',
+            coordinate_transformation_mode='asymmetric', nearest_mode='floor',
+        )  # fmt: skip
+        planes = graph.node('Add', [raised, kept[level]], f'added.{level}')
+        count = len(network.up[level])
+        for place in range(count):
+            is_last = level == 0 and place == count - 1
+            planes = graph.convolution(f'up.{level}.{place}', planes, LAST if is_last else '')
+    graph.node('Conv', [planes, graph.weight('last.weight'), graph.weight('last.bias')], LOGITS)
+
+
+def write_onnx(network: Network, card: Mapping[str, str], path: Path) -> None:
+    """Write the network as an ONNX file; the same weights and card give the same bytes."""
+    write_file(path, to_onnx(network, card).SerializeToString(deterministic=True))
+
+
+def network_from(path: Path) -> Network:
+    """The network of an ONNX file, to train it further."""
+    stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in onnx.load(path).graph.initializer}
+    network = Network()
+    state = network.state_dict()
+    for name, value in state.items():
+        if name in stored:
+            state[name] = torch.from_numpy(stored[name].astype(np.float32)).to(value.dtype)
+    network.load_state_dict(state)
+    return network

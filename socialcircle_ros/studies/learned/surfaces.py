@@ -1,0 +1,42 @@
+"""The measured surfaces: which ones there are, and which ones the packaged weights were never trained on."""
+
+from pathlib import Path
+
+import numpy as np
+
+from socialcircle_ros.recording import import_cloud
+from socialcircle_ros.studies.adaptive.inserted_outliers import StudiedSurface, measured_surface
+from socialcircle_ros.studies.comparison.measured import MeasuredCloud
+
+HELD_OUT = {
+    'zygo_fizeau': 'Zygo laser interferometer (Fizeau)',
+    'wli_a48_10x': 'optical profiler (white-light interferometer), BCR export',
+    'frt_wafer1': 'FRT MicroProf, chromatic confocal point sensor',
+    'nanovea_test1': 'Nanovea, chromatic confocal profilometer',
+    'sick_wheel': 'laser line profiler of 100.3 µm pitch (others of its maker are in the training)',
+    'afm_dimv_500nm': 'Bruker Dimension V, atomic force microscope',
+    'afm_dimv_10um': 'Bruker Dimension V, atomic force microscope',
+    'afm_driveafm': 'Nanosurf DriveAFM, atomic force microscope',
+}
+"""Surfaces that the packaged weights were never trained on, and their instruments."""
+DEVELOPMENT = (
+    'alicona_fv_al3d1', 'alicona_fv_rubber', 'nanofocus_confocal_bullet_bullet1_land1', 'nanofocus_nms_1',
+    'wyko_opd_st1', 'wyko_opd_sz2', 'zygo_dat_metropro1',
+)  # fmt: skip
+"""Surfaces on which the rules and the threshold were chosen."""
+
+
+def read_surfaces(folder: Path) -> list[StudiedSurface]:
+    """Read the height maps of the data folder and of its `training/`; focus stacks are skipped.
+
+    Args:
+        folder: of `.npz` files, as its README describes them.
+    """
+    surfaces = []
+    for path in [*sorted(folder.glob('*.npz')), *sorted((folder / 'training').glob('*.npz'))]:
+        with np.load(path) as arrays:
+            if 'frames' in arrays:
+                continue
+        cloud = import_cloud(path)
+        surfaces.append(measured_surface(MeasuredCloud(path.stem, cloud.points, cloud.unit or '')))
+    return surfaces

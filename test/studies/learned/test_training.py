@@ -1,0 +1,149 @@
+"""The training, on a tiny corpus, and the file that it writes."""
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip('scipy')
+torch = pytest.importorskip('torch')
+pytest.importorskip('onnx')
+runtime = pytest.importorskip('onnxruntime')
+
+from socialcircle_ros.errors import SocialCircleError  # noqa: E402 the others need PyTorch
+from socialcircle_ros.studies.learned import corpus, training  # noqa: E402
+from socialcircle_ros.studies.learned.export import network_from, write_onnx  # noqa: E402
+from socialcircle_ros.studies.learned.features import features_of  # noqa: E402
+from socialcircle_ros.studies.learned.inference import Judge, as_planes  # noqa: E402
+from socialcircle_ros.studies.learned.network import HALO, INPUTS, Network  # noqa: E402
+from socialcircle_ros.studies.learned.training import Corpus, Trainer, Training, loss_of  # noqa: E402
+
+torch.set_num_threads(1)  # more threads wait for each other where other tests have the cores
+CARD = {'threshold': '0.5', 'trained_on': '["a"]'}
+
+
+@pytest.fixture(scope='module')
+def tiny_corpus(tmp_path_factory):
+    """Two patches in a file."""
+    folder = tmp_path_factory.mktemp('corpus')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(corpus, 'SHARD', 2)
+        corpus.make_corpus(folder, [], [7], lambda step: None)
+    return folder
+
+
+@pytest.fixture
+def small(monkeypatch):
+    monkeypatch.setattr(training, 'SHARD', 2)
+    monkeypatch.setattr(training, '_SIDE', 32)
+    monkeypatch.setattr(training, '_EVERY', 2)
+
+
+def trained(folder, state, steps, **options):
+    trainer = Trainer(Corpus(folder), Training(steps=steps, batch=2, **options))
+    if state.exists():
+        trainer.resume(state)
+    trainer.run(state, lambda step, loss: None, every=2)
+    return trainer
+
+
+@pytest.mark.usefixtures('small')
+def test_a_training_that_was_stopped_goes_on_as_if_it_was_not(tiny_corpus, tmp_path):
+    whole = trained(tiny_corpus, tmp_path / 'whole', 4, cooling=0.0)
+    trained(tiny_corpus, tmp_path / 'parts', 2, cooling=0.0)
+    parts = trained(tiny_corpus, tmp_path / 'parts', 4, cooling=0.0)
+    assert parts.step == 4
+    assert [step for step, _ in parts.curve] == [2, 4]
+    for name, value in whole.mean.items():
+        assert torch.equal(value, parts.mean[name]), name
+
+
+@pytest.mark.usefixtures('small')
+def test_training_lowers_the_loss_on_what_it_sees(tiny_corpus):
+    trainer = Trainer(Corpus(tiny_corpus), Training(steps=12, batch=2))
+    batch = trainer.corpus.batch(2, np.random.default_rng(0))
+    losses = [float(trainer._one_step(batch)) for _ in range(12)]
+    assert losses[-1] < losses[0]
+
+
+def test_a_corpus_is_made_once(tiny_corpus):
+    before = {path: path.stat().st_mtime_ns for path in tiny_corpus.iterdir()}
+    corpus.make_corpus(tiny_corpus, [], [7], lambda step: None)
+    assert {path: path.stat().st_mtime_ns for path in tiny_corpus.iterdir()} == before
+
+
+def test_points_that_do_not_count_do_not_change_the_loss():
+    labels = torch.tensor([0, 1, 2], dtype=torch.uint8).reshape(1, 1, 1, 3)
+    first, second = (
+        loss_of(torch.tensor([value, -1.0, 2.0]).reshape(1, 1, 1, 3), labels, 0.2) for value in (-9.0, 9.0)
+    )
+    assert torch.equal(first, second)
+
+
+@pytest.fixture(scope='module')
+def network():
+    torch.manual_seed(5)
+    made = Network().eval()
+    for module in made.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            module.running_mean.normal_()
+            module.running_var.uniform_(0.5, 2)
+    return made
+
+
+@pytest.fixture(scope='module')
+def file(network, tmp_path_factory):
+    path = tmp_path_factory.mktemp('network') / 'network.onnx'
+    write_onnx(network, CARD, path)
+    return path
+
+
+def test_the_file_gives_what_the_network_gives(file):
+    again = network_from(file).eval()
+    planes = torch.randn(2, INPUTS, 48, 32)
+    session = runtime.InferenceSession(str(file))
+    logits, last = session.run(['logits', 'last'], {'features': planes.numpy()})
+    with torch.no_grad():
+        assert np.allclose(logits, again(planes).numpy(), atol=1e-4)
+        assert np.allclose(last, again.last_features(planes).numpy(), atol=1e-4)
+    card = session.get_modelmeta().custom_metadata_map
+    weight, bias = (np.array(json.loads(card[name])) for name in ('last_weight', 'last_bias'))
+    assert np.allclose(np.einsum('oi,bihw->bohw', weight, last) + bias[:, None, None], logits, atol=1e-4)
+
+
+def test_half_precision_of_the_weights_changes_little(network, file):
+    planes = torch.randn(1, INPUTS, 32, 32)
+    with torch.no_grad():
+        assert torch.allclose(network(planes), network_from(file).eval()(planes), atol=0.02)
+
+
+def test_the_same_weights_give_the_same_bytes(network, file, tmp_path):
+    write_onnx(network, CARD, tmp_path / 'again.onnx')
+    assert (tmp_path / 'again.onnx').read_bytes() == file.read_bytes()
+    assert file.stat().st_size < 2_000_000
+
+
+def test_no_point_beyond_the_halo_matters(network):
+    planes = torch.randn(1, INPUTS, 256, 16, requires_grad=True)
+    network(planes)[0, 0, 128, 8].backward()
+    rows = torch.nonzero(planes.grad[0].abs().sum((0, 2))).flatten()
+    assert 2 * max(128 - int(rows.min()), int(rows.max()) - 128) <= HALO
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (37, 70)])
+def test_the_judge_gives_each_point_its_logit(file, shape):
+    heights = np.random.default_rng(3).normal(size=shape).astype(np.float32)
+    judge = Judge(file, threads=1)
+    logits = judge.logits(heights)
+    assert logits.shape == shape
+    planes = as_planes(features_of(heights), 32)
+    with torch.no_grad():
+        expected = torch.nn.functional.pixel_shuffle(network_from(file).eval()(torch.from_numpy(planes)), 2)[0, 0]
+    assert np.allclose(logits, expected.numpy()[: shape[0], : shape[1]], atol=1e-4)
+
+
+def test_a_file_that_is_no_network_is_named(tmp_path):
+    path = tmp_path / 'other.onnx'
+    path.write_bytes(b'no network')
+    with pytest.raises(SocialCircleError, match=r'other\.onnx cannot be read as a network'):
+        Judge(path)
