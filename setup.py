@@ -18,6 +18,7 @@ PICTURES = ['matplotlib>=3.6', 'Pillow>=9']
 TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
 MEASUREMENTS = ['pyarrow>=14', 'duckdb>=1.1']
+BATCH = ['distributed>=2024.1', 'fsspec>=2024.1', 'bokeh>=3.4', *MEASUREMENTS, *PICTURES]
 # The training of the network that judges touch.
 TRAIN = ['torch>=2.2', 'onnx>=1.15', 'onnxruntime>=1.17', 'scipy>=1.11', *PICTURES]
 PANEL = ['viser>=1.1,<2', 'websockets>=13', *PICTURES]
@@ -79,8 +80,9 @@ setup(
         'formats': FORMATS,
         'train': TRAIN,
         'measurements': MEASUREMENTS,
-        'test': [*TEST, *PANEL, *TUNING, *MEASUREMENTS],
-        'dev': [*TEST, *PANEL, *TUNING, *MEASUREMENTS, *LINT],
+        'batch': BATCH,
+        'test': [*TEST, *PANEL, *TUNING, *BATCH],
+        'dev': [*TEST, *PANEL, *TUNING, *BATCH, *LINT],
     },
     zip_safe=True,
     entry_points={

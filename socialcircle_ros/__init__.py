@@ -8,6 +8,7 @@ import importlib.metadata
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from socialcircle_ros.archive import run_batch
     from socialcircle_ros.circle import CircleResult, remove_outliers
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.focus import FocusResult, FocusStack, depth_from_focus
@@ -35,6 +36,7 @@ __all__ = [
     'read_surface',
     'remove_outliers',
     'repair_holes',
+    'run_batch',
     'run_sweep',
     'write_surface',
 ]
@@ -55,6 +57,7 @@ _ROOMS = {
     'read_surface': 'recording',
     'remove_outliers': 'circle',
     'repair_holes': 'repair',
+    'run_batch': 'archive',
     'run_sweep': 'sweep.sweep',
     'write_surface': 'formats',
 }

@@ -33,7 +33,7 @@ def declared():
     extras = setup.call_args.kwargs['extras_require']
     product = {
         name_of(each)
-        for extra in ('pictures', 'tuning', 'panel', 'formats', 'measurements', 'train')
+        for extra in ('pictures', 'tuning', 'panel', 'formats', 'measurements', 'batch', 'train')
         for each in extras[extra]
     }
     return base, base | product

@@ -19,6 +19,7 @@ LEVELS = [
     {'studies'},
     {'clients'},
     {'node', 'panel', 'sweep'},
+    {'archive'},
     {'report'},
     {'recording', 'measurements'},
     {'pipeline'},

@@ -21,6 +21,7 @@ COMMANDS = {
     'simulate': 'simulate',
     'report': 'report',
     'sweep': 'sweep',
+    'batch': 'batch',
     'measurements': 'measurements',
     'bench': 'bench',
     'experiment': 'experiment',

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from socialcircle_ros.circle import CircleResult, remove_outliers
-from socialcircle_ros.cloud import Cloud
+from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import (
     FAILED,
@@ -37,6 +37,9 @@ STATUS_NAME = 'social_circle: measurement'
 
 Emit = Callable[[NodeTopic, bytes | memoryview], None]
 """Takes an output as soon as it is made. A memoryview is valid during the call only."""
+
+TakeKept = Callable[[Cloud, Mask], None]
+"""Takes the coordinates of a cloud, (H, W, 3), and the mask of its kept points, (H, W)."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,10 @@ class MessageBuffer:
 
 
 def filter_cloud(
-    message: bytes, settings: PipelineSettings | None = None, depth_of_field: float | None = None
+    message: bytes,
+    settings: PipelineSettings | None = None,
+    depth_of_field: float | None = None,
+    take_kept: TakeKept = lambda xyz, kept: None,
 ) -> CloudOutputs:
     """Filter one serialized PointCloud2, and keep its outputs.
 
@@ -106,6 +112,7 @@ def filter_cloud(
         settings: how to filter and repair, and which outputs are wanted.
         depth_of_field: of a cloud that was a stack, in the unit of the cloud; `circle.depth_of_field` takes
             precedence.
+        take_kept: called once with the kept points.
 
     Returns:
         The outputs; the same for the same cloud and settings, except for the times.
@@ -120,7 +127,7 @@ def filter_cloud(
     def keep(topic: NodeTopic, output: bytes | memoryview) -> None:
         messages[topic] = bytes(output)
 
-    measurement = process_cloud(message, keep, settings, depth_of_field)
+    measurement = process_cloud(message, keep, settings, depth_of_field, take_kept=take_kept)
     for failure in measurement.failures.values():
         raise failure
     messages[MEASUREMENT] = measurement.status(timed=False).encode()
@@ -133,6 +140,7 @@ def process_cloud(
     settings: PipelineSettings | None = None,
     depth_of_field: float | None = None,
     buffer: MessageBuffer | None = None,
+    take_kept: TakeKept = lambda xyz, kept: None,
 ) -> Measurement:
     """Filter one serialized PointCloud2, and emit each output as soon as it is made: the filtered cloud first.
 
@@ -145,6 +153,7 @@ def process_cloud(
         depth_of_field: of a cloud that was a stack, in the unit of the cloud; `circle.depth_of_field` takes
             precedence.
         buffer: memory for the filtered cloud; None: new memory.
+        take_kept: called once with the kept points, after all outputs are emitted.
 
     Raises:
         MessageError: the message is not an organized cloud, or contradicts itself.
@@ -154,7 +163,6 @@ def process_cloud(
     circle = settings.circle.of_a_stack(depth_of_field)
     wanted = outputs_of(circle.mode, settings.output)
     stopwatch = Stopwatch()
-
     cloud = PointCloud.decode(message)
     xyz = cloud.xyz()
     stopwatch.lap('decode')
@@ -183,6 +191,7 @@ def process_cloud(
         stopwatch.lap('repair')
 
     judged = _judged(settings.limits, result, xyz, outputs.measured, stopwatch)
+    take_kept(xyz, result.inliers)
     stopwatch.times_ms['total'] = sum(stopwatch.times_ms.values())
     values = MeasurementValues(
         stamp=f'{cloud.header.seconds}.{cloud.header.nanoseconds:09d}',
@@ -197,10 +206,8 @@ def process_cloud(
         stack_depth_of_field=depth_of_field,
         **judged,
     )
-    level, sentences = _sentences(values, result, outputs.failures)
     return Measurement(
-        level=level,
-        message=sentences,
+        *_sentences(values, result, outputs.failures),
         frame_id=cloud.header.frame_id,
         values=values,
         settings={name: str(value) for name, value in circle.to_ros().items()},

@@ -5,6 +5,9 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from socialcircle_ros.cloud import Cloud, HeightMap, Mask
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.interface import (
     CLOUD_OUTPUTS,
@@ -34,6 +37,9 @@ from .writer import RecordingWriter
 
 Seen = Callable[[Message | None, list[CloudOutputs]], None]
 """Called after each message, and with None at the end, with the outputs that came of it."""
+
+Filtered = Callable[['SourceCloud', 'CloudOutputs | Refusal', HeightMap | None], None]
+"""Called after each cloud with what came of it, and with the heights (H, W) of its kept points; None: refused."""
 
 
 @dataclass
@@ -100,6 +106,7 @@ def filter_recording(
     compression: Compression = 'none',
     overwrite: bool = False,
     seen: Seen = lambda message, outputs: None,
+    filtered: Filtered | None = None,
 ) -> Summary:
     """Filter each cloud of a recording; write a recording with the outputs beside everything that it held.
 
@@ -116,6 +123,7 @@ def filter_recording(
         compression: of the target's chunks.
         overwrite: whether an existing recording may be replaced.
         seen: called after each message, and with None at the end, with the outputs that came of it.
+        filtered: called after each cloud with what came of it.
 
     Raises:
         RecordingError: it cannot be read or written, or it holds neither clouds nor frames of a stack.
@@ -146,8 +154,33 @@ def filter_recording(
                         if isinstance(event, Refusal):
                             summary.refuse(event.reason)
                         else:
-                            outputs += _filter(event, settings, summary, behind)
+                            outputs += _filter(event, settings, summary, behind, filtered)
                     seen(message, outputs)
+        summary.damage = reader.damage
+    return summary
+
+
+def measure_recording(
+    source: str | Path, settings: PipelineSettings, filtered: Filtered, *, topics: tuple[str, ...] = ()
+) -> Summary:
+    """Filter each cloud of a recording as `filter_recording` does, but write nothing.
+
+    Args:
+        source: an MCAP file, a rosbag2 directory, or a measurement file.
+        settings: how to filter.
+        filtered: called after each cloud with what came of it.
+        topics: which topics of clouds to filter; none: those of `clouds_of`.
+
+    Raises:
+        RecordingError: as `filter_recording`.
+    """
+    summary = Summary()
+    with open_recording(source) as reader:
+        for event in source_clouds(reader, settings, topics=topics):
+            if isinstance(event, Refusal):
+                summary.refuse(event.reason)
+            else:
+                _filter(event, settings, summary, None, filtered)
         summary.damage = reader.damage
     return summary
 
@@ -287,9 +320,13 @@ def _walk(
 
 
 def _filter(
-    cloud: SourceCloud, settings: PipelineSettings, summary: Summary, writer: WriterBehind
+    cloud: SourceCloud,
+    settings: PipelineSettings,
+    summary: Summary,
+    writer: WriterBehind | None,
+    filtered: Filtered | None,
 ) -> list[CloudOutputs]:
-    """Filter one cloud and write its outputs; a refusal is counted with its reason."""
+    """Filter one cloud and write its outputs, if there is a writer; a refusal is counted with its reason."""
     messages: dict[NodeTopic, bytes] = {}
     if cloud.image is not None:
         summary.stacks += 1
@@ -297,17 +334,28 @@ def _filter(
             summary.warn(cloud.warning)
         messages = {STACK_POINTS: cloud.points, STACK_IMAGE: cloud.image}
     outputs: list[CloudOutputs] = []
+    heights: list[HeightMap] = []
+
+    def take_heights(xyz: Cloud, kept: Mask) -> None:
+        if filtered is not None:
+            heights.append(np.where(kept, xyz[..., 2], np.nan))
+
     try:
-        outputs = [filter_cloud(cloud.points, settings, cloud.depth_of_field)]
+        outputs = [filter_cloud(cloud.points, settings, cloud.depth_of_field, take_heights)]
     except SocialCircleError as refusal:
         summary.refuse(str(refusal))
+        if filtered is not None:
+            filtered(cloud, Refusal(str(refusal)), None)
     for each in outputs:
         summary.clouds += 1
         messages |= each.messages
+        if filtered is not None:
+            filtered(cloud, each, *heights)
     times = cloud.message
     for topic, data in messages.items():
         name = topic.within(cloud.namespace)
-        writer.write(name, data, times.log_time, times.publish_time, times.sequence)
+        if writer is not None:
+            writer.write(name, data, times.log_time, times.publish_time, times.sequence)
     return outputs
 
 

@@ -1,0 +1,170 @@
+"""`run_batch`: filter an archive on all cores, and keep every measurement."""
+
+import importlib.metadata
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
+from pathlib import Path
+
+from socialcircle_ros.recording.mcap_output import Compression
+from socialcircle_ros.report.page import prepare
+from socialcircle_ros.report.thumbnails import colour_bar
+from socialcircle_ros.settings import PipelineSettings
+
+from .engine import Engine
+from .inputs import ArchiveInput, find_inputs
+from .ledger import Ledger, LedgerEntry
+from .names import NamePattern
+from .work import BatchTask, TaskResult, do_task, failed_result
+
+
+@dataclass
+class BatchResult:
+    """What was done with an archive.
+
+    Attributes:
+        inputs: number of inputs.
+        done: inputs that were filtered now.
+        skipped: inputs that an earlier run had filtered.
+        clouds: clouds that were filtered now.
+        same: inputs with the content of another input, with its location.
+        failed: inputs that failed, with the reason.
+        damaged: recordings that break off, with the sentence; their clouds before the damage are measured.
+        refused: number of refused clouds and frames by reason, of the inputs that were filtered now.
+        limits_failed: number of clouds that failed their limits, in all inputs.
+    """
+
+    inputs: int = 0
+    done: int = 0
+    skipped: int = 0
+    clouds: int = 0
+    same: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    damaged: dict[str, str] = field(default_factory=dict)
+    refused: dict[str, int] = field(default_factory=dict)
+    limits_failed: int = 0
+
+
+def run_batch(
+    inputs: Sequence[str | Path],
+    output: str | Path,
+    settings: PipelineSettings | None = None,
+    *,
+    names: str = '',
+    topics: Sequence[str] = (),
+    recordings: bool = True,
+    reports: bool = False,
+    compression: Compression = 'none',
+    scheduler: str | None = None,
+    workers: int | None = None,
+    found: Callable[[int], None] = lambda count: None,
+    started: Callable[[str], None] = lambda dashboard: None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> BatchResult:
+    """Filter all recordings of an archive; write cleaned recordings, and one row per cloud.
+
+    A rerun does only what is new: an input is skipped if its content, the settings, the options and the version
+    are those of an earlier run. An input that fails does not stop the others, and is tried again by the next run.
+    After an interruption the same call goes on. A program that calls this without `scheduler` needs
+    `if __name__ == '__main__':`, because Dask starts processes that import it.
+
+    Args:
+        inputs: recordings, folders, globs, measurement files, and URLs, see `find_inputs`.
+        output: folder of the results: `recordings`, `measurements`, `reports`, and `inputs` with what is done.
+        settings: how to filter; the defaults if None.
+        names: pattern of the names, which gives cell and part, see `NamePattern`. Otherwise the entries `cell`
+            and `part` of a recording's metadata count, and the namespace of the topic as cell.
+        topics: topics of clouds to filter; none: those named `points`, and all stacks.
+        recordings: whether to write a cleaned recording of each input.
+        reports: whether to write a report of each input.
+        compression: of the cleaned recordings.
+        scheduler: address or scheduler file of a Dask cluster whose workers see the inputs and the output under
+            the same names, and have this package. None: processes of this machine.
+        workers: number of these processes; None: one for each core that this process may use.
+        found: called with the number of inputs found so far.
+        started: called with the address of Dask's dashboard.
+        progress: called with the number of finished inputs and the number of all inputs.
+
+    Raises:
+        SocialCircleError: an input does not exist, the folder cannot be used, a library is missing, or no
+            scheduler answers.
+    """
+    output, settings = Path(output).absolute(), settings or PipelineSettings()
+    pattern = NamePattern(names)
+    if reports:
+        colour_bar()  # fails now where matplotlib is missing, and not after hours
+    prepare(output)
+    template = _template(output, settings, pattern, tuple(topics), recordings, reports, compression)
+    all_inputs = find_inputs(inputs, found)
+    result = BatchResult(inputs=len(all_inputs))
+    earlier = {entry.location: entry for entry in Ledger(output).entries() if entry.failure is None}
+    tasks = []
+    for each in all_inputs:
+        entry = earlier.get(each.location)
+        if entry is not None and entry.is_of(each, template.digest):
+            result.skipped += 1
+            _note_findings(result, entry)
+        else:
+            tasks.append(replace(template, found=each))
+    if tasks:
+        with Engine[BatchTask, TaskResult](scheduler, workers) as engine:
+            started(engine.dashboard)
+            progress(result.skipped, result.inputs)
+            for finished in _finished(engine, tasks):
+                _note(result, finished)
+                progress(result.skipped + result.done + len(result.same) + len(result.failed), result.inputs)
+    return result
+
+
+def _template(
+    output: Path,
+    settings: PipelineSettings,
+    names: NamePattern,
+    topics: tuple[str, ...],
+    recordings: bool,
+    reports: bool,
+    compression: Compression,
+) -> BatchTask:
+    """What all tasks have in common, with a hash of what makes a difference to the results."""
+    version = importlib.metadata.version('socialcircle_ros')
+    options = {
+        'settings': sorted(settings.to_ros().items()), 'names': names.text, 'topics': sorted(topics),
+        'recordings': recordings, 'reports': reports, 'compression': compression, 'version': version,
+    }  # fmt: skip
+    digest = blake2b(json.dumps(options).encode(), digest_size=8).hexdigest()
+    none = ArchiveInput('', '', 0, '', 0)
+    return BatchTask(none, output, settings, names, topics, recordings, reports, compression, version, digest)
+
+
+def _finished(engine: Engine[BatchTask, TaskResult], tasks: Sequence[BatchTask]) -> Iterator[TaskResult]:
+    for task, result in engine.run(do_task, tasks):
+        if isinstance(result, Exception):
+            lost = type(result).__name__ == 'KilledWorker'
+            reason = 'its workers ended several times, likely for want of memory.' if lost else str(result)
+            yield failed_result(task, f'{task.found.location} was given up: {reason}')
+        else:
+            yield result
+
+
+def _note(result: BatchResult, finished: TaskResult) -> None:
+    entry = finished.entry
+    if entry.failure is not None:
+        result.failed[finished.location] = entry.failure
+    elif finished.same_as == finished.location:
+        result.skipped += 1
+        _note_findings(result, entry)
+    elif finished.same_as:
+        result.same[finished.location] = finished.same_as
+    else:
+        result.done += 1
+        result.clouds += entry.clouds
+        for reason, count in entry.refused.items():
+            result.refused[reason] = result.refused.get(reason, 0) + count
+        _note_findings(result, entry)
+
+
+def _note_findings(result: BatchResult, entry: LedgerEntry) -> None:
+    result.limits_failed += entry.limits_failed
+    if entry.damage:
+        result.damaged[entry.location] = entry.damage

@@ -1,0 +1,251 @@
+"""The inputs of a batch: recordings, folders, globs, measurement files, and URLs through fsspec."""
+
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from hashlib import blake2b
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from socialcircle_ros.errors import RecordingError, SocialCircleError, install_command
+from socialcircle_ros.formats import format_of
+
+if TYPE_CHECKING:
+    import fsspec
+
+_RECORDINGS = ('.mcap', '.mcap.zstd', '.mcap.zst')
+_METADATA = 'metadata.yaml'
+_NOT_FOUND_IN_FOLDERS = ('.txt', '.asc', '.csv', '.xyz', '.dat', '.npy')
+"""Suffixes of measurement files that other files have more often; in a folder they are passed over."""
+
+_BLOCK = 1 << 20
+_HASH_BYTES = 16
+
+
+@dataclass(frozen=True)
+class ArchiveInput:
+    """One input of a batch.
+
+    Attributes:
+        location: absolute path, or URL.
+        name: of its results, relative to their folder, without a suffix; unique in a batch.
+        size: in bytes.
+        changed: what changes when the content does: the time of the last change, or the ETag; '': unknown.
+        time_ns: time of the last change, ns since 1970; 0: unknown.
+    """
+
+    location: str
+    name: str
+    size: int
+    changed: str
+    time_ns: int
+
+
+@dataclass(frozen=True)
+class _Found:
+    location: str
+    relative: str
+    size: int
+    changed: str
+    time_ns: int
+
+
+def find_inputs(
+    given: Sequence[str | Path], progress: Callable[[int], None] = lambda count: None
+) -> list[ArchiveInput]:
+    """Find all inputs, in the order of their locations; an input that is given twice is one input.
+
+    Args:
+        given: recordings, rosbag2 directories, measurement files, folders that are searched with all folders in
+            them, glob patterns, and URLs of these. In folders, hidden files and measurement files whose suffix is
+            also that of other files, such as .txt, are passed over.
+        progress: called with the number of inputs found so far.
+
+    Raises:
+        SocialCircleError: one of them does not exist, holds no input, or fsspec cannot open its URL.
+    """
+    found: dict[str, _Found] = {}
+    for text in map(str, given):
+        before = len(found)
+        several = 0
+        for each in _found_at(text):
+            found.setdefault(each.location, each)
+            several += 1
+            progress(len(found))
+        if len(found) == before and not several:
+            raise RecordingError(f'{text} holds no recording and no measurement file.')
+    ordered = [found[location] for location in sorted(found)]
+    counts = Counter(each.relative for each in ordered)
+    return [
+        ArchiveInput(
+            each.location,
+            each.relative if counts[each.relative] == 1 else f'{each.relative}-{short_hash(each.location)}',
+            each.size,
+            each.changed,
+            each.time_ns,
+        )
+        for each in ordered
+    ]
+
+
+def short_hash(text: str) -> str:
+    """Eight hexadecimal digits of a text, for names of files."""
+    return blake2b(text.encode(), digest_size=4).hexdigest()
+
+
+@contextmanager
+def local_copy(location: str) -> Iterator[Path]:
+    """The input as a local path: itself, or a copy that is removed at the end of the block.
+
+    Raises:
+        SocialCircleError: it cannot be read.
+    """
+    if '://' not in location:
+        yield Path(location)
+        return
+    files, path = _file_system(location)
+    with tempfile.TemporaryDirectory(prefix='socialcircle-') as folder:
+        target = Path(folder, PurePosixPath(path).name)
+        try:
+            files.get(path, str(target), recursive=files.isdir(path))
+        except Exception as error:  # noqa: BLE001 - each file system has errors of its own
+            raise RecordingError(f'{location} cannot be read: {_reason(error)}') from None
+        yield target
+
+
+def content_hash(path: Path) -> str:
+    """Hash the content of a recording or of a measurement file: 32 hexadecimal digits.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    digest = blake2b(digest_size=_HASH_BYTES)
+    files = sorted(each for each in path.rglob('*') if each.is_file()) if path.is_dir() else [path]
+    try:
+        for file in files:
+            if path.is_dir():
+                digest.update(f'{file.relative_to(path)}\0{file.stat().st_size}\0'.encode())
+            with file.open('rb') as stream:
+                while block := stream.read(_BLOCK):
+                    digest.update(block)
+    except FileNotFoundError:
+        raise RecordingError(f'{path} does not exist: check the name.') from None
+    except OSError as error:
+        raise RecordingError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
+    return digest.hexdigest()
+
+
+def _found_at(text: str) -> Iterator[_Found]:
+    if text.startswith('file://'):
+        text = text.removeprefix('file://')
+    if '://' in text:
+        yield from _found_at_url(text)
+        return
+    path = Path(text).absolute()
+    if path.exists():
+        yield from _found_under(path, path)
+    elif any(sign in text for sign in '*?['):
+        matches = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+        for match in matches:
+            yield from _found_under(match, match)
+    else:
+        raise RecordingError(f'{text} does not exist: check the name.')
+
+
+def _found_under(path: Path, top: Path) -> Iterator[_Found]:
+    """The inputs at or under a local path; a rosbag2 directory is one input."""
+    if path.is_dir() and not _is_bag([each.name for each in path.iterdir()]):
+        for child in sorted(path.iterdir()):
+            if not child.name.startswith('.') and (child.is_dir() or _is_found_in_folders(child.name)):
+                yield from _found_under(child, top)
+        return
+    files = [each for each in path.rglob('*') if each.is_file()] if path.is_dir() else [path]
+    states = [each.stat() for each in files]
+    relative = str(path.relative_to(top)) if path != top else path.name
+    changed = max((state.st_mtime_ns for state in states), default=0)
+    yield _Found(str(path), relative, sum(state.st_size for state in states), str(changed), changed)
+
+
+def _found_at_url(url: str) -> Iterator[_Found]:
+    files, path = _file_system(url)
+    try:
+        if any(sign in path for sign in '*?['):
+            tops = sorted(files.glob(path))
+        else:
+            tops = [path] if files.exists(path) else []
+        for top in tops:
+            yield from _found_remotely(files, str(top))
+    except SocialCircleError:
+        raise
+    except Exception as error:  # noqa: BLE001 - each file system has errors of its own
+        raise RecordingError(f'{url} cannot be listed: {_reason(error)}') from None
+    if not tops:
+        raise RecordingError(f'{url} does not exist: check the name.')
+
+
+def _found_remotely(files: 'fsspec.AbstractFileSystem', top: str) -> Iterator[_Found]:
+    information = files.info(top)
+    if information['type'] != 'directory':
+        yield _remote(files, [information], top, PurePosixPath(top).name)
+        return
+    folders: dict[str, list[dict[str, object]]] = {}
+    for name, details in sorted(files.find(top, detail=True).items()):
+        folders.setdefault(str(PurePosixPath(name).parent), []).append(details)
+    for folder, members in folders.items():
+        names = [PurePosixPath(str(each['name'])).name for each in members]
+        if _is_bag(names):
+            relative = str(PurePosixPath(folder).relative_to(top)) if folder != top else PurePosixPath(top).name
+            yield _remote(files, members, folder, relative)
+            continue
+        for name, details in zip(names, members, strict=True):
+            if not name.startswith('.') and _is_found_in_folders(name):
+                path = str(details['name'])
+                yield _remote(files, [details], path, str(PurePosixPath(path).relative_to(top)))
+
+
+def _remote(
+    files: 'fsspec.AbstractFileSystem', members: Sequence[dict[str, object]], path: str, relative: str
+) -> _Found:
+    size = sum(int(str(each.get('size') or 0)) for each in members)
+    states = [each.get('ETag') or each.get('LastModified') or each.get('mtime') for each in members]
+    times = [each.get('LastModified') or each.get('created') for each in members]
+    instants = [each for each in times if isinstance(each, datetime)]
+    changed = ' '.join(map(str, states)) if all(states) else ''
+    time_ns = int(max(instants).timestamp() * 1e9) if instants else 0
+    return _Found(files.unstrip_protocol(path), relative, size, changed, time_ns)
+
+
+def _file_system(url: str) -> tuple['fsspec.AbstractFileSystem', str]:
+    """The file system of a URL, and the path in it.
+
+    Raises:
+        SocialCircleError: fsspec, or the library of the protocol, is not installed, or there is no such protocol.
+    """
+    try:
+        from fsspec.core import url_to_fs  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise SocialCircleError(f'URLs need fsspec: {install_command("batch")}.') from None
+    try:
+        files, path = url_to_fs(url)
+    except (ImportError, ValueError) as error:
+        raise SocialCircleError(f'{url} cannot be opened: {_reason(error)}') from None
+    return files, path
+
+
+def _is_bag(names: Sequence[str]) -> bool:
+    return _METADATA in names and any(name.endswith(_RECORDINGS) for name in names)
+
+
+def _is_found_in_folders(name: str) -> bool:
+    lowered = name.lower()
+    if lowered.endswith(_RECORDINGS):
+        return True
+    form = format_of(Path(name))
+    return form is not None and bool(form.reads) and not lowered.endswith(_NOT_FOUND_IN_FOLDERS)
+
+
+def _reason(error: BaseException) -> str:
+    return f'{type(error).__name__}: {error}'.splitlines()[0].rstrip('.') + '.'

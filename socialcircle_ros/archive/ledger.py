@@ -1,0 +1,129 @@
+"""What is done: one small file per content of an input, written after its results.
+
+A rerun reads these files. An input with the same location, size and time of change, and with the same settings and
+version, is not opened again.
+"""
+
+import json
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.storage import write_file
+
+from .inputs import ArchiveInput, short_hash
+
+FOLDER = 'inputs'
+
+
+@dataclass(frozen=True)
+class LedgerEntry:
+    """What is done with one content, or what failed at one location.
+
+    Attributes:
+        location: of the input.
+        size: of the input in bytes.
+        changed: state of the input, see `ArchiveInput`.
+        digest: hash of the settings, the options and the version.
+        clouds: number of filtered clouds.
+        refused: number of refused clouds and frames by reason.
+        damage: where the recording is damaged; None: it is sound.
+        limits_failed: number of clouds that failed their limits.
+        files: the files of rows, relative to the folder of the results.
+        failure: why nothing came of it; None: it did not fail.
+    """
+
+    location: str
+    size: int
+    changed: str
+    digest: str
+    clouds: int = 0
+    refused: dict[str, int] = field(default_factory=dict)
+    damage: str | None = None
+    limits_failed: int = 0
+    files: tuple[str, ...] = ()
+    failure: str | None = None
+
+    def is_of(self, found: ArchiveInput, digest: str) -> bool:
+        """Whether it is the entry of an unchanged input with the same settings, and nothing failed."""
+        same = (self.location, self.size, self.changed, self.digest) == (
+            found.location, found.size, found.changed, digest,
+        )  # fmt: skip
+        return same and bool(found.changed) and self.failure is None
+
+
+class Ledger:
+    """The entries in a folder of results.
+
+    Args:
+        output: the folder of the results.
+    """
+
+    def __init__(self, output: Path) -> None:
+        self._output = output
+        self._folder = output / FOLDER
+
+    def entries(self) -> Iterator[LedgerEntry]:
+        """All entries; a file that is not an entry is passed over, and its input is done again."""
+        for path in sorted(self._folder.glob('*.json')):
+            entry = self._read(path)
+            if entry is not None:
+                yield entry
+
+    def of_content(self, content: str) -> LedgerEntry | None:
+        """The entry of a content; None: there is none."""
+        return self._read(self._folder / f'{content}.json')
+
+    def record(self, content: str, entry: LedgerEntry) -> None:
+        """Record what is done, and remove the rows that an earlier run, or a failure, had left for this input.
+
+        Raises:
+            SocialCircleError: it cannot be written.
+        """
+        failed = self._failure_path(entry.location)
+        for earlier in (self.of_content(content), self._read(failed)):
+            if earlier is not None:
+                self._remove(set(earlier.files) - set(entry.files))
+        self._write(self._folder / f'{content}.json', entry)
+        failed.unlink(missing_ok=True)
+
+    def record_failure(self, entry: LedgerEntry) -> None:
+        """Record a failure, in the place of an earlier one at the same location.
+
+        Raises:
+            SocialCircleError: it cannot be written.
+        """
+        path = self._failure_path(entry.location)
+        earlier = self._read(path)
+        if earlier is not None:
+            self._remove(set(earlier.files) - set(entry.files))
+        self._write(path, entry)
+
+    def _failure_path(self, location: str) -> Path:
+        return self._folder / f'{failure_name(location)}.json'
+
+    def _read(self, path: Path) -> LedgerEntry | None:
+        try:
+            record = json.loads(path.read_bytes())
+            return LedgerEntry(**{**record, 'files': tuple(record['files'])})
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
+
+    def _write(self, path: Path, entry: LedgerEntry) -> None:
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SocialCircleError(f'{self._folder} cannot be written: {error.strerror}.') from None
+        write_file(path, json.dumps(asdict(entry)))
+
+    def _remove(self, files: set[str]) -> None:
+        for name in files:
+            with suppress(OSError):
+                (self._output / name).unlink()
+
+
+def failure_name(location: str) -> str:
+    """Name of the files of a failure, without a suffix."""
+    return f'failed-{short_hash(location)}'

@@ -1,0 +1,194 @@
+"""The task of a worker: one input in; a cleaned recording, rows and an entry of the ledger out."""
+
+import time
+from collections import Counter
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from socialcircle_ros.cloud import HeightMap
+from socialcircle_ros.errors import SocialCircleError, printable
+from socialcircle_ros.kernels import bands
+from socialcircle_ros.kernels.memory import keep_freed_memory
+from socialcircle_ros.measurements import MeasurementRow, Origin, SettingsText, refused_row, row_of, write_rows
+from socialcircle_ros.metrics.areal import texture
+from socialcircle_ros.pipeline.clouds import CloudOutputs
+from socialcircle_ros.pipeline.stacks import Refusal
+from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.mcap_output import Compression
+from socialcircle_ros.recording.offline import SourceCloud, Summary, filter_recording, measure_recording
+from socialcircle_ros.report.report import make_report
+from socialcircle_ros.settings import PipelineSettings
+
+from .inputs import ArchiveInput, content_hash, local_copy
+from .ledger import Ledger, LedgerEntry, failure_name
+from .names import NamePattern
+
+RECORDINGS, REPORTS = 'recordings', 'reports'
+"""Folders of the results."""
+
+
+@dataclass(frozen=True)
+class BatchTask:
+    """What is to be done with one input.
+
+    Attributes:
+        found: the input.
+        output: folder of the results, which all workers see.
+        settings: how to filter.
+        names: pattern of the names of the inputs.
+        topics: topics of clouds to filter; none: those of `clouds_of`.
+        recordings: whether to write a cleaned recording.
+        reports: whether to write a report.
+        compression: of the cleaned recording.
+        version: of this package.
+        digest: hash of all of these but the input and the output.
+    """
+
+    found: ArchiveInput
+    output: Path
+    settings: PipelineSettings
+    names: NamePattern
+    topics: tuple[str, ...]
+    recordings: bool
+    reports: bool
+    compression: Compression
+    version: str
+    digest: str
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """What came of one input.
+
+    Attributes:
+        location: of the input.
+        content: hash of its content; '': it could not be read.
+        entry: of the ledger.
+        same_as: location of the input with the same content that was done before, which may be this one; '':
+            there is none.
+    """
+
+    location: str
+    content: str
+    entry: LedgerEntry
+    same_as: str = ''
+
+
+def do_task(task: BatchTask) -> TaskResult:
+    """Filter one input; what fails is told in the result, so that the other inputs go on.
+
+    The entry of the ledger is written last: a worker that is killed leaves an input that is done again, and its
+    results, which have the same names, are replaced.
+    """
+    bands.limit = 1  # other cores have tasks of their own
+    keep_freed_memory()
+    try:
+        with local_copy(task.found.location) as path:
+            content = content_hash(path)
+            ledger = Ledger(task.output)
+            earlier = ledger.of_content(content)
+            if earlier is not None and earlier.digest == task.digest and earlier.failure is None:
+                return TaskResult(task.found.location, content, earlier, earlier.location)
+            return _measured(task, path, content)
+    except SocialCircleError as error:
+        return failed_result(task, str(error))
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are done
+        return failed_result(task, printable(f'{type(error).__name__}: {error}'))
+
+
+def failed_result(task: BatchTask, reason: str) -> TaskResult:
+    """Record that an input failed, as a row and in the ledger."""
+    found = task.found
+    cell, part = task.names.read(found.location)
+    origin = _origin(task, None, cell or '', part, '', 0, found.time_ns or time.time_ns())
+    rows = [refused_row(origin, reason, 'failed')]
+    files = tuple(write_rows(task.output, failure_name(found.location), rows))
+    entry = LedgerEntry(found.location, found.size, found.changed, task.digest, files=files, failure=reason)
+    Ledger(task.output).record_failure(entry)
+    return TaskResult(found.location, '', entry)
+
+
+def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
+    collector = _RowCollector(task, path, content)
+    summary = _filtered(task, path, collector)
+    if not summary.clouds and not collector.rows:
+        reasons = ' '.join([*summary.refused, *([summary.damage] if summary.damage else [])])
+        raise SocialCircleError(f'{task.found.location} has no cloud. {reasons}'.strip())
+    if task.reports and summary.clouds:
+        make_report(path, task.output / REPORTS / f'{task.found.name}.html', task.settings, topics=task.topics)
+    files = tuple(write_rows(task.output, content, collector.rows))
+    found = task.found
+    entry = LedgerEntry(
+        location=found.location,
+        size=found.size,
+        changed=found.changed,
+        digest=task.digest,
+        clouds=summary.clouds,
+        refused=summary.refused,
+        damage=summary.damage and summary.damage.replace(str(path), found.location),
+        limits_failed=sum(row.limits_passed is False for row in collector.rows),
+        files=files,
+    )
+    Ledger(task.output).record(content, entry)
+    return TaskResult(found.location, content, entry)
+
+
+def _filtered(task: BatchTask, path: Path, collector: '_RowCollector') -> Summary:
+    if not task.recordings:
+        return measure_recording(path, task.settings, collector, topics=task.topics)
+    target = task.output / RECORDINGS / f'{task.found.name.removesuffix(".mcap")}.mcap'
+    target.parent.mkdir(parents=True, exist_ok=True)
+    return filter_recording(
+        path,
+        target,
+        task.settings,
+        topics=task.topics,
+        compression=task.compression,
+        overwrite=True,
+        filtered=collector,
+    )
+
+
+class _RowCollector:
+    """Makes a row of each cloud of one recording; a recording of 10,000 clouds makes 10 MB of rows."""
+
+    def __init__(self, task: BatchTask, path: Path, content: str) -> None:
+        self._task = task
+        self._content = content
+        self.rows: list[MeasurementRow] = []
+        self._numbers: Counter[str] = Counter()
+        cell, part = task.names.read(task.found.location)
+        with ExitStack() as closing:
+            reader = closing.enter_context(open_recording(path))
+            recorded = {key: text for record in reader.metadata() for key, text in record.entries.items()}
+        self._cell, self._part = cell or recorded.get('cell'), part or recorded.get('part')
+
+    def __call__(self, cloud: SourceCloud, outputs: CloudOutputs | Refusal, heights: HeightMap | None) -> None:
+        """Take one cloud."""
+        cell = self._cell or cloud.namespace.strip('/')
+        number = self._numbers[cloud.topic]
+        self._numbers[cloud.topic] += 1
+        origin = _origin(self._task, self._content, cell, self._part, cloud.topic, number, cloud.message.log_time)
+        if isinstance(outputs, Refusal):
+            self.rows.append(refused_row(origin, outputs.reason))
+        else:
+            found = None if heights is None else texture(heights)
+            self.rows.append(row_of(origin, outputs.measurement, found))
+
+
+def _origin(
+    task: BatchTask, content: str | None, cell: str, part: str | None, topic: str, number: int, time_ns: int
+) -> Origin:
+    return Origin(
+        source='batch',
+        recording=task.found.location,
+        content=content,
+        cell=cell,
+        part=part,
+        topic=topic,
+        number=number,
+        time_ns=time_ns,
+        settings=SettingsText.of(task.settings),
+        version=task.version,
+    )

@@ -1,0 +1,147 @@
+"""`socialcircle batch`."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from .options import LIMITS_FAILED, parameter_options, parameter_values, quantity
+
+if TYPE_CHECKING:
+    from socialcircle_ros.archive import BatchResult
+
+
+@click.command('batch', epilog='Example: socialcircle batch nights/ -o out --names "{cell}/{part}_*.mcap"')
+@click.argument('inputs', nargs=-1, required=True, metavar='IN...')
+@click.option(
+    '-o', '--output', required=True, type=click.Path(path_type=Path),
+    help='Folder of the results. A rerun with the same folder does only what is new.',
+)  # fmt: skip
+@click.option('--no-recordings', is_flag=True, help='Write rows of measurements only, and no cleaned recordings.')
+@click.option('--reports', is_flag=True, help='Write a report of each input, as `socialcircle report` does.')
+@click.option(
+    '--names', default='', metavar='PATTERN',
+    help='Cell and part from the end of the path, such as "{cell}/{part}_*.mcap". Default: the entries cell and'
+    ' part of the metadata of a recording; as cell also the namespace of the topic.',
+)  # fmt: skip
+@click.option(
+    '--topic',
+    'topics',
+    multiple=True,
+    help='Topic of clouds to filter. May be repeated. Default: all topics named points, and all focus stacks.',
+)
+@click.option(
+    '--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='none', show_default=True,
+    help='Compression of the written recordings.',
+)  # fmt: skip
+@click.option(
+    '--scheduler', metavar='ADDRESS',
+    help='Dask scheduler, such as tcp://host:8786, or its scheduler file (.json). Default: processes of this'
+    ' machine.',
+)  # fmt: skip
+@click.option(
+    '--workers', type=click.IntRange(min=1), help='Number of processes of this machine. Default: one per core.'
+)
+@parameter_options
+def command(
+    inputs: tuple[str, ...],
+    output: Path,
+    no_recordings: bool,
+    reports: bool,
+    names: str,
+    topics: tuple[str, ...],
+    compression: Literal['none', 'lz4', 'zstd'],
+    scheduler: str | None,
+    workers: int | None,
+    params_file: Path | None,
+    parameters: tuple[str, ...],
+) -> None:
+    """Filter an archive of recordings on all cores, or on a Dask cluster.
+
+    IN is a recording, a rosbag2 directory, a measurement file, a folder with any of them, a glob, or a URL of
+    these, such as s3://bucket/nights. Writes to the folder of the results:
+
+    \b
+    recordings/    a cleaned recording for each input, as `socialcircle filter` writes it
+    measurements/  one row per cloud, for `socialcircle measurements`
+    reports/       a report for each input, with --reports
+    inputs/        what is done
+
+    The same command continues after an interruption, and does only what is new: content, settings and version
+    count.
+    Inputs that fail are told at the end and tried again by the next run.
+
+    The exit code is 0 if every input is sound, 1 if one failed or is damaged, otherwise 3 if a cloud failed its
+    limits.
+    """  # noqa: D301 - click reads \b
+    from socialcircle_ros.archive import run_batch
+    from socialcircle_ros.settings import PipelineSettings
+
+    settings = PipelineSettings.from_ros(parameter_values(params_file, parameters))
+    with _progress() as (found, progress):
+        result = run_batch(
+            inputs,
+            output,
+            settings,
+            names=names,
+            topics=topics,
+            recordings=not no_recordings,
+            reports=reports,
+            compression=compression,
+            scheduler=scheduler,
+            workers=workers,
+            found=found,
+            started=lambda dashboard: click.echo(f'Dashboard: {dashboard}', err=True),
+            progress=progress,
+        )
+    _tell(result, output)
+
+
+@contextmanager
+def _progress() -> Iterator[tuple[Callable[[int], None], Callable[[int, int], None]]]:
+    """Show on stderr how many inputs are found and done, the rate, and the time left."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, Task, TextColumn, TimeRemainingColumn
+
+    class Rate(TextColumn):
+        def __init__(self) -> None:
+            super().__init__('')
+
+        def render(self, task: Task) -> 'Text':
+            return Text(f'{task.speed:.2f}/s' if task.speed else '')
+
+    from rich.text import Text
+
+    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300) as bar:
+        task = bar.add_task('finding recordings', total=None)
+        yield (
+            lambda count: bar.update(task, completed=count),
+            lambda done, total: bar.update(task, description='filtering', completed=done, total=total),
+        )
+
+
+def _tell(result: 'BatchResult', output: Path) -> None:
+    """Print what was done, and what a person should look at."""
+    skipped = f', {result.skipped} done before' if result.skipped else ''
+    click.echo(
+        f'{quantity(result.inputs, "input")}: {result.done} filtered with {quantity(result.clouds, "cloud")}'
+        f'{skipped}; {len(result.failed)} failed, {len(result.damaged)} damaged. Results are in {output}.'
+    )
+    for location, other in sorted(result.same.items()):
+        click.echo(f'{location} has the content of {other}, and is not measured twice.', err=True)
+    for reason, count in sorted(result.refused.items()):
+        click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
+    for sentence in sorted(result.damaged.values()):
+        click.echo(f'Damaged: {sentence}', err=True)
+    for location, reason in sorted(result.failed.items()):
+        told = reason if location in reason else f'{location}: {reason}'
+        click.echo(f'Failed: {told}', err=True)
+    click.echo(f'Next: socialcircle measurements {output}', err=True)
+    if result.failed or result.damaged:
+        raise click.exceptions.Exit(1)
+    if result.limits_failed:
+        click.echo(f'{quantity(result.limits_failed, "cloud")} failed the limits.', err=True)
+        raise click.exceptions.Exit(LIMITS_FAILED)

@@ -1,0 +1,39 @@
+"""Small archives, and an engine without processes, for the tests of batches."""
+
+from contextlib import contextmanager
+from pathlib import Path
+
+from examples import cloud
+
+from socialcircle_ros.messages import point_cloud
+from socialcircle_ros.recording import RecordingWriter, ros_topic
+from socialcircle_ros.recording.topics import MetadataRecord
+
+NOON = 1_790_000_000_000_000_000
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
+
+
+def recorded(path, *, seed=0, clouds=2, namespace='/cell1', metadata=None, message=None):
+    """A recording of clouds with 26 outliers each."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with RecordingWriter(path) as writer:
+        if metadata is not None:
+            writer.add_metadata(MetadataRecord('part', metadata))
+        writer.add_topic(ros_topic(f'{namespace}/points', point_cloud.TYPE))
+        for number in range(clouds):
+            time = NOON + number * 1_000_000_000
+            data = message or cloud(seed=100 * seed + number, stamp=time)
+            writer.write(f'{namespace}/points', data, time)
+    return path
+
+
+@contextmanager
+def engine_in_this_process():
+    """The address of a scheduler with one worker, in threads of this process."""
+    import distributed
+
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
+    )
+    with cluster:
+        yield cluster.scheduler_address

@@ -1,0 +1,180 @@
+"""`run_batch` on real Dask: in this process, and with a scheduler and two workers, one of which is killed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from archive.archives import engine_in_this_process, recorded
+
+from socialcircle_ros import open_measurements, run_batch
+from socialcircle_ros.archive.engine import Engine
+from socialcircle_ros.errors import SocialCircleError
+
+for library in ('distributed', 'fsspec', 'pyarrow', 'duckdb'):
+    pytest.importorskip(library)
+
+EACH_ONCE = """
+select count(*), count(distinct (content, topic, number)), count(distinct recording) from measurements
+where status = 'ok' and outliers = 26
+"""
+
+
+@pytest.fixture(scope='module')
+def scheduler():
+    with engine_in_this_process() as address:
+        yield address
+
+
+def rows(output, query='select recording, number, status from measurements order by all'):
+    return open_measurements(output).sql(query).fetchall()
+
+
+def test_an_archive_is_done_once_and_then_only_what_is_new(tmp_path, scheduler):
+    for number in range(3):
+        recorded(tmp_path / f'nights/{number}.mcap', seed=number)
+    seen, dashboards = [], []
+
+    def run(**options):
+        seen.clear()
+        return run_batch(
+            [tmp_path / 'nights'],
+            tmp_path / 'out',
+            scheduler=scheduler,
+            progress=lambda done, total: seen.append((done, total)),
+            started=dashboards.append,
+            **options,
+        )
+
+    first = run()
+    assert (first.inputs, first.done, first.clouds, first.skipped, first.failed) == (3, 3, 6, 0, {})
+    assert seen == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    assert len(dashboards) == 1
+    recorded(tmp_path / 'nights/3.mcap', seed=3)
+    (tmp_path / 'nights/bad.mcap').write_bytes(b'no recording')
+    (tmp_path / 'nights/copy.mcap').write_bytes((tmp_path / 'nights/0.mcap').read_bytes())
+    second = run()
+    assert (second.done, second.skipped) == (1, 3)
+    assert second.same == {str(tmp_path / 'nights/copy.mcap'): str(tmp_path / 'nights/0.mcap')}
+    assert list(second.failed) == [str(tmp_path / 'nights/bad.mcap')]
+    assert rows(tmp_path / 'out', EACH_ONCE) == [(8, 8, 4)]
+    third = run(compression='lz4')
+    assert (third.done, third.skipped) == (4, 0)
+    assert rows(tmp_path / 'out', EACH_ONCE) == [(8, 8, 4)]
+
+
+def test_a_damaged_recording_is_told_by_every_run(tmp_path, scheduler):
+    content = recorded(tmp_path / 'whole.mcap', clouds=3).read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(content[: len(content) // 2])
+    for _ in range(2):
+        result = run_batch([tmp_path / 'cut.mcap'], tmp_path / 'out', scheduler=scheduler)
+        assert 'cut.mcap is damaged' in result.damaged[str(tmp_path / 'cut.mcap')]
+
+
+def test_a_url_is_done_and_not_copied_again(tmp_path, scheduler):
+    import fsspec
+
+    files = fsspec.filesystem('memory')
+    files.pipe('/plant/a.mcap', recorded(tmp_path / 'a.mcap').read_bytes())
+    try:
+        first = run_batch(['memory://plant'], tmp_path / 'out', scheduler=scheduler)
+        second = run_batch(['memory://plant'], tmp_path / 'out', scheduler=scheduler)
+    finally:
+        files.rm('/plant', recursive=True)
+    assert (first.done, first.clouds) == (1, 2)
+    assert (second.done, second.skipped, second.same) == (0, 1, {})
+    assert len(rows(tmp_path / 'out')) == 2
+
+
+def test_a_scheduler_that_does_not_answer_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr('socialcircle_ros.archive.engine._CONNECT_S', 0.2)
+    recorded(tmp_path / 'a.mcap')
+    for address in ('tcp://127.0.0.1:9', str(tmp_path / 'none.json')):
+        with pytest.raises(SocialCircleError, match='No Dask scheduler answers at'):
+            run_batch([tmp_path / 'a.mcap'], tmp_path / 'out', scheduler=address)
+
+
+def test_without_dask_the_extra_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'distributed', None)
+    with pytest.raises(SocialCircleError, match='A batch needs Dask: pip install '):
+        Engine()
+
+
+def test_every_item_has_one_result_and_an_error_is_one(scheduler):
+    with Engine(scheduler) as engine:
+        results = dict(engine.run(divided, range(200)))
+    assert len(results) == 200
+    assert isinstance(results.pop(0), ZeroDivisionError)
+    assert results == {number: 1 / number for number in range(1, 200)}
+
+
+def divided(number):
+    return 1 / number
+
+
+class TestCluster:
+    """A scheduler and two workers, as they are started on a cluster."""
+
+    @pytest.fixture
+    def cluster(self, tmp_path):
+        file = tmp_path / 'scheduler.json'
+        common = ['--scheduler-file', str(file), '--no-dashboard']
+        programs = [
+            ['dask_scheduler', *common, '--host', '127.0.0.1', '--port', '0'],
+            *[['dask_worker', *common, '--nthreads', '1', '--no-nanny', '--death-timeout', '300']] * 2,
+        ]
+        processes = [
+            subprocess.Popen(
+                [sys.executable, '-m', f'distributed.cli.{program}', *arguments],
+                stderr=subprocess.DEVNULL,
+                cwd=tmp_path,
+            )
+            for program, *arguments in programs
+        ]
+        yield file, processes[1:]
+        for process in processes:
+            process.kill()
+            process.wait()
+
+    def test_ctrl_c_and_a_killed_worker_lose_nothing_and_do_nothing_twice(self, tmp_path, cluster):
+        file, workers = cluster
+        while not file.exists():  # the scheduler writes it when it listens
+            time.sleep(0.05)
+        for number in range(24):
+            recorded(tmp_path / f'nights/{number}.mcap', seed=number, clouds=6)
+        command = ['batch', 'nights', '-o', 'out', '--scheduler', str(file)]
+        client = subprocess.Popen(
+            [sys.executable, '-m', 'socialcircle_ros.commands.main', *command],
+            cwd=tmp_path,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, 'COLUMNS': '100'},
+        )
+        while client.poll() is None and not self.entries(tmp_path):
+            time.sleep(0.05)
+        client.send_signal(signal.SIGINT)
+        told = client.communicate(timeout=300)[1]
+        assert client.returncode == 130, told
+        assert 'Stopped.' in told
+
+        seen = []
+
+        def kill_one(done, total):
+            seen.append(done)
+            if len(seen) == 2 and done < total:  # one more is done, and both workers have work
+                workers[0].kill()
+
+        result = run_batch([tmp_path / 'nights'], tmp_path / 'out', scheduler=str(file), progress=kill_one)
+        assert workers[0].wait(300) == -signal.SIGKILL
+        assert result.failed == {}
+        assert result.done + result.skipped == 24
+        assert rows(tmp_path / 'out', EACH_ONCE) == [(144, 144, 24)]
+        names = sorted(str(path.relative_to(tmp_path / 'out')) for path in (tmp_path / 'out/recordings').iterdir())
+        assert names == sorted(f'recordings/{number}.mcap' for number in range(24))
+        assert len(self.entries(tmp_path)) == 24
+
+    def entries(self, folder):
+        return [json.loads(path.read_text())['location'] for path in (folder / 'out/inputs').glob('*.json')]

@@ -1,0 +1,104 @@
+"""Which inputs are found, and under which names."""
+
+import os
+
+import pytest
+from archive.archives import BAGS
+
+from socialcircle_ros.archive import find_inputs
+from socialcircle_ros.archive.inputs import content_hash, local_copy
+from socialcircle_ros.errors import SocialCircleError
+
+
+@pytest.fixture
+def archive(tmp_path):
+    for name in ('a.mcap', 'cell1/b.mcap', 'cell1/c.al3d', 'cell1/readme.txt', '.hidden.mcap', 'x [1].mcap.zstd'):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(name.encode())
+    for name in ('bag/metadata.yaml', 'bag/bag_0.mcap', 'bag/bag_1.mcap', 'cell2/b.mcap'):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b'12345')
+    return tmp_path
+
+
+def names(*given):
+    return [each.name for each in find_inputs(given)]
+
+
+def test_a_folder_is_searched_and_a_rosbag2_directory_is_one_input(archive):
+    found = find_inputs([archive])
+    assert [each.name for each in found] == [
+        'a.mcap', 'bag', 'cell1/b.mcap', 'cell1/c.al3d', 'cell2/b.mcap', 'x [1].mcap.zstd',
+    ]  # fmt: skip
+    assert found[1].size == 15
+    assert found[0].location == str(archive / 'a.mcap')
+    assert found[0].time_ns == (archive / 'a.mcap').stat().st_mtime_ns
+
+
+def test_files_globs_and_file_urls(archive):
+    assert names(archive / 'cell1/readme.txt') == ['readme.txt']
+    assert names(f'{archive}/cell*/*.mcap') == names(f'{archive}/**/b.mcap')
+    assert names(f'file://{archive}/a.mcap', archive / 'a.mcap') == ['a.mcap']
+    assert names(archive / 'x [1].mcap.zstd') == ['x [1].mcap.zstd']
+
+
+def test_inputs_of_one_name_get_different_names(archive):
+    found = names(archive / 'cell1/b.mcap', archive / 'cell2/b.mcap')
+    assert len(set(found)) == 2
+    assert all(name.startswith('b.mcap-') for name in found)
+
+
+@pytest.mark.parametrize(
+    ('given', 'sentence'),
+    [
+        ('missing.mcap', 'missing.mcap does not exist'),
+        ('cell1/*.x3p', 'holds no recording and no measurement file'),
+        ('none', 'holds no recording and no measurement file'),
+    ],
+)
+def test_what_is_not_there_is_told(archive, given, sentence):
+    (archive / 'none').mkdir()
+    with pytest.raises(SocialCircleError, match=sentence):
+        find_inputs([f'{archive}/{given}'])
+
+
+def test_the_hash_changes_with_the_content_only(archive):
+    before = content_hash(archive / 'bag')
+    os.utime(archive / 'bag/bag_0.mcap', ns=(1, 1))
+    assert content_hash(archive / 'bag') == before
+    (archive / 'bag/bag_1.mcap').rename(archive / 'bag/bag_2.mcap')
+    assert content_hash(archive / 'bag') != before
+
+
+class TestUrls:
+    @pytest.fixture
+    def files(self):
+        fsspec = pytest.importorskip('fsspec')
+        files = fsspec.filesystem('memory')
+        for name in ('n/cell1/a.mcap', 'n/bag/bag_0.mcap', 'n/bag/metadata.yaml', 'n/notes.txt'):
+            files.pipe(f'/{name}', (BAGS / 'padded.mcap').read_bytes())
+        yield files
+        files.rm('/n', recursive=True)
+
+    @pytest.mark.usefixtures('files')
+    def test_folders_and_globs_are_searched(self):
+        assert names('memory://n') == ['bag', 'cell1/a.mcap']
+        assert names('memory://n/*/a.mcap') == ['a.mcap']
+        assert find_inputs(['memory://n/cell1/a.mcap'])[0].location == 'memory:///n/cell1/a.mcap'
+
+    @pytest.mark.usefixtures('files')
+    def test_a_copy_is_there_for_a_while(self):
+        with local_copy('memory:///n/cell1/a.mcap') as path:
+            assert path.read_bytes() == (BAGS / 'padded.mcap').read_bytes()
+        assert not path.exists()
+        with local_copy('memory:///n/bag') as path:
+            assert sorted(each.name for each in path.iterdir()) == ['bag_0.mcap', 'metadata.yaml']
+
+    @pytest.mark.parametrize(
+        ('url', 'sentence'),
+        [('memory://missing.mcap', 'does not exist'), ('nothing://a.mcap', 'cannot be opened: ValueError')],
+    )
+    def test_what_is_not_there_is_told(self, url, sentence):
+        pytest.importorskip('fsspec')
+        with pytest.raises(SocialCircleError, match=sentence):
+            find_inputs([url])

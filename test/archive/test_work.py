@@ -1,0 +1,178 @@
+"""The task of a worker: one input in, results out; no Dask here."""
+
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+from archive.archives import BAGS, NOON, recorded
+from examples import cloud
+
+from socialcircle_ros.archive import NamePattern, find_inputs
+from socialcircle_ros.archive.work import BatchTask, do_task
+from socialcircle_ros.kernels import bands
+from socialcircle_ros.measurements import open_measurements
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import encode_point_cloud
+from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.offline import filter_recording
+from socialcircle_ros.settings import PipelineSettings
+
+pytest.importorskip('pyarrow')
+pytest.importorskip('duckdb')
+
+
+@pytest.fixture(autouse=True)
+def threads_of_kernels():
+    before = bands.limit
+    yield
+    bands.limit = before
+
+
+def task(path, output, **changes):
+    (found,) = find_inputs([path])
+    values = {
+        'settings': PipelineSettings(), 'names': NamePattern(), 'topics': (), 'recordings': True, 'reports': False,
+        'compression': 'none', 'version': '1', 'digest': 'abc',
+    }  # fmt: skip
+    return BatchTask(found, output, **{**values, **changes})
+
+
+def asked(output, query='select recording, cell, part, number, outliers, status from measurements order by all'):
+    return open_measurements(output).sql(query).fetchall()
+
+
+def test_it_writes_what_filter_writes_and_a_row_for_each_cloud(tmp_path):
+    path = recorded(tmp_path / 'a.mcap')
+    result = do_task(task(path, tmp_path / 'out'))
+    assert (result.entry.clouds, result.entry.failure, result.same_as) == (2, None, '')
+    (tmp_path / 'same').mkdir()
+    filter_recording(path, tmp_path / 'same/a.mcap', PipelineSettings())
+    assert (tmp_path / 'out/recordings/a.mcap').read_bytes() == (tmp_path / 'same/a.mcap').read_bytes()
+    assert asked(tmp_path / 'out') == [(str(path), 'cell1', None, number, 26, 'ok') for number in range(2)]
+    ((sa, sq, sz),) = asked(tmp_path / 'out', 'select sa, sq, sz from measurements where number = 0')
+    assert 0 < sa < sq < sz < 3
+
+
+def test_cell_and_part_come_from_the_name_then_from_the_metadata_then_from_the_namespace(tmp_path):
+    path = recorded(tmp_path / 'line2/lid_1.mcap', clouds=1, metadata={'cell': 'hall', 'part': 'box'})
+    bare = recorded(tmp_path / 'bare.mcap', clouds=1, namespace='', seed=1)
+    do_task(task(path, tmp_path / 'out'))
+    do_task(task(bare, tmp_path / 'out'))
+    assert sorted(row[1:3] for row in asked(tmp_path / 'out')) == [('hall', 'box'), ('unnamed', None)]
+    do_task(task(path, tmp_path / 'out', names=NamePattern('{cell}/{part}_*.mcap'), digest='other'))
+    assert sorted(row[1:3] for row in asked(tmp_path / 'out')) == [('line2', 'lid'), ('unnamed', None)]
+
+
+def test_without_recordings_the_rows_are_the_same(tmp_path):
+    path = recorded(tmp_path / 'a.mcap')
+    query = 'select number, stamp, outliers, radius, sa, sq, sz, seed_row, topic from measurements order by number'
+    rows = []
+    for recordings in (True, False):
+        output = tmp_path / str(recordings)
+        do_task(task(path, output, recordings=recordings))
+        rows.append(asked(output, query))
+    assert rows[0] == rows[1]
+    assert not (tmp_path / 'False/recordings').exists()
+
+
+def test_what_is_done_is_not_done_again_and_other_settings_replace_the_rows(tmp_path):
+    path = recorded(tmp_path / 'a.mcap')
+    do_task(task(path, tmp_path / 'out'))
+    made = (tmp_path / 'out/recordings/a.mcap').stat().st_mtime_ns
+    do_task(task(path, tmp_path / 'out'))
+    assert (tmp_path / 'out/recordings/a.mcap').stat().st_mtime_ns == made
+    do_task(task(path, tmp_path / 'out', digest='other'))
+    assert (tmp_path / 'out/recordings/a.mcap').stat().st_mtime_ns > made
+    assert len(asked(tmp_path / 'out')) == 2
+
+
+def test_a_copy_of_a_recording_is_not_measured_twice(tmp_path):
+    path = recorded(tmp_path / 'a.mcap')
+    (tmp_path / 'b.mcap').write_bytes(path.read_bytes())
+    do_task(task(path, tmp_path / 'out'))
+    assert do_task(task(tmp_path / 'b.mcap', tmp_path / 'out')).same_as == str(path)
+    assert len(asked(tmp_path / 'out')) == 2
+
+
+def test_a_damaged_recording_gives_the_clouds_before_the_damage(tmp_path):
+    content = recorded(tmp_path / 'whole.mcap', clouds=3).read_bytes()
+    path = tmp_path / 'cut.mcap'
+    path.write_bytes(content[: len(content) // 2])
+    entry = do_task(task(path, tmp_path / 'out')).entry
+    assert entry.clouds == 1
+    assert 'cut.mcap is damaged' in entry.damage
+    assert len(asked(tmp_path / 'out')) == 1
+
+
+def test_what_fails_is_a_row_and_success_removes_it(tmp_path):
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(b'no recording')
+    entry = do_task(task(path, tmp_path / 'out', names=NamePattern('{part}.mcap'))).entry
+    assert 'a.mcap' in entry.failure
+    assert asked(tmp_path / 'out') == [(str(path), 'unnamed', 'a', None, None, 'failed')]
+    assert not list((tmp_path / 'out').glob('recordings/*'))
+    path.unlink()
+    recorded(path)
+    do_task(task(path, tmp_path / 'out'))
+    assert [row[-1] for row in asked(tmp_path / 'out')] == ['ok', 'ok']
+    assert [each.name[:6] for each in (tmp_path / 'out/inputs').iterdir()] != ['failed']
+
+
+def test_an_unexpected_error_is_told_as_well(tmp_path, monkeypatch):
+    path = recorded(tmp_path / 'a.mcap')
+
+    def broken(*_, **__):
+        raise ZeroDivisionError('division by zero')
+
+    monkeypatch.setattr('socialcircle_ros.archive.work.filter_recording', broken)
+    assert do_task(task(path, tmp_path / 'out')).entry.failure == 'ZeroDivisionError: division by zero'
+
+
+def test_a_refused_cloud_is_a_row_between_the_others(tmp_path):
+    path = recorded(tmp_path / 'a.mcap', message=cloud(1, 9))
+    result = do_task(task(path, tmp_path / 'out'))
+    assert (result.entry.clouds, sum(result.entry.refused.values())) == (0, 2)
+    assert [row[-1] for row in asked(tmp_path / 'out')] == ['refused', 'refused']
+
+
+def test_a_report_is_written_on_request(tmp_path):
+    pytest.importorskip('matplotlib')
+    do_task(task(recorded(tmp_path / 'a.mcap', clouds=1), tmp_path / 'out', reports=True))
+    page = (tmp_path / 'out/reports/a.mcap.html').read_text()
+    assert 'id="measurement--cell1-points-0"' in page
+
+
+def test_an_input_of_an_object_store_is_copied_for_a_while(tmp_path):
+    fsspec = pytest.importorskip('fsspec')
+    files = fsspec.filesystem('memory')
+    files.pipe('/archive/a.mcap', (BAGS / 'padded.mcap').read_bytes())
+    try:
+        assert do_task(task('memory://archive/a.mcap', tmp_path / 'out')).entry.clouds == 2
+    finally:
+        files.rm('/archive', recursive=True)
+    assert {row[0] for row in asked(tmp_path / 'out')} == {'memory:///archive/a.mcap'}
+
+
+def test_memory_does_not_grow_with_the_recording(tmp_path):
+    """A recording of 130 MB is filtered by a process that may take 70 MB more than it has."""
+    rows, columns = 90, 100
+    y, x = np.mgrid[:rows, :columns].astype(np.float32)
+    fields = {f'f{number}': np.zeros((rows, columns)) for number in range(54)}
+    xyz = np.dstack([x, y, np.random.default_rng(0).random((rows, columns), np.float32)])
+    message = encode_point_cloud(Header.at(NOON, 'm'), xyz, fields)
+    path = recorded(tmp_path / 'large.mcap', clouds=32, message=message)
+    assert path.stat().st_size > 120e6
+    small = recorded(tmp_path / 'small.mcap', clouds=1, message=message)
+    do_task(task(small, tmp_path / 'out'))  # compiles, and starts the threads
+    status = Path('/proc/self/status').read_text()
+    now = int(status.partition('VmData:')[2].split()[0]) * 1024
+    limits = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (now + 70_000_000, limits[1]))
+    try:
+        result = do_task(task(path, tmp_path / 'out'))
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, limits)
+    assert (result.entry.clouds, result.entry.failure) == (32, None)
+    with open_recording(tmp_path / 'out/recordings/large.mcap') as reader:
+        assert reader.topics
