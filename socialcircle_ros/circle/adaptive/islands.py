@@ -26,8 +26,8 @@ from .blocks import BlockRows, interpolate_columns, interpolate_row
 from .differences import DOWN, MISSING, RIGHT, STEPS_PER_SPREAD, Differences
 from .relief import Relief
 
-LARGEST = 320
-"""Points of the largest island: a disc of 20 points across. A larger community is a surface of its own."""
+LARGEST = 640
+"""Points of the largest island: a disc of 28 points across. A larger community is a surface of its own."""
 FLANK = 0.1
 """A larger community around an island is its flank, and belongs to it, if it is less steep by this at most."""
 

@@ -4,6 +4,7 @@ The inserted outliers are known. Points of the surface that may be wrong before 
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +14,11 @@ from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.metrics.scores import Scores, f1_at, score
 from socialcircle_ros.simulation import Contamination, add_outliers
 from socialcircle_ros.studies.comparison.measured import MeasuredCloud
+
+from .irregular_outliers import add_irregular_outliers
+
+OutlierShapes = Literal['ellipses', 'irregular']
+"""Model of the inserted outliers: clusters of 2 to 8 points radius, or irregular patches of up to 900 points."""
 
 _SIGMA = 1.4826
 """Standard deviation of a normal distribution, in median absolute deviations."""
@@ -80,18 +86,25 @@ def measured_surface(cloud: MeasuredCloud) -> StudiedSurface:
     return StudiedSurface(cloud, noise, plausible, measured & ~plausible)
 
 
-def insert_outliers(surface: StudiedSurface, share: float, seed: int) -> ContaminatedSurface:
-    """Insert outliers of 8 to 40 σ: half isolated, half in clusters of 2 to 8 points radius, sharp or blurred.
+def insert_outliers(
+    surface: StudiedSurface, share: float, seed: int, shapes: OutlierShapes = 'ellipses'
+) -> ContaminatedSurface:
+    """Insert outliers, isolated and in clusters.
 
     Args:
         surface: the measured surface.
         share: of its measured points that become outliers.
         seed: of the random generator.
+        shapes: 'ellipses': of 8 to 40 σ, half isolated, half in clusters of 2 to 8 points radius, sharp or
+            blurred; 'irregular': as `add_irregular_outliers` makes them.
     """
     points = surface.cloud.points.copy()
     heights = points[..., 2].astype(np.float64)
     heights[~(surface.plausible | surface.spikes)] = np.nan
-    made = add_outliers(heights, replace(_INSERTED, share=share, unit=surface.noise), seed)
+    if shapes == 'ellipses':
+        made = add_outliers(heights, replace(_INSERTED, share=share, unit=surface.noise), seed)
+    else:
+        made = add_irregular_outliers(heights, share, surface.noise, seed)
     points[..., 2] = made.heights
     # Spikes of the measurement may be removed or kept; they count only where an outlier was inserted on them.
     counted: Mask = (surface.plausible & ~made.ambiguous) | made.outlier

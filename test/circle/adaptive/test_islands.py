@@ -93,7 +93,7 @@ def test_a_block_with_steep_sides_is_an_island_above_and_below(rise):
 
 
 def test_a_plateau_larger_than_an_island_is_a_surface_and_so_is_its_top():
-    heights = block(18, 18)
+    heights = block(26, 26)
     assert np.count_nonzero(heights) > LARGEST
     heights[26:30, 36:40] += 1
 
@@ -121,16 +121,16 @@ def test_a_flank_belongs_to_its_island():
 
 
 def test_a_pinnacle_on_a_plateau_is_an_island_and_the_plateau_is_not():
-    heights = block(30, 30, 5.0)
+    heights = block(36, 37, 5.0)
     heights[30:34, 40:44] = 14.0
 
     np.testing.assert_array_equal(island_points(heights), heights == 14)
 
 
 def test_the_largest_island_covers_the_same_area_at_reduced_resolution():
-    heights = block(10, 10)
+    heights = block(20, 20)
 
-    assert island_points(heights, reduction=1).sum() == 100
+    assert island_points(heights, reduction=1).sum() == 400
     assert not island_points(heights, reduction=2).any()
 
 
