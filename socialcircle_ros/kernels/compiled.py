@@ -1,7 +1,10 @@
 """How kernels are compiled: one decorator decides about caching and its fall-back."""
 
+import contextlib
 import pickle
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol, TypeVar, cast
 
 import numba
@@ -15,6 +18,9 @@ class _Cache(Protocol):
     def load_overload(self, signature: object, target: object) -> object:
         """Load the machine code of a signature; None: it is not in the cache."""
 
+    def save_overload(self, signature: object, data: object) -> None:
+        """Write the machine code of a signature into the cache."""
+
     def flush(self) -> None:
         """Empty the cache."""
 
@@ -23,8 +29,9 @@ def kernel(function: Function) -> Function:
     """Compile `function` on its first call with each type, cache the machine code on disk, and release the GIL.
 
     No kernel uses fastmath, because that assumes that there is no NaN, and a point that is not measured is NaN
-    here. Where no cache folder is writable, numba raises a RuntimeError (numba #4908). Kernels are then compiled
-    in each process, which only makes its start slower.
+    here. Where no cache folder can be written, the cache beside the source is read, if `socialcircle warm-up`
+    filled it when the package was installed. Without that, kernels are compiled in each process, which only makes
+    its start slower (numba raises a RuntimeError then, numba #4908).
     """
     try:
         compiled: object = numba.njit(cache=True, nogil=True)(function)
@@ -34,7 +41,55 @@ def kernel(function: Function) -> Function:
         cache: _Cache | None = getattr(compiled, '_cache', None)
         if cache is not None:
             _pass_over_unreadable_entries(cache)
+            _keep_going_without_room(cache)
     return cast('Function', compiled)
+
+
+def _read_caches_that_cannot_be_written() -> None:
+    """Let Numba read the cache beside the source where the package is installed read-only.
+
+    Numba asks its locators in turn for a folder that can be written. One more is added before the user's folder,
+    which in a container is new and empty at each start. Where Numba has other names for this, nothing changes.
+    """
+    try:
+        from numba.core import caching  # noqa: PLC0415 - guarded
+
+        machinery = getattr(caching, 'CacheImpl', None) or getattr(caching, '_CacheImpl')  # noqa: B009 - either
+        locators = machinery._locator_classes  # noqa: SLF001 - there is no public way
+        names = [each.__name__.lstrip('_') for each in locators]
+        place, in_tree = names.index('UserWideCacheLocator'), locators[names.index('InTreeCacheLocator')]
+    except (ImportError, AttributeError, ValueError):
+        return
+
+    class InstalledCacheLocator(in_tree):  # type: ignore[misc,valid-type]
+        """The cache beside the source, if this function is in it."""
+
+        def __init__(self, function: Callable[..., object], file: str) -> None:
+            super().__init__(function, file)
+            version = f'py{sys.version_info.major}{sys.version_info.minor}'
+            line = function.__code__.co_firstlineno
+            self._index = f'{Path(file).stem}.{function.__qualname__}-{line}.{version}*.nbi'
+
+        def ensure_cache_path(self) -> None:
+            """Check that the function is in the cache; it need not be written."""
+            if next(Path(self.get_cache_path()).glob(self._index), None) is None:
+                raise OSError(self._index)
+
+    locators.insert(place, InstalledCacheLocator)
+
+
+_read_caches_that_cannot_be_written()
+
+
+def _keep_going_without_room(cache: _Cache) -> None:
+    """Let a kernel run that cannot be written into its cache: the disk is full, or the folder is read-only."""
+    save = cache.save_overload
+
+    def save_overload(signature: object, data: object) -> None:
+        with contextlib.suppress(OSError):
+            save(signature, data)
+
+    cache.save_overload = save_overload  # type: ignore[method-assign]
 
 
 def _pass_over_unreadable_entries(cache: _Cache) -> None:

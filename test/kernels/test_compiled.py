@@ -59,3 +59,37 @@ def test_a_damaged_cache_is_compiled_anew(run, tmp_path):
         path.write_bytes(path.read_bytes()[:-20])
     assert run('Arrays') == ['6.0', '0']
     assert run('Arrays') == ['6.0', '1']
+
+
+READ_ONLY = """
+import errno
+import tempfile
+
+from numba.core import caching
+
+
+def refuse(*_, **__):
+    raise OSError(errno.EROFS, 'Read-only file system')
+
+
+# The superuser may write everywhere, so the folder's permissions would not stop this test.
+tempfile.TemporaryFile = refuse
+caching.IndexDataCacheFile.save = refuse
+import sums
+"""
+
+
+def test_a_read_only_installation_reads_the_cache_that_was_made_with_it(tmp_path, monkeypatch):
+    monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
+    (tmp_path / 'sums.py').write_text(MODULE.format(name='Arrays'))
+
+    def run(program):
+        done = subprocess.run(
+            [sys.executable, '-c', program], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.split()
+
+    assert run(READ_ONLY) == ['6.0', '0']  # nothing was compiled with it: each process compiles
+    assert run('import sums') == ['6.0', '0']
+    assert run(READ_ONLY) == ['6.0', '1']
