@@ -11,6 +11,7 @@ from socialcircle_ros.storage import SignalExit
 COMMANDS = {
     'demo': 'demo',
     'node': 'node',
+    'warm-up': 'warm_up',
     'tune': 'tune',
     'filter': 'filter',
     'play': 'play',

@@ -108,3 +108,15 @@ def _pass_over_unreadable_entries(cache: _Cache) -> None:
             return None
 
     cache.load_overload = load_overload  # type: ignore[method-assign]
+
+
+@kernel
+def _nothing() -> int:
+    return 0
+
+
+def cache_folder() -> str | None:
+    """The folder of this room's cache, beside those of the others; None: none can be written or read."""
+    statistics = getattr(_nothing, 'stats')  # noqa: B009 - Numba's, which a plain function does not have
+    folder: str | None = statistics.cache_path
+    return folder

@@ -102,6 +102,12 @@ def _compile_common(mode: Mode) -> None:
     _measure(np.uint8)
 
 
+def steps() -> Iterator[Callable[[], object]]:
+    """Calls that compile all kernels of the node, the default mode's first; none of them is guarded."""
+    yield partial(_compile_common, CircleSettings().mode)
+    yield from _rare()
+
+
 def _is_cold() -> bool:
     """Whether the first kernel of every cloud was not in the cache; then the others are not either."""
     measured_points(np.zeros((1, 1, 3), np.float32))

@@ -1,0 +1,30 @@
+"""`socialcircle warm-up`."""
+
+import time
+
+import click
+
+
+@click.command('warm-up', epilog='Example, in a Dockerfile: RUN socialcircle warm-up')
+def command() -> None:
+    """Compile the kernels into the cache, so that no later process compiles.
+
+    Run it once when the package is installed or an image is built, as the user that will run the node or as one
+    whose files that user can read. It takes about half a minute the first time, and a second when nothing is new.
+
+    The cache lies beside the package, or in NUMBA_CACHE_DIR. It may be read-only afterwards. Another processor, or
+    another version of Numba, compiles anew: build images on the kind of processor that they run on.
+    """
+    from socialcircle_ros.errors import SocialCircleError
+    from socialcircle_ros.kernels.compiled import cache_folder
+    from socialcircle_ros.node.warm_up import steps
+
+    if cache_folder() is None:
+        raise SocialCircleError(
+            'No folder for the cache can be written: set NUMBA_CACHE_DIR to one that can, here and for the node.'
+        )
+    began_s = time.monotonic()
+    with click.progressbar(list(steps()), label='Compiling') as bar:
+        for compile_some in bar:
+            compile_some()
+    click.echo(f'The kernels are compiled ({time.monotonic() - began_s:.1f} s); they lie in {cache_folder()}.')

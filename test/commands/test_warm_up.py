@@ -1,0 +1,42 @@
+"""Compiling at install time."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from socialcircle_ros.commands import warm_up
+from socialcircle_ros.kernels import compiled
+from socialcircle_ros.node import warm_up as node_warm_up
+
+
+def test_every_step_runs_and_the_folder_is_told(monkeypatch):
+    done = []
+    monkeypatch.setattr(node_warm_up, 'steps', lambda: iter([lambda: done.append(1), lambda: done.append(2)]))
+    result = CliRunner().invoke(warm_up.command)
+    assert result.exit_code == 0, result.output
+    assert done == [1, 2]
+    assert f'they lie in {compiled.cache_folder()}.' in result.output
+
+
+def test_the_folder_is_where_numba_is_told_to_write(tmp_path):
+    program = 'from socialcircle_ros.kernels.compiled import cache_folder; print(cache_folder())'
+    environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, '-c', program], env=environment, capture_output=True, text=True, check=True
+    )
+    assert Path(done.stdout.strip()).is_relative_to(tmp_path)
+
+
+def test_without_a_folder_a_sentence_says_what_to_set(monkeypatch):
+    monkeypatch.setattr(compiled, 'cache_folder', lambda: None)
+    result = CliRunner().invoke(warm_up.command)
+    assert 'set NUMBA_CACHE_DIR' in str(result.exception)
+
+
+@pytest.mark.parametrize('step', list(node_warm_up.steps()))
+def test_no_step_fails(step):
+    step()
