@@ -1,11 +1,13 @@
-# make        create the environment in .venv
-# make demo   start the node, play recordings into it, print a table, write pictures
-# make test   run every test
-# make soak   attack the filter, recordings and a node for MINUTES=10; prints what was tried and what held
-# make lint   run ruff and mypy
-# make clean  remove everything that make and the tests created
+# make             create the environment in .venv, with everything
+# make demo        start the node, play recordings into it, print a table, write pictures; installs only what that needs
+# make test        run every test
+# make test-oldest run every test with the oldest versions that are supported, those of Ubuntu 24.04 (in .venv-oldest)
+# make soak        attack the filter, recordings and a node for MINUTES=10; prints what was tried and what held
+# make lint        run ruff and mypy
+# make clean       remove everything that make and the tests created
 #
-# If Jazzy is sourced (ROS_DISTRO=jazzy), the environment uses it. Otherwise ROS 2 is installed from PyPI.
+# If Jazzy is sourced (ROS_DISTRO=jazzy), the environment uses it. Otherwise ROS 2 is installed from PyPI; these wheels
+# are not official.
 
 PYTHON ?= python3
 VENV := .venv
@@ -14,40 +16,63 @@ WORKERS ?= 4
 MINUTES ?= 10
 SEED ?= 1
 DATA ?=
+PIP := -m pip install --quiet --quiet --disable-pip-version-check
 
-ifeq ($(ROS_DISTRO),jazzy)
-  VENV_OPTIONS := --system-site-packages
-  EXTRAS := dev
-else
+ifeq ($(ROS_DISTRO),)
   VENV_OPTIONS :=
-  EXTRAS := ros,dev
+  ROS := ros,
+else ifeq ($(ROS_DISTRO),jazzy)
+  VENV_OPTIONS := --system-site-packages
+  ROS :=
+else
+  $(error ROS 2 $(ROS_DISTRO) is sourced, but only Jazzy is supported. Use a shell where no ROS is sourced: \
+    make then installs ROS 2 Jazzy from PyPI)
 endif
 
-READY := $(VENV)/.ready-$(EXTRAS)
+# What is installed; make test also has all that make demo needs.
+DEMO := $(VENV)/.ready-$(ROS)demo
+ALL := $(VENV)/.ready-$(ROS)dev
+OLDEST := .venv-oldest/.ready-$(ROS)test
 
-.PHONY: environment demo test soak lint clean
-environment: $(READY)
+.PHONY: environment demo test test-oldest soak lint clean
+environment: $(ALL)
 
-$(READY): setup.py
-	@echo "Creating the environment in $(VENV) (once; downloads about 400 MB) ..."
-	@$(PYTHON) -m venv --clear $(VENV_OPTIONS) $(VENV)
-	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
+$(BIN)/python:
+	@$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
+
+$(DEMO): setup.py | $(BIN)/python
+	@echo "Installing what the demo needs in $(VENV) (once; downloads about 150 MB) ..."
+	@$(BIN)/python $(PIP) --editable '.[$(ROS)pictures]'
 	@touch $@
 
-demo: $(READY)
+$(ALL): setup.py | $(BIN)/python
+	@echo "Installing what the tests need in $(VENV) (once; downloads about 400 MB) ..."
+	@$(BIN)/python $(PIP) --editable '.[$(ROS)dev]'
+	@touch $(DEMO) $@
+
+$(OLDEST): setup.py constraints/noble.txt
+	@echo "Installing Ubuntu 24.04's versions in .venv-oldest (once) ..."
+	@$(PYTHON) -m venv --clear $(VENV_OPTIONS) .venv-oldest
+	@.venv-oldest/bin/python $(PIP) --constraint constraints/noble.txt --editable '.[$(ROS)test]'
+	@touch $@
+
+demo: $(DEMO)
 	$(BIN)/socialcircle demo $(DATA)
 
-test: $(READY)
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+test: $(ALL)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
-soak: $(READY)
+test-oldest: $(OLDEST)
+	.venv-oldest/bin/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
+
+soak: $(ALL)
 	cd test && PYTHONPATH=. ../$(BIN)/python -m attack.soak --minutes $(MINUTES) --seed $(SEED)
 
-lint: $(READY)
+lint: $(ALL)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 clean:
-	rm -rf $(VENV) build install log out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-oldest build install log out *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -26,7 +26,7 @@ TEST = [
     'pytest>=7.4',
     'pytest-xdist>=3.4',
     'hypothesis>=6.98',
-    'rosbags>=0.10',
+    'rosbags>=0.10.4',
     'mcap-ros2-support>=0.5',
     'playwright>=1.40',  # drives the system's Chromium; brings no browser of its own
 ]
@@ -65,12 +65,12 @@ setup(
         'setuptools',
         'numpy>=1.26',
         'numba>=0.58',
-        'mcap>=1.2',
+        'mcap>=1.2.1',
         'lz4>=4',
         'zstandard>=0.21',
         'PyYAML>=6',
         'click>=8.1',
-        'rich>=13',
+        'rich>=13.3.3',  # as viser needs it
     ],
     extras_require={
         'ros': ROS,

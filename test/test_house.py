@@ -121,3 +121,20 @@ TOPICS = re.compile(
 def test_topics_are_named_in_the_interface_only():
     named = [str(path) for path in TREES if TOPICS.search((PACKAGE / path).read_text(encoding='utf-8'))]
     assert named == ['interface.py']
+
+
+@pytest.mark.parametrize('path', TREES, ids=str)
+def test_kernels_use_nothing_that_the_oldest_numba_lacks(path):
+    """Numba 0.58 compiles no `float('inf')`: np.inf is the same."""
+    found = [
+        f'{function.name}: {ast.unparse(node)}'
+        for function in functions(TREES[path])
+        if is_kernel(function)
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == 'float'
+        and isinstance(node.args[0], ast.Constant)
+        and isinstance(node.args[0].value, str)
+    ]
+    assert not found

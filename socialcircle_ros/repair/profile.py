@@ -271,7 +271,7 @@ def _error(
             height = rest * profile[before] + share * profile[before + 1]
             total += ((heights[item] - height) / (1.0 - own)) ** 2
             counted += 1
-    return total / counted if counted > len(heights) / 2 else float('inf')
+    return total / counted if counted > len(heights) / 2 else np.inf
 
 
 @kernel
