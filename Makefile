@@ -2,6 +2,7 @@
 # make demo        start the node, play recordings into it, print a table, write pictures; installs only what that needs
 # make test        run every test
 # make test-oldest run every test with the oldest versions that are supported, those of Ubuntu 24.04 (in .venv-oldest)
+# make test-install  run the lines of the slim container and of an installation without internet (minutes)
 # make soak        attack the filter, recordings and a node for MINUTES=10; prints what was tried and what held
 # make lint        run ruff and mypy
 # make clean       remove everything that make and the tests created
@@ -34,7 +35,7 @@ DEMO := $(VENV)/.ready-$(ROS)demo
 ALL := $(VENV)/.ready-$(ROS)dev
 OLDEST := .venv-oldest/.ready-$(ROS)test
 
-.PHONY: environment demo test test-oldest soak lint clean
+.PHONY: environment demo test test-oldest test-install soak lint clean
 environment: $(ALL)
 
 $(BIN)/python:
@@ -64,6 +65,9 @@ test: $(ALL)
 
 test-oldest: $(OLDEST)
 	.venv-oldest/bin/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
+
+test-install: $(ALL)
+	SOCIALCIRCLE_INSTALL_TESTS=1 $(BIN)/python -m pytest test/deploy
 
 soak: $(ALL)
 	cd test && PYTHONPATH=. ../$(BIN)/python -m attack.soak --minutes $(MINUTES) --seed $(SEED)

@@ -1,0 +1,27 @@
+"""What the source distribution holds."""
+
+import shutil
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_source_distribution_holds_every_file_of_the_repository(tmp_path):
+    if shutil.which('git') is None or not (ROOT / '.git').exists():
+        pytest.skip('the files of the repository are known to git only')
+    listed = subprocess.run(['git', 'ls-files'], cwd=ROOT, capture_output=True, text=True, check=True)
+    tracked = [name for name in listed.stdout.splitlines() if (ROOT / name).is_file()]
+    for name in tracked:
+        (tmp_path / 'source' / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / 'source' / name)
+    command = [sys.executable, 'setup.py', '-q', 'sdist', '-d', str(tmp_path)]
+    subprocess.run(command, cwd=tmp_path / 'source', check=True, capture_output=True)
+    (archive,) = tmp_path.glob('*.tar.gz')
+    with tarfile.open(archive) as made:
+        held = {name.partition('/')[2] for name in made.getnames()}
+    assert set(tracked) <= held
