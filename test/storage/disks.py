@@ -18,7 +18,7 @@ def small_disk(folder, size):
     try:
         yield folder
     finally:
-        subprocess.run(['umount', '--lazy', str(folder)], check=True)  # noqa: S607
+        subprocess.run(['umount', '--lazy', str(folder)], check=True)
 
 
 def fill(folder, left=0):
