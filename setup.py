@@ -14,7 +14,7 @@ ROS = [
     'ros-jazzy-rmw-fastrtps-cpp==8.4.3',
     'ros-jazzy-ament-index-python==1.8.1',
 ]
-PICTURES = ['matplotlib>=3.6', 'Pillow>=9']
+PICTURES = ['matplotlib>=3.6', 'Pillow>=9', 'Jinja2>=3.1']  # pictures, and the pages that show them
 TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
 MEASUREMENTS = ['pyarrow>=14', 'duckdb>=1.1']
@@ -49,7 +49,9 @@ setup(
     maintainer='socialcircle_ros maintainers',
     maintainer_email='maintainers@socialcircle.dev',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'node/*.xml', 'recording/definitions/*', 'panel/*.css']},
+    package_data={
+        NAME: ['py.typed', 'node/*.xml', 'recording/definitions/*', 'panel/*.css', 'report/templates/*']
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -24,7 +24,7 @@ LEVELS = [
     {'recording', 'measurements'},
     {'pipeline'},
     {'interface'},
-    {'simulation', 'messages', 'formats'},
+    {'simulation', 'messages', 'formats', 'pictures'},
     {'circle', 'focus', 'repair', 'baselines', 'metrics'},
     {'cloud'},
     {'settings', 'kernels', 'storage', 'lengths'},

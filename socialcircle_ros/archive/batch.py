@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from pathlib import Path
 
+from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.recording.mcap_output import Compression
-from socialcircle_ros.report.page import prepare
-from socialcircle_ros.report.thumbnails import colour_bar
+from socialcircle_ros.report.page import environment, prepare
 from socialcircle_ros.settings import PipelineSettings
 
 from .engine import Engine
@@ -93,7 +93,8 @@ def run_batch(
     output, settings = Path(output).absolute(), settings or PipelineSettings()
     pattern = NamePattern(names)
     if reports:
-        colour_bar()  # fails now where matplotlib is missing, and not after hours
+        new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after hours
+        environment()
     prepare(output)
     template = _template(output, settings, pattern, tuple(topics), recordings, reports, compression)
     all_inputs = find_inputs(inputs, found)

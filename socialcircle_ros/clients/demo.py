@@ -12,11 +12,11 @@ from socialcircle_ros.interface import STAGE_TIME, MeasurementValues
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.scores import Scores, score
+from socialcircle_ros.pictures.drawings import before_and_after
 from socialcircle_ros.recording import RecordingReader, RecordingWriter, import_cloud, open_recording, ros_topic
 from socialcircle_ros.recording.create import write_cloud
 from socialcircle_ros.recording.offline import clouds_of, stacks_of
 from socialcircle_ros.recording.truth import truths_of
-from socialcircle_ros.report.pictures import before_and_after
 
 from .cloud_client import Client, Response
 from .process import NodeProcess

@@ -36,8 +36,8 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+    from socialcircle_ros.pictures.style import new_figure
     from socialcircle_ros.report.page import prepare
-    from socialcircle_ros.report.pictures import new_figure
     from socialcircle_ros.studies.adaptive.experiment import DEFAULT_SEEDS
     from socialcircle_ros.studies.comparison.study import Plan, Study, quick_plan
     from socialcircle_ros.studies.experiments import run, write

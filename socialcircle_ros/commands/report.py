@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import parameter_options, parameter_values, progress_bar, quantity, tell_refusals
+from .options import parameter_options, parameter_values, progress_bar, quantity, tell_failures, tell_refusals
 
 
 @click.command('report', epilog='Example: socialcircle report bags/parts.mcap -o report.html')
@@ -19,11 +19,19 @@ from .options import parameter_options, parameter_values, progress_bar, quantity
     multiple=True,
     help='Topic of clouds to filter. May be repeated. Default: all topics named points, and all focus stacks.',
 )
+@click.option(
+    '--compare',
+    nargs=2,
+    type=click.Path(path_type=Path),
+    metavar='A.yaml B.yaml',
+    help='Show what the settings of two parameter files do to the same clouds, side by side.',
+)
 @parameter_options
 def command(
     recording: Path,
     output: Path,
     topics: tuple[str, ...],
+    compare: tuple[Path, Path] | None,
     params_file: Path | None,
     parameters: tuple[str, ...],
 ) -> None:
@@ -33,16 +41,22 @@ def command(
     each of them:
 
     \b
-    - height maps before and after, and the outlier mask
-    - number of outliers, seed and radius
-    - Sa, Sq and Sz before and after, in the unit of the cloud
-    - times in ms, settings and warnings
+    - height maps before and after, and what was removed, with axes, units and colour bars
+    - a profile through the worst outlier, and the histogram of the heights
+    - Sa, Sq, Sz, Ssk, Sku and Sdr by ISO 25178-2, before and after
+    - the settings that had an effect, with their units, and warnings
     - precision and recall, where the recording holds the truth
+
+    With limits, such as -p limits.outlier_share_max:=0.05, each measurement passes or fails. If one fails, the
+    exit code is 3; the page is written all the same.
 
     If the recording holds a measurement that a node made of the same cloud, the page warns of differences.
 
-    The page embeds its pictures, needs no other file and can be printed.
+    The page embeds its pictures, needs no other file, and prints with one measurement on each sheet of A4.
     """  # noqa: D301 - click reads \b
+    if compare is not None:
+        _compare(recording, output, topics, compare, params_file, parameters)
+        return
     from socialcircle_ros.report.report import make_report
     from socialcircle_ros.settings import PipelineSettings
 
@@ -58,3 +72,27 @@ def command(
         click.echo(f'{quantity(warned, "measurement")} with warnings: see the page.', err=True)
     tell_refusals(report.refused, report.damage)
     click.echo(f'Next: open {output}')
+    failures = [f'{entry.name}: {entry.measurement.verdict_reason}' for entry in report.failed]
+    tell_failures(failures, report.judged, sum(report.refused.values()))
+
+
+def _compare(
+    recording: Path,
+    output: Path,
+    topics: tuple[str, ...],
+    files: tuple[Path, Path],
+    params_file: Path | None,
+    parameters: tuple[str, ...],
+) -> None:
+    """Write the page of two settings; `parameters` apply to both."""
+    from socialcircle_ros.report.compare import make_comparison
+    from socialcircle_ros.settings import PipelineSettings
+
+    if params_file is not None:
+        raise click.UsageError('--compare takes two parameter files in place of --params-file.')
+    first, second = (PipelineSettings.from_ros(parameter_values(file, parameters, recording)) for file in files)
+    with progress_bar(f'filtering {recording.name} twice') as progress:
+        compared = make_comparison(
+            recording, output, (files[0].name, first), (files[1].name, second), topics=topics, progress=progress
+        )
+    click.echo(f'{quantity(len(compared), "measurement")} compared. Next: open {output}')

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from socialcircle_ros.interface import MASK
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
+from socialcircle_ros.pictures.thinning import any_in_tile, thinned
 from socialcircle_ros.pipeline.clouds import Measurement, filter_cloud
-from socialcircle_ros.report.pictures import any_in_tile, thinned
 from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings, RosValue
 
 from . import colours

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER
-from socialcircle_ros.report.pictures import any_in_tile, thinned
+from socialcircle_ros.pictures.thinning import any_in_tile, thinned
 
 from . import colours
 

@@ -1,10 +1,12 @@
 """The content of a page: sections with sentences, tables and pictures. Tables are also written as CSV."""
 
+import base64
 import csv
 import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 Cell = str | int | float | None
 """A value of a table; None where it does not apply."""
@@ -12,10 +14,17 @@ Cell = str | int | float | None
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: its heading, and the format specification of its numbers."""
+    """A column of a table.
+
+    Attributes:
+        name: its heading.
+        form: format specification of its numbers.
+        wraps: whether its texts may be broken into lines.
+    """
 
     name: str
     form: str = ''
+    wraps: bool = True
 
 
 @dataclass(frozen=True)
@@ -31,6 +40,7 @@ class Table:
         links: for each row, the anchor that its first cell links to; empty where rows have no links.
     """
 
+    kind = 'table'
     name: str
     title: str
     columns: Sequence[Column]
@@ -42,6 +52,13 @@ class Table:
         """The cells as text, formatted by their columns."""
         return [
             [_text(cell, column.form) for cell, column in zip(row, self.columns, strict=True)] for row in self.rows
+        ]
+
+    def words(self) -> list[bool]:
+        """Whether each column holds text in all of its rows; such a column is aligned to the left."""
+        return [
+            bool(self.rows) and all(isinstance(row[number], str) for row in self.rows)
+            for number in range(len(self.columns))
         ]
 
     def csv(self) -> str:
@@ -57,34 +74,44 @@ class Table:
 class Picture:
     """A PNG picture, the name of its file without the suffix, and its caption."""
 
+    kind = 'picture'
     name: str
     png: bytes
     caption: str
 
+    @property
+    def source(self) -> str:
+        """The picture as the address of an image."""
+        return f'data:image/png;base64,{base64.b64encode(self.png).decode()}'
+
 
 @dataclass(frozen=True)
-class Panels:
-    """Small pictures of the same points, side by side.
+class Pictures:
+    """Pictures side by side; they have the same height."""
 
-    Attributes:
-        pictures: title and PNG of each picture.
-        aspect: width divided by height of the measured field.
-        scale: lowest value, highest value and PNG of the colour bar; None for no bar.
-    """
-
-    pictures: Sequence[tuple[str, bytes]]
-    aspect: float
-    scale: tuple[str, str, bytes] | None = None
+    kind = 'pictures'
+    pictures: Sequence[Picture]
 
 
 @dataclass(frozen=True)
 class Beside:
     """Small tables, side by side."""
 
+    kind = 'beside'
     tables: Sequence[Table]
 
 
-Item = Table | Picture | Panels | Beside
+@dataclass(frozen=True)
+class Banner:
+    """A verdict: one line, and the reasons below it. It stands at the top of its section."""
+
+    kind = 'banner'
+    state: Literal['passed', 'failed', 'none']
+    title: str
+    reasons: Sequence[str] = ()
+
+
+Item = Table | Picture | Pictures | Beside | Banner
 
 
 @dataclass(frozen=True)
@@ -97,7 +124,7 @@ class Section:
         findings: conclusions from the numbers; the page lists those of all sections at its top.
         items: tables and pictures, in order.
         warnings: warnings below the heading.
-        anchor: target of links, or empty. A section with an anchor is printed on one sheet of paper.
+        anchor: target of links, or empty. A section with an anchor begins a sheet of paper, and fills one.
     """
 
     title: str

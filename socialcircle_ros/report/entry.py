@@ -6,31 +6,24 @@ from datetime import datetime, timezone
 
 import numpy as np
 
-from socialcircle_ros.cloud import Cloud, HeightMap, Mask, measured_points
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import MessageError
-from socialcircle_ros.interface import MASK, REPAIRED, MeasurementValues
+from socialcircle_ros.interface import FAILED, MASK, REPAIRED, MeasurementValues
+from socialcircle_ros.lengths import LengthScale, length_text
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.metrics.areal import Texture, texture
+from socialcircle_ros.metrics.areal import FILTERS, ArealTexture, areal_texture
 from socialcircle_ros.metrics.scores import Scores, score
+from socialcircle_ros.pictures.drawings import CloudPictures, WorstOutlier
 from socialcircle_ros.pipeline.clouds import CloudOutputs
+from socialcircle_ros.settings import PARAMETERS
+from socialcircle_ros.settings.effects import has_effect
 
-from . import thumbnails
-from .content import Beside, Cell, Column, Panels, Section, Table
-from .pictures import aspect_of
+from .content import Banner, Beside, Cell, Column, Picture, Pictures, Section, Table
 
 _YEAR_2000_S = 946_684_800  # an earlier stamp does not count from the epoch
-_FIXED_SPACE = '\N{NO-BREAK SPACE}'
 _NAME_AND_VALUE = (Column(''), Column(''))
-
-COLUMNS = (
-    Column('measurement'), Column('stamp'), Column('measured', ',d'), Column('outliers', ',d'),
-    Column('share', '.2%'), Column('seed'), Column('radius', '.4g'), Column('Sa before', '.4g'),
-    Column('Sa after', '.4g'), Column('Sq before', '.4g'), Column('Sq after', '.4g'), Column('Sz before', '.4g'),
-    Column('Sz after', '.4g'), Column('time [ms]', '.1f'), Column('warnings', 'd'),
-)  # fmt: skip
-"""Columns of the table of all measurements."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +33,18 @@ class ReportEntry:
     Attributes:
         name: topic and number of the cloud, such as `/cell1/points 3`.
         stamp: stamp of the cloud, ns.
-        measurement: counts, seed and radius.
+        measurement: counts, seed, radius and verdict.
         circle: the `circle.*` parameters in force, as the measurement states them.
         times_ms: duration of each stage, and their `total`.
-        is_stack: whether the cloud was measured from a focus stack, and is in metres.
+        unit: of the cloud; None: not known.
+        is_stack: whether the cloud was measured from a focus stack.
         is_repaired: whether the holes that the outliers left were filled.
         before: texture of all measured points.
         after: texture of the kept points.
+        worst: the outlier farthest from the surface; None if there is no outlier.
         scores: scores against the truth; None where the truth is not known.
         warnings: one sentence each.
-        panels: pictures of the cloud.
+        pictures: pictures of the cloud, row by row.
     """
 
     name: str
@@ -57,76 +52,109 @@ class ReportEntry:
     measurement: MeasurementValues
     circle: Mapping[str, str]
     times_ms: Mapping[str, float]
+    unit: str | None
     is_stack: bool
     is_repaired: bool
-    before: Texture
-    after: Texture
+    before: ArealTexture
+    after: ArealTexture
+    worst: WorstOutlier | None
     scores: Scores | None
     warnings: Sequence[str]
-    panels: Panels
+    pictures: Sequence[Pictures]
 
     @property
     def anchor(self) -> str:
         """Target of the links to this entry."""
         return f'measurement {self.name}'.replace(' ', '-').replace('/', '-')
 
+    @property
+    def failed(self) -> bool:
+        """Whether the measurement failed its limits."""
+        return self.measurement.verdict == FAILED
+
     def section(self) -> Section:
         """The entry's section of the page."""
+        stamp = stamp_text(self.stamp)
         return Section(
-            f'{self.name} – {stamp_text(self.stamp)}',
-            items=[self.panels, Beside(list(self._tables()))],
+            f'{self.name}, {stamp}' if stamp else self.name,
+            items=[*self._banner(), *self.pictures, Beside(list(self._tables()))],
             warnings=self.warnings,
             anchor=self.anchor,
         )
 
-    def row(self) -> list[Cell]:
-        """The entry's row in the table of all measurements; see `COLUMNS`."""
-        counts, before, after = self.measurement, self.before, self.after
+    def row(self, lengths: LengthScale | None) -> list[Cell]:
+        """The entry's row in the table of all measurements.
+
+        Args:
+            lengths: shows the lengths of all rows; None: the rows have different units, so each cell has its own.
+        """
+        counts = self.measurement
+
+        def length(value: float) -> Cell:
+            return value * lengths.factor if lengths else length_with_unit(value, self.unit)
+
         return [
             self.name,
-            stamp_text(self.stamp).replace(' ', _FIXED_SPACE),
-            counts.measured,
+            stamp_text(self.stamp),
+            counts.verdict or '–',
+            counts.measured / counts.points,
             counts.outliers,
             counts.outliers / counts.measured,
-            f'{counts.seed_row},{_FIXED_SPACE}{counts.seed_column}',
-            counts.radius,
-            *(before.sa, after.sa, before.sq, after.sq, before.sz, after.sz),
-            self.times_ms['total'],
+            *(length(value) for value in (self.after.sa, self.after.sq, self.after.sz)),
             len(self.warnings) or None,
         ]
 
+    def _banner(self) -> Iterator[Banner]:
+        found = self.measurement
+        if found.verdict == FAILED:
+            yield Banner('failed', f'Failed: {found.verdict_reason}')
+        elif found.verdict is not None:
+            yield Banner('passed', 'Passed: the measurement is within its limits.')
+
     def _tables(self) -> Iterator[Table]:
-        yield Table('', 'Points', _NAME_AND_VALUE, self._counts())
-        found = self.measurement
-        circle = [
-            ('seed (row, column)', f'{found.seed_row}, {found.seed_column}'),
-            ('radius', f'{found.radius:.4g}'),
-            *self.circle.items(),
-        ]
-        yield Table('', 'Circle', _NAME_AND_VALUE, circle)
-        columns = [Column(''), Column('before', '.4g'), Column('after', '.4g'), Column('change', '+.1%')]
-        yield Table('', 'Texture', columns, self._textures())
-        times = [(stage, f'{time_ms:.1f}') for stage, time_ms in self.times_ms.items()]
-        yield Table('', 'Times [ms]', _NAME_AND_VALUE, times)
+        yield Table('', 'Points', _NAME_AND_VALUE, list(self._counts()))
+        columns = [Column(''), Column('before'), Column('after'), Column('change', '+.1%')]
+        yield Table('', 'Texture by ISO 25178-2', columns, list(self._textures()), note=f'{FILTERS}.')
+        yield Table('', 'Settings with an effect', _NAME_AND_VALUE, list(self._settings()))
 
-    def _counts(self) -> list[list[Cell]]:
+    def _settings(self) -> Iterator[list[Cell]]:
+        values = {name: text for name, text in self.circle.items() if name in PARAMETERS}
+        for name, text in values.items():
+            if has_effect(name, {'circle.mode': values.get('circle.mode', '')}):
+                yield [name, value_text(name, text, self.unit)]
+        if values.get('circle.mode') == 'paper':
+            found = self.measurement
+            yield ['radius found', length_with_unit(found.radius, self.unit)]
+            yield ['seed (row, column)', f'{found.seed_row}, {found.seed_column}']
+
+    def _counts(self) -> Iterator[list[Cell]]:
         found = self.measurement
-        rows: list[list[Cell]] = [
-            ['points', f'{found.points:,}'],
-            ['measured', f'{found.measured:,} ({found.measured / found.points:.1%})'],
-            ['outliers', f'{found.outliers:,} ({found.outliers / found.measured:.2%})'],
-            ['kept', f'{found.kept:,}'],
-        ]
+        yield ['points', f'{found.points:,}']
+        yield ['measured', f'{found.measured:,} ({found.measured / found.points:.1%})']
+        yield ['outliers', f'{found.outliers:,} ({found.outliers / found.measured:.2%})']
+        yield ['kept', f'{found.kept:,}']
         if self.is_repaired:
-            rows.append(['repaired', f'{found.repaired:,}'])
+            yield ['repaired', f'{found.repaired:,}']
+        if self.worst is not None:
+            over = f'{length_with_unit(self.worst.height, self.unit)} over the surface'
+            yield ['worst outlier', over]
+            yield ['at row, column', f'{self.worst.row}, {self.worst.column}']
         if self.scores is not None:
-            rows += [['precision', _percent(self.scores.precision)], ['recall', _percent(self.scores.recall)]]
-        return rows
+            yield ['precision', _percent(self.scores.precision)]
+            yield ['recall', _percent(self.scores.recall)]
+        if self.unit is None:
+            yield ['unit of lengths', 'not known']
+        yield ['time', f'{self.times_ms["total"]:.1f} ms']
 
-    def _textures(self) -> list[list[Cell]]:
-        before, after = self.before, self.after
-        pairs = (('Sa', before.sa, after.sa), ('Sq', before.sq, after.sq), ('Sz', before.sz, after.sz))
-        return [[name, old, new, new / old - 1 if old else None] for name, old, new in pairs]
+    def _textures(self) -> Iterator[list[Cell]]:
+        both = self.before, self.after
+        for name in ('Sa', 'Sq', 'Sz'):
+            old, new = (float(getattr(each, name.lower())) for each in both)
+            shown = [length_with_unit(value, self.unit, digits=4) for value in (old, new)]
+            yield [name, *shown, new / old - 1 if old else None]
+        for name in ('Ssk', 'Sku'):
+            yield [name, *(_number(getattr(each, name.lower())) for each in both), None]
+        yield ['Sdr', *(_percent(each.sdr) for each in both), None]
 
 
 def make_entry(
@@ -134,6 +162,7 @@ def make_entry(
     cloud: bytes,
     result: CloudOutputs,
     *,
+    unit: str | None = None,
     is_stack: bool = False,
     warning: str = '',
     truth: tuple[Mask, Mask] | None = None,
@@ -145,7 +174,8 @@ def make_entry(
         name: name of the entry.
         cloud: the serialized PointCloud2 as measured.
         result: the outputs of the filter for this cloud, with the mask.
-        is_stack: whether the cloud was measured from a focus stack, and is in metres.
+        unit: of the cloud; None: not known.
+        is_stack: whether the cloud was measured from a focus stack.
         warning: a warning about the cloud itself, such as that its stack is incomplete; empty for none.
         truth: (H, W) the outliers, and (H, W) the points with a certain truth; None where not known.
         recorded: the measurement of this cloud that the recording holds; it is compared with `result`.
@@ -154,13 +184,11 @@ def make_entry(
         SocialCircleError: matplotlib is not installed.
     """
     decoded = PointCloud.decode(cloud)
-    xyz = decoded.xyz()
-    heights = np.where(measured_points(xyz), xyz[..., 2], np.nan)
-    outliers = outliers_of(result)
+    drawn = CloudPictures(decoded.xyz(), outliers_of(result), unit)
     measurement = result.measurement.values
     circle = result.measurement.settings
     warnings = [warning] if warning else []
-    if result.measurement.level != diagnostics.OK:
+    if result.measurement.level == diagnostics.WARN:
         warnings.append(result.measurement.message)
     if recorded is not None:
         warnings += _differences(recorded.values, measurement, circle)
@@ -170,14 +198,32 @@ def make_entry(
         measurement=measurement,
         circle=circle,
         times_ms=result.measurement.times_ms,
+        unit=unit,
         is_stack=is_stack,
         is_repaired=REPAIRED in result.messages,
-        before=texture(heights),
-        after=texture(np.where(outliers, np.nan, heights)),
-        scores=None if truth is None else score(outliers, *truth),
+        before=areal_texture(drawn.heights, drawn.pitch),
+        after=areal_texture(np.where(drawn.outliers, np.nan, drawn.heights), drawn.pitch),
+        worst=drawn.worst,
+        scores=None if truth is None else score(drawn.outliers, *truth),
         warnings=warnings,
-        panels=_panels(xyz, heights, outliers, result.messages.get(REPAIRED), 'm' if is_stack else '', truth),
+        pictures=_pictures(drawn, result.messages.get(REPAIRED), truth),
     )
+
+
+def value_text(name: str, value: str, unit: str | None) -> str:
+    """The value of a parameter with its unit.
+
+    Args:
+        name: full name of the parameter.
+        value: as ROS has it, as text.
+        unit: of the cloud; None: not known.
+    """
+    parameter = PARAMETERS[name]
+    if parameter.empty is not None and value == str(parameter.empty):
+        return 'automatic' if parameter.group == 'circle' else 'none'
+    if parameter.unit in ('cloud', 'm'):
+        return length_with_unit(float(value), unit if parameter.unit == 'cloud' else 'm', digits=6)
+    return f'{value} {parameter.unit}'.strip()
 
 
 def outliers_of(result: CloudOutputs) -> Mask:
@@ -193,37 +239,27 @@ def outliers_of(result: CloudOutputs) -> Mask:
 
 
 def stamp_text(stamp: int) -> str:
-    """A stamp in ns as text: date and time if it counts from the epoch, otherwise seconds."""
+    """A stamp in ns as text: date and time if it counts from the epoch, otherwise seconds; empty if it is 0."""
     seconds, nanoseconds = divmod(stamp, 1_000_000_000)
+    if stamp == 0:
+        return ''
     if seconds < _YEAR_2000_S:
         return f'{seconds}.{nanoseconds // 1_000_000:03d} s'
     date = datetime.fromtimestamp(seconds, timezone.utc)
     return f'{date:%Y-%m-%d %H:%M:%S}.{nanoseconds // 1_000_000:03d} UTC'
 
 
-def _panels(
-    xyz: Cloud,
-    heights: HeightMap,
-    outliers: Mask,
-    repaired: bytes | None,
-    unit: str,
-    truth: tuple[Mask, Mask] | None,
-) -> Panels:
-    measured = np.isfinite(heights)
-    colours = thumbnails.colour_range(heights, outliers)
-    pictures = [
-        ('as measured', thumbnails.as_measured(heights, outliers, colours)),
-        (f'mask: {np.count_nonzero(outliers):,} outliers in red', thumbnails.mask(measured, outliers)),
-        ('filtered', thumbnails.filtered(heights, outliers, colours)),
-    ]
+def _pictures(drawn: CloudPictures, repaired: bytes | None, truth: tuple[Mask, Mask] | None) -> list[Pictures]:
+    """Maps before and after, what was removed, the histogram, and the profile of the worst outlier."""
+    maps = [Picture('before', drawn.before(), ''), Picture('after', drawn.after(), '')]
     if repaired is not None:
         filled = PointCloud.decode(repaired).xyz()[..., 2]
-        pictures.append(('repaired', thumbnails.filtered(filled, np.zeros_like(outliers), colours)))
+        maps.append(Picture('repaired', drawn.repaired(filled), ''))
+    found = [Picture('difference', drawn.difference(), '')]
     if truth is not None:
-        drawn = thumbnails.against_truth(outliers, *truth, measured)
-        pictures.append(('true positives red, false positives black, false negatives amber', drawn))
-    ends = (f'{colours.low:.4g}', f'{colours.high:.4g} {unit}'.strip())
-    return Panels(pictures, aspect_of(xyz), (*ends, thumbnails.colour_bar()))
+        found.append(Picture('truth', drawn.against_truth(*truth), ''))
+    found.append(Picture('histogram', drawn.histogram(), ''))
+    return [Pictures(maps), Pictures(found), Pictures([Picture('profile', drawn.profile(), '')])]
 
 
 def _differences(
@@ -247,5 +283,16 @@ def _differences(
         yield f'The recorded measurement found {then.outliers} outliers with the same circle parameters.'
 
 
+def length_with_unit(value: float, unit: str | None, *, digits: int = 3) -> str:
+    """A length with its unit; a number alone where no unit is known, which the tables say once."""
+    if not np.isfinite(value):
+        return '–'
+    return f'{value:.{digits}g}'.replace('-', '−') if unit is None else length_text(value, unit, digits=digits)
+
+
+def _number(value: float) -> str:
+    return '–' if np.isnan(value) else f'{value:.3g}'.replace('-', '−')
+
+
 def _percent(share: float) -> str:
-    return '–' if np.isnan(share) else f'{share:.1%}'
+    return '–' if np.isnan(share) else f'{_number(100 * share)} %'

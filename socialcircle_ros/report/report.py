@@ -1,5 +1,6 @@
 """`make_report`: filter a recording and write one HTML page about it."""
 
+import importlib.metadata
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -10,24 +11,32 @@ from pathlib import Path
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.kernels.machine import hardware
 from socialcircle_ros.kernels.ordered import in_order
+from socialcircle_ros.lengths import length_scale
+from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import RecordingReader, open_recording
+from socialcircle_ros.recording.any_file import is_measurement_file
 from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
 from socialcircle_ros.recording.offline import measurements_of, source_clouds
 from socialcircle_ros.recording.truth import truths_of
-from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettings, RosValue, Settings
+from socialcircle_ros.recording.units import unit_of
+from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettings, RosValue
+from socialcircle_ros.settings.effects import has_effect
 from socialcircle_ros.storage import write_file
 
-from .content import Cell, Column, Section, Table
-from .entry import COLUMNS, ReportEntry, make_entry
-from .page import prepare, render
-from .thumbnails import colour_bar
+from .content import Banner, Cell, Column, Section, Table
+from .entry import ReportEntry, make_entry, value_text
+from .page import environment, prepare, render
 
-_UNITS = (
-    'Lengths are in the unit of each cloud; clouds of focus stacks are in metres. Sa, Sq and Sz follow ISO 25178-2'
-    ' after levelling; the form is not removed.'
+_READING = (
+    'Sa, Sq, Sz, Ssk, Sku and Sdr follow ISO 25178-2; S-filter: none, F-operation: least squares plane, L-filter:'
+    ' none. Before and after have the same colours, from the kept heights without their outer 1 %; the difference'
+    ' spans as many colours. An outlier is measured from the mean of the kept points next to it. Maps of large'
+    ' clouds are thinned; outliers are always drawn. Kept points are unchanged. Times are those of {hardware},'
+    ' with several clouds filtered at once.'
 )
+_MOST_REASONS = 12  # in the verdict; the pages of the measurements have all
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +54,16 @@ class Report:
     entries: Sequence[ReportEntry]
     refused: Mapping[str, int]
     damage: str | None
+
+    @property
+    def failed(self) -> Sequence[ReportEntry]:
+        """The entries that failed their limits."""
+        return [entry for entry in self.entries if entry.failed]
+
+    @property
+    def judged(self) -> int:
+        """Number of entries with a verdict."""
+        return sum(entry.measurement.verdict is not None for entry in self.entries)
 
     @property
     def measured(self) -> int:
@@ -96,7 +115,8 @@ def make_report(
         >>> [entry.scores.recall for entry in report.entries]
     """
     recording, output, settings = Path(recording), Path(output), settings or PipelineSettings()
-    colour_bar()  # fails now where matplotlib is missing, and not after minutes
+    new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after minutes
+    environment()
     if output.is_dir():
         raise SocialCircleError(f'{output} is a directory; give the name of a page, such as {output}/report.html.')
     prepare(output.parent)
@@ -106,16 +126,16 @@ def make_report(
         for found in _entries(reader, settings, tuple(topics), progress):
             if isinstance(found, Refusal):
                 refused[found.reason] += 1
+            elif is_measurement_file(recording):
+                # The recording that it is read through gives it a topic and a stamp, which say nothing.
+                entries.append(replace(found, name=recording.name, stamp=0))
             else:
                 entries.append(found)
         damage = reader.damage
     if not entries:
         reasons = ' '.join([*refused, *([damage] if damage else [])]) or 'Its topics hold no message.'
         raise RecordingError(f'{recording} has no cloud that can be filtered. {reasons}')
-    groups: list[Settings] = [settings.circle]
-    groups += [settings.repair] if settings.output.repaired else []
-    groups += [settings.focus, settings.stack] if any(entry.is_stack for entry in entries) else []
-    write_file(output, report_page(recording.name, entries, groups, refused, damage))
+    write_file(output, report_page(recording.name, entries, settings, refused, damage))
     return Report(output, entries, refused, damage)
 
 
@@ -149,6 +169,7 @@ def _entries(
             item.name,
             cloud.points,
             result,
+            unit='m' if cloud.image is not None else unit_of(reader, cloud.topic),
             is_stack=cloud.image is not None,
             warning=cloud.warning,
             truth=None if truth is None else (truth.outlier, truth.counted),
@@ -175,7 +196,7 @@ def _compiled_beforehand(
 def report_page(
     name: str,
     entries: Sequence[ReportEntry],
-    settings: Sequence[Settings],
+    settings: PipelineSettings,
     refused: Mapping[str, int],
     damage: str | None,
 ) -> str:
@@ -184,38 +205,99 @@ def report_page(
     Args:
         name: name of the recording.
         entries: the entries in their order.
-        settings: the groups of settings in force.
+        settings: the settings in force.
         refused: number of refused clouds and frames, by reason.
         damage: where the recording is damaged; None if it is intact.
     """
     now = datetime.now(timezone.utc)
+    version = importlib.metadata.version('socialcircle_ros')
+    quantity = '1 measurement' if len(entries) == 1 else f'{len(entries)} measurements'
     introduction = [
-        f'The social circle filter made this report on {now:%Y-%m-%d %H:%M} UTC. Kept points are unchanged.',
-        f'{_UNITS} Pictures of large clouds are thinned; outliers are always drawn.',
-        f'Times were measured on {hardware()}, with several clouds filtered at once.',
+        f'{quantity}, filtered with socialcircle_ros {version}; report of {now:%Y-%m-%d %H:%M} UTC.',
     ]
     warnings = [f'Refused{f", {count} times" if count > 1 else ""}: {reason}' for reason, count in refused.items()]
     warnings += [damage] if damage else []
     warnings += [f'{entry.name}: {warning}' for entry in entries for warning in entry.warnings]
-    links = [entry.anchor for entry in entries]
-    table = Table('measurements', '', COLUMNS, [entry.row() for entry in entries], links=links)
-    sections = [
-        Section('All measurements', items=[table], warnings=warnings),
-        Section('Settings', items=[settings_table(settings)]),
-        *(entry.section() for entry in entries),
-    ]
-    return render(f'Measurements of {name}', introduction, sections)
+    summary = Section(
+        'Summary',
+        items=[
+            verdict_banner(entries, sum(refused.values())),
+            measurements_table(entries),
+            settings_table(settings, entries),
+        ],
+        warnings=warnings,
+    )
+    reading = Section('How to read it', [_READING.format(hardware=hardware())])
+    return render(
+        f'Measurements of {name}', introduction, [summary, reading, *(each.section() for each in entries)]
+    )
 
 
-def settings_table(settings: Sequence[Settings]) -> Table:
-    """Tabulate the parameters in force and their defaults."""
+def verdict_banner(entries: Sequence[ReportEntry], refused: int) -> Banner:
+    """The verdict over all measurements.
+
+    Args:
+        entries: the measurements.
+        refused: number of clouds that could not be measured; where limits are set, they fail as well.
+    """
+    measured, outliers = (
+        sum(getattr(entry.measurement, field) for entry in entries) for field in ('measured', 'outliers')
+    )
+    found = f'{outliers:,} of {measured:,} measured points are outliers ({outliers / measured:.2%}).'
+    judged = [entry for entry in entries if entry.measurement.verdict is not None]
+    failed = [entry for entry in judged if entry.failed]
+    if not judged:
+        return Banner('none', 'No limits are set: the report holds no verdict.', [found])
+    if not failed and not refused:
+        return Banner(
+            'passed', f'Passed: {len(judged)} of {len(judged)} measurements are within the limits.', [found]
+        )
+    reasons = [f'{entry.name}: {entry.measurement.verdict_reason}' for entry in failed[:_MOST_REASONS]]
+    if len(failed) > _MOST_REASONS:
+        reasons.append(f'and {len(failed) - _MOST_REASONS} more: see the table.')
+    if refused:
+        reasons.append(f'Clouds or frames that could not be measured: {refused}.')
+    passed = len(judged) - len(failed)
+    return Banner(
+        'failed', f'Failed: {passed} of {len(judged)} measurements are within the limits.', [*reasons, found]
+    )
+
+
+def measurements_table(entries: Sequence[ReportEntry]) -> Table:
+    """Tabulate all measurements, with links to their pages."""
+    units = {entry.unit for entry in entries}
+    unit = next(iter(units))
+    textures = [value for entry in entries for value in (entry.after.sa, entry.after.sq, entry.after.sz)]
+    lengths = length_scale(textures, unit) if len(units) == 1 else None
+    form = f'.{lengths.decimals}f' if lengths else ''
+    headings = [lengths.label(name) if lengths and unit else name for name in ('Sa', 'Sq', 'Sz')]
+    columns = [
+        Column('measurement'), Column('stamp', wraps=False), Column('verdict'), Column('measured', '.1%'),
+        Column('outliers', ',d'), Column('share', '.2%'), *(Column(name, form) for name in headings),
+        Column('warnings', 'd'),
+    ]  # fmt: skip
+    note = 'Sa, Sq and Sz are those of the kept points.'
+    if None in units:
+        note += ' The recording does not say the unit of its lengths.'
+    rows = [entry.row(lengths) for entry in entries]
+    return Table('measurements', 'All measurements', columns, rows, note, [entry.anchor for entry in entries])
+
+
+def settings_table(settings: PipelineSettings, entries: Sequence[ReportEntry]) -> Table:
+    """Tabulate the settings that have an effect on these measurements, with their units."""
+    values = settings.to_ros()
+    groups = {'circle', 'repair', *(('focus', 'stack') if any(entry.is_stack for entry in entries) else ())}
+    units = {entry.unit for entry in entries}
+    unit = units.pop() if len(units) == 1 else None
     rows: list[list[Cell]] = []
-    for name, value in (item for group in settings for item in group.to_ros().items()):
+    for name, value in values.items():
         parameter = PARAMETERS[name]
-        changed = '' if value == parameter.default else 'changed'
-        rows.append([name, _text(value), _text(parameter.default), parameter.unit, changed])
-    columns = [Column('parameter'), Column('value'), Column('default'), Column('unit'), Column('')]
-    return Table('settings', '', columns, rows)
+        is_limit = parameter.group == 'limits' and value != parameter.empty
+        if is_limit or (parameter.group in groups and has_effect(name, values)):
+            shown = [value_text(name, _text(each), unit) for each in (value, parameter.default)]
+            rows.append([name, *shown, 'changed' if value != parameter.default else ''])
+    columns = [Column('parameter'), Column('value'), Column('default'), Column('')]
+    return Table('settings', 'Settings with an effect', columns, rows)
 
 
 def _text(value: RosValue) -> str:

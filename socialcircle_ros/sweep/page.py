@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.cloud import Mask, measured_points
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.metrics.scores import score
-from socialcircle_ros.report import thumbnails
-from socialcircle_ros.report.content import Cell, Column, Panels, Picture, Section, Table
+from socialcircle_ros.pictures.drawings import CloudPictures
+from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.report.content import Cell, Column, Picture, Pictures, Section, Table
 from socialcircle_ros.report.page import render
-from socialcircle_ros.report.pictures import aspect_of, new_figure
 from socialcircle_ros.settings import PARAMETERS, CircleSettings, RosValue
 
 from .clouds import CRITERION, SweepCloud
@@ -154,31 +154,23 @@ def _chart(result: SweepResult) -> bytes:
     return out.getvalue()
 
 
-def _worst_clouds(result: SweepResult) -> Iterator[Panels]:
+def _worst_clouds(result: SweepResult) -> Iterator[Pictures]:
     """Pictures of the clouds on which the best setting scores worst, also with the parameters as given."""
     base, best, given = result.base, result.best, result.given
     filtered = [(cloud, _removed(cloud, base | best.values)) for cloud in result.clouds]
-    bar = thumbnails.colour_bar()
+    against = 'against the truth' if result.has_truth else 'against the criterion'
     for cloud, found in sorted(filtered, key=lambda pair: _f1(*pair))[:_MAX_CLOUDS]:
-        xyz = cloud.xyz
-        measured = measured_points(xyz)
-        heights = np.where(measured, xyz[..., 2], np.nan)
-        colours = thumbnails.colour_range(heights, found)
-
-        def compared(removed: Mask, cloud: SweepCloud = cloud, measured: Mask = measured) -> bytes:
-            return thumbnails.against_truth(removed, cloud.outlier, cloud.counted, measured)
-
-        legend = 'true positives red, false positives black, false negatives amber'
-        if not cloud.has_truth:
-            legend += ', by the criterion'
+        drawn = CloudPictures(cloud.xyz, found)
         pictures = [
-            (f'{cloud.name} as measured', thumbnails.as_measured(heights, found | cloud.outlier, colours)),
-            ('filtered with the best setting', thumbnails.filtered(heights, found, colours)),
-            (f'best setting: {legend}', compared(found)),
+            Picture('before', drawn.before(), cloud.name),
+            Picture('after', drawn.after(), 'the best setting'),
+            Picture('best', drawn.against_truth(cloud.outlier, cloud.counted), f'the best setting {against}'),
         ]
         if given.values != best.values:
-            pictures.append(('parameters as given', compared(_removed(cloud, base | given.values))))
-        yield Panels(pictures, aspect_of(xyz), (f'{colours.low:.4g}', f'{colours.high:.4g}', bar))
+            other = CloudPictures(cloud.xyz, _removed(cloud, base | given.values))
+            compared = other.against_truth(cloud.outlier, cloud.counted)
+            pictures.append(Picture('given', compared, f'the parameters as given {against}'))
+        yield Pictures(pictures)
 
 
 def _f1(cloud: SweepCloud, found: Mask) -> float:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from socialcircle_ros.kernels.ordered import in_order
+from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.report.page import prepare
-from socialcircle_ros.report.pictures import new_figure
 from socialcircle_ros.settings import (
     CircleSettings,
     FocusSettings,

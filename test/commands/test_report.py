@@ -27,9 +27,9 @@ def test_the_page_shows_each_cloud_and_needs_no_other_file(run, tmp_path):
     page = (tmp_path / 'new/folder/parts.html').read_text()
     assert all(source.startswith('data:') for source in re.findall(r'src="([^"]*)"', page))
     for number in range(8):
-        assert f'/points {number} – 2023-11-14' in page
-    assert page.count('<th class="words">') > 0
-    assert len(re.findall(r'precision', page)) == 8
+        assert f'/points {number}, 2023-11-14' in page
+    assert page.count('>precision<') == 8
+    assert 'No limits are set' in page
 
 
 def test_a_focus_stack_has_an_entry(run, tmp_path):
@@ -38,7 +38,7 @@ def test_a_focus_stack_has_an_entry(run, tmp_path):
     assert '1 measurement,' in done.out
     text = text_of(tmp_path / 'report.html')
     assert '/stack/points 0' in text
-    assert re.search(r'stack\.frames\s+32\s+0\s+frames\s+changed', text)
+    assert re.search(r'stack\.frames\s+32 frames\s+0 frames\s+changed', text)
 
 
 def test_differences_from_a_recorded_measurement_are_shown(run, tmp_path):
@@ -60,7 +60,7 @@ def test_refused_clouds_are_named_and_the_others_shown(run, tmp_path):
     assert 'Refused, 2 times: The cloud is not organized' in done.err
     text = text_of(tmp_path / 'report.html')
     assert 'Refused, 2 times: The cloud is not organized' in text
-    assert '/points 1 –' in text
+    assert '/points 1, 1.000 s' in text
 
 
 @pytest.mark.parametrize(
@@ -89,3 +89,28 @@ def test_filtered_clouds_of_an_earlier_run_have_no_entry(run, tmp_path):
     assert '2 measurements,' in done.out
     with open_recording(tmp_path / 'cleaned.mcap') as reader:
         assert '/points_filtered' in reader.topics
+
+
+def test_a_measurement_that_fails_its_limits_ends_with_3_and_is_on_the_page(run, tmp_path):
+    done = run('report', BAGS / 'padded.mcap', '-p', 'limits.outlier_share_max:=0.0001')
+    assert done.code == 3, done.err
+    assert 'Failed: /points 0: ' in done.err
+    assert '0 of 2 measurements passed the limits.' in done.out
+    assert 'Failed: 0 of 2 measurements are within the limits.' in text_of(tmp_path / 'report.html')
+
+
+def test_two_settings_are_compared_side_by_side(run, tmp_path):
+    for name, scale in (('a', 0.6), ('b', 1.0)):
+        (tmp_path / f'{name}.yaml').write_text(f'/**:\n  ros__parameters:\n    circle.radius_scale: {scale}\n')
+    done = run('report', BAGS / 'padded.mcap', '--compare', 'a.yaml', 'b.yaml', '-o', 'ab.html')
+    assert done.code == 0, done.err
+    assert '2 measurements compared' in done.out
+    text = text_of(tmp_path / 'ab.html')
+    assert 'A: a.yaml' in text
+    assert re.search(r'circle\.radius_scale\s+0\.6\s+1\.0\s+1\.0', text)
+    same = run('report', BAGS / 'padded.mcap', '--compare', 'a.yaml', 'a.yaml')
+    assert same.code == 1
+    assert 'The two settings to compare are equal' in same.err
+    both = run('report', BAGS / 'padded.mcap', '--compare', 'a.yaml', 'b.yaml', '--params-file', 'a.yaml')
+    assert both.code == 2
+    assert '--compare takes two parameter files in place of --params-file' in both.err

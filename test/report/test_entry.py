@@ -5,10 +5,11 @@ import pytest
 from examples import cloud, surface
 
 from socialcircle_ros.messages.diagnostics import Status
-from socialcircle_ros.metrics.areal import texture
+from socialcircle_ros.metrics.areal import areal_texture
 from socialcircle_ros.pipeline.clouds import filter_cloud
-from socialcircle_ros.report.entry import make_entry, outliers_of, stamp_text
-from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings
+from socialcircle_ros.report.content import Banner
+from socialcircle_ros.report.entry import make_entry, outliers_of, stamp_text, value_text
+from socialcircle_ros.settings import CircleSettings, LimitSettings, OutputSettings, PipelineSettings
 
 pytest.importorskip('PIL')
 
@@ -21,7 +22,7 @@ def entry(points=None, circle=None, output=None, **more):
 
 def texts(found):
     """The cells of the entry's tables: the first cell of each row, and the others."""
-    beside = found.section().items[1]
+    beside = found.section().items[-1]
     return {row[0]: row[1:] for table in beside.tables for row in table.texts()}
 
 
@@ -30,14 +31,15 @@ def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
     z = surface()[..., 2]
     kept = z.copy()
     kept[10, 12], kept[40:45, 50:55] = np.nan, np.nan
-    assert (found.before, found.after) == (texture(z), texture(kept))
+    assert (found.before, found.after) == (areal_texture(z, (1.0, 1.0)), areal_texture(kept, (1.0, 1.0)))
     shown = texts(found)
     assert shown['measured'] == ['5,594 (99.9%)']
     assert shown['outliers'] == ['26 (0.46%)']
     assert shown['kept'] == ['5,568']
     assert shown['Sz'][:2] == [f'{found.before.sz:.4g}', f'{found.after.sz:.4g}']
     assert shown['circle.radius_scale'] == ['1.0']
-    assert found.row()[:5] == ['/points 0', '1.000\N{NO-BREAK SPACE}s', 5594, 26, 26 / 5594]
+    assert 'circle.depth_of_field' not in shown  # has no effect in this mode
+    assert found.row(None)[:6] == ['/points 0', '1.000 s', '–', 5594 / 5600, 26, 26 / 5594]
 
 
 def test_precision_and_recall_are_shown_where_the_truth_is_known():
@@ -46,20 +48,40 @@ def test_precision_and_recall_are_shown_where_the_truth_is_known():
     truth[0, 0] = True
     found = entry(truth=(truth, np.isfinite(z)))
     assert (found.scores.precision, found.scores.recall) == (1.0, pytest.approx(26 / 27))
-    assert texts(found)['recall'] == ['96.3%']
+    assert texts(found)['recall'] == ['96.3 %']
     assert 'recall' not in texts(entry())
 
 
 def test_a_repaired_cloud_is_shown_with_the_number_of_filled_points():
     found = entry(output=OutputSettings(repaired=True))
-    assert [title for title, _ in found.panels.pictures][3] == 'repaired'
+    assert [each.name for row in found.pictures for each in row.pictures] == [
+        'before', 'after', 'repaired', 'difference', 'histogram', 'profile',
+    ]  # fmt: skip
     assert int(texts(found)['repaired'][0]) > 0
     assert 'repaired' not in texts(entry())
 
 
-def test_the_colour_bar_of_a_stack_is_in_metres():
-    assert entry(is_stack=True).panels.scale[1].endswith(' m')
-    assert ' ' not in entry().panels.scale[1]
+def test_lengths_have_their_unit_and_are_numbers_where_it_is_not_known():
+    found = texts(entry(unit='mm'))
+    assert found['Sz'][0].endswith(' mm')
+    assert found['radius found'] == ['2.24 mm']
+    assert found['worst outlier'][0] == '29 mm over the surface'
+    unknown = texts(entry())
+    assert unknown['worst outlier'][0] == '29 over the surface'
+    assert unknown['unit of lengths'] == ['not known']
+
+
+def test_a_verdict_stands_at_the_top():
+    limits = LimitSettings(outlier_share_max=0.001)
+    points = cloud()
+    failed = make_entry('/points 0', points, filter_cloud(points, PipelineSettings(limits=limits)))
+    assert failed.failed
+    banner = failed.section().items[0]
+    assert (banner.state, banner.title) == (
+        'failed', 'Failed: 0.4648 % of the measured points are outliers, more than 0.1 %.',
+    )  # fmt: skip
+    assert not entry().failed
+    assert not any(isinstance(item, Banner) for item in entry().section().items)
 
 
 def test_warnings_of_the_filter_are_shown():
@@ -94,3 +116,19 @@ def test_a_result_without_a_mask_cannot_be_shown():
 def test_a_stamp_is_shown_as_a_date_if_it_counts_from_the_epoch():
     assert stamp_text(1_700_000_000_500_000_000) == '2023-11-14 22:13:20.500 UTC'
     assert stamp_text(12_034_000_000) == '12.034 s'
+    assert not stamp_text(0)
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'unit', 'text'),
+    [
+        ('circle.radius', '0.0', 'um', 'automatic'),
+        ('circle.radius', '0.25', 'um', '250 nm'),
+        ('circle.radius', '0.25', None, '0.25'),
+        ('circle.window', '3', None, '3 points'),
+        ('stack.z_step', '2e-06', None, '2 µm'),
+        ('limits.sq_max', '0.0', 'm', 'none'),
+    ],
+)
+def test_values_of_parameters_have_units(name, value, unit, text):
+    assert value_text(name, value, unit) == text

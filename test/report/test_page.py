@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from html.parser import HTMLParser
 
-from socialcircle_ros.report.content import Beside, Column, Panels, Picture, Section, Table
+from socialcircle_ros.report.content import Banner, Beside, Column, Picture, Pictures, Section, Table
 from socialcircle_ros.report.page import render
 
 TABLE = Table(
@@ -49,7 +49,8 @@ def test_the_page_is_complete_escaped_and_needs_no_other_file():
         Section(
             'One',
             items=[
-                Panels([('before & after', b'\x89PNG')], 1.5, ('0', '1 <m>', b'\x89PNG')),
+                Banner('failed', 'Failed & <sad>', ['1 <m>']),
+                Pictures([Picture('p', b'\x89PNG', 'before & after')]),
                 Beside([Table('', '', [Column(''), Column('')], [['<b>', 1]])]),
             ],
             warnings=['look & <see>'],
@@ -63,12 +64,13 @@ def test_the_page_is_complete_escaped_and_needs_no_other_file():
     assert all(link.startswith('data:image/png;base64,') for link in tags.links)
     for text in (
         'A &lt;title&gt;',
-        'a, &quot;b&quot; &amp; &lt;c&gt;',
+        'a, &#34;b&#34; &amp; &lt;c&gt;',
         '1 &lt; 2',
         'found &lt;this&gt;',
         '5 &lt; 6',
         'before &amp; after',
         '1 &lt;m&gt;',
+        'Failed &amp; &lt;sad&gt;',
         '&lt;b&gt;',
         'look &amp; &lt;see&gt;',
     ):

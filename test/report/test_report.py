@@ -9,8 +9,8 @@ from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.recording import RecordingWriter, ros_topic
 from socialcircle_ros.report.entry import make_entry
-from socialcircle_ros.report.report import report_page, settings_table
-from socialcircle_ros.settings import CircleSettings, PipelineSettings
+from socialcircle_ros.report.report import report_page, settings_table, verdict_banner
+from socialcircle_ros.settings import CircleSettings, LimitSettings, PipelineSettings
 
 pytest.importorskip('matplotlib')
 
@@ -34,7 +34,7 @@ def test_a_notebook_gets_the_numbers_and_the_page(recording, tmp_path):
     assert (report.measured, report.outliers) == (2 * 5594, 2 * 26)
     assert report.entries[0].circle['circle.radius_scale'] == '1.5'
     assert report.path == tmp_path / 'new/report.html'
-    assert '/points 2 – ' in report.path.read_text()
+    assert '/points 2, 1.000 s' in report.path.read_text()
     ((reason, count),) = report.refused.items()
     assert 'not organized' in reason
     assert count == 1
@@ -74,15 +74,35 @@ def test_a_folder_is_no_page(recording, tmp_path):
         socialcircle_ros.make_report(recording, tmp_path)
 
 
-def test_changed_settings_are_marked():
-    rows = {row[0]: row[1:] for row in settings_table([CircleSettings(window=5)]).rows}
-    assert rows['circle.window'] == ['5', '3', 'points', 'changed']
-    assert rows['circle.radius_scale'] == ['1.0', '1.0', '', '']
+def test_settings_with_an_effect_are_shown_and_changed_ones_marked():
+    settings = PipelineSettings(circle=CircleSettings(window=5), limits=LimitSettings(sq_max=2.0))
+    rows = {row[0]: row[1:] for row in settings_table(settings, []).rows}
+    assert rows['circle.window'] == ['5 points', '3 points', 'changed']
+    assert rows['circle.radius_scale'] == ['1.0', '1.0', '']
+    assert rows['limits.sq_max'] == ['2', 'none', 'changed']
+    assert not any(name.startswith(('focus.', 'stack.', 'repair.', 'output.')) for name in rows)
+    assert 'circle.depth_of_field' not in rows
+    adaptive = settings_table(PipelineSettings(circle=CircleSettings(mode='adaptive')), [])
+    assert [row[0] for row in adaptive.rows] == ['circle.mode', 'circle.depth_of_field', 'circle.not_measured']
+
+
+def test_the_verdict_counts_what_failed_and_names_it():
+    def entry(name, **limits):
+        settings = PipelineSettings(limits=LimitSettings(**limits))
+        return make_entry(name, cloud(), filter_cloud(cloud(), settings))
+
+    passed, failed = entry('good', outlier_share_max=0.5), entry('bad', outlier_share_max=0.001)
+    assert verdict_banner([entry('any')], 0).state == 'none'
+    assert verdict_banner([passed], 0).title == 'Passed: 1 of 1 measurements are within the limits.'
+    banner = verdict_banner([passed, failed], 0)
+    assert banner.title == 'Failed: 1 of 2 measurements are within the limits.'
+    assert banner.reasons[0].startswith('bad: 0.4648 % of the measured points')
+    assert verdict_banner([passed], 2).state == 'failed'
 
 
 def test_the_page_has_every_entry_and_all_refusals_and_the_damage():
     entry = make_entry('/points 0', cloud(), filter_cloud(cloud()))
-    page = report_page('night', [entry], [CircleSettings()], {'too short': 2, 'odd': 1}, 'broken off')
+    page = report_page('night', [entry], PipelineSettings(), {'too short': 2, 'odd': 1}, 'broken off')
     assert 'href="#measurement--points-0"' in page
     assert 'id="measurement--points-0"' in page
     for sentence in ('Refused, 2 times: too short', 'Refused: odd', 'broken off'):

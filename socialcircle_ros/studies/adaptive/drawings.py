@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from socialcircle_ros.cloud import HeightMap, Mask
-from socialcircle_ros.report.pictures import new_figure, thinned
+from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.pictures.thinning import thinned
 from socialcircle_ros.studies.comparison.plotting import (
     as_png,
     box_extent,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.report.pictures import new_figure
+from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.simulation import make_scene
 from socialcircle_ros.storage import write_file
 

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask
-from socialcircle_ros.report.pictures import any_in_tile, new_figure, thinned
+from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.pictures.thinning import any_in_tile, thinned
 
 from .labelled_clouds import LabelledCloud
 from .plotting import (

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from socialcircle_ros.report.pictures import new_figure
+from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.studies.comparison.plotting import as_png
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from socialcircle_ros.cloud import HeightMap
-from socialcircle_ros.report.pictures import new_figure
+from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud
 from socialcircle_ros.studies.comparison.plotting import (
     PlotRegion,

@@ -1,0 +1,1 @@
+"""Pictures of clouds in one style, for reports, the demo, the documents and the experiments. No pages."""

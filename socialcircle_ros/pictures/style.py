@@ -1,0 +1,90 @@
+"""The style of all pictures: figures, colour maps, and the colours of kept, removed and missing points."""
+
+import io
+import threading
+from typing import TYPE_CHECKING
+
+from socialcircle_ros.errors import SocialCircleError, install_command
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib import RcParams
+    from matplotlib.figure import Figure
+
+COLOUR_MAPS = ('viridis', 'cividis', 'magma', 'gray')
+"""The colour maps for heights, by matplotlib's names; the first is the default. All grow evenly in lightness."""
+
+HEIGHTS = COLOUR_MAPS[0]
+DIFFERENCES = 'RdBu_r'
+"""The colour map for differences; 0 is white."""
+
+NOT_MEASURED = '#ffd9b3'
+"""Points that are not measured, and removed points in a filtered map."""
+KEPT, OUTLIER = '#dedede', '#d60000'
+FALSE_POSITIVE, FALSE_NEGATIVE, UNDECIDED = '#141414', '#f09600', '#b8a1d9'
+SURFACE = '#2a6592'
+"""Lines and bars of the kept surface."""
+
+FIGURE_DPI, PICTURE_DPI = 110, 200
+"""Of figures of several plots, and of pictures for pages, which are printed and enlarged."""
+
+_NEARLY_WHITE = 252
+_LEVELS = 255  # colours of a picture: the size of the file falls to a quarter
+_drawing = threading.Lock()  # matplotlib's fonts are not made for threads, and drawing holds the GIL anyway
+
+
+def new_figure(width: float, height: float) -> 'Figure':
+    """Create an empty matplotlib figure, which arranges its axes by itself.
+
+    Args:
+        width: width in inches.
+        height: height in inches.
+
+    Raises:
+        SocialCircleError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise SocialCircleError(f'Pictures need matplotlib: {install_command("pictures")}.') from None
+    return Figure(figsize=(width, height), dpi=FIGURE_DPI, layout='constrained')
+
+
+def picture(width: float, height: float, draw: 'Callable[[Figure], None]') -> bytes:
+    """Draw a picture for a page; several threads may call it.
+
+    Args:
+        width: width in inches.
+        height: height in inches.
+        draw: draws on the empty figure, whose axes have the small type of pictures.
+
+    Returns:
+        A PNG.
+
+    Raises:
+        SocialCircleError: matplotlib is not installed.
+    """
+    figure = new_figure(width, height)
+    figure.set_layout_engine('none')
+    import matplotlib as mpl  # noqa: PLC0415 - an extra
+    from PIL import Image  # noqa: PLC0415 - comes with matplotlib
+
+    out = io.BytesIO()
+    with _drawing, mpl.rc_context(_small_type()):
+        draw(figure)
+        figure.savefig(out, format='png', dpi=PICTURE_DPI)
+    few = Image.open(out).convert('RGB').quantize(_LEVELS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    # The background becomes the mean of whites and near-whites, which shows on a white page.
+    palette = few.getpalette() or []
+    few.putpalette([255 if value >= _NEARLY_WHITE else value for value in palette])
+    out = io.BytesIO()
+    few.save(out, format='png')
+    return out.getvalue()
+
+
+def _small_type() -> 'RcParams':
+    from matplotlib import RcParams  # noqa: PLC0415 - an extra
+
+    small = {'xtick.labelsize': 7.0, 'ytick.labelsize': 7.0, 'legend.fontsize': 7.0}
+    return RcParams({'font.size': 8.0, 'axes.titlesize': 9.0, 'axes.labelsize': 8.0, **small})

@@ -1,0 +1,244 @@
+"""`make_comparison`: one page that shows what two settings do to the same clouds."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from socialcircle_ros.cloud import Mask
+from socialcircle_ros.errors import RecordingError, SettingError, SocialCircleError
+from socialcircle_ros.kernels.ordered import in_order
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.metrics.areal import Texture, texture
+from socialcircle_ros.metrics.scores import Scores, score
+from socialcircle_ros.pictures.drawings import CloudPictures
+from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.pipeline.clouds import filter_cloud
+from socialcircle_ros.pipeline.stacks import Refusal
+from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
+from socialcircle_ros.recording.offline import source_clouds
+from socialcircle_ros.recording.truth import truths_of
+from socialcircle_ros.recording.units import unit_of
+from socialcircle_ros.settings import PARAMETERS, PipelineSettings
+from socialcircle_ros.settings.effects import has_effect
+from socialcircle_ros.storage import write_file
+
+from .content import Cell, Column, Picture, Pictures, Section, Table
+from .entry import length_with_unit, outliers_of, value_text
+from .page import environment, prepare, render
+
+_MAKE_CLOUDS = ('focus.', 'stack.')
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedCloud:
+    """What two settings did to one cloud.
+
+    Attributes:
+        name: topic and number of the cloud.
+        unit: of its lengths; None: not known.
+        removed: number of removed points with the first and with the second setting.
+        only: number of points that only the first, and only the second setting removed.
+        measured: number of measured points.
+        textures: of the kept points with each setting.
+        scores: against the truth with each setting; None where the truth is not known.
+        pictures: the cloud, what each setting keeps, and where they differ.
+    """
+
+    name: str
+    unit: str | None
+    removed: tuple[int, int]
+    only: tuple[int, int]
+    measured: int
+    textures: tuple[Texture, Texture]
+    scores: tuple[Scores, Scores] | None
+    pictures: Sequence[Pictures]
+
+    def section(self, names: tuple[str, str]) -> Section:
+        """The section of the cloud on the page."""
+        rows: list[list[Cell]] = [
+            ['outliers', *(f'{count:,} ({count / self.measured:.2%})' for count in self.removed)],
+            ['removed by this setting only', *(f'{count:,}' for count in self.only)],
+        ]
+        for key in ('Sa', 'Sq', 'Sz'):
+            values = (float(getattr(each, key.lower())) for each in self.textures)
+            rows.append([key, *(length_with_unit(value, self.unit, digits=4) for value in values)])
+        if self.scores is not None:
+            one, other = self.scores
+            rows += [
+                ['precision', f'{one.precision:.4f}', f'{other.precision:.4f}'],
+                ['recall', f'{one.recall:.4f}', f'{other.recall:.4f}'],
+                ['F1', f'{one.f1:.4f}', f'{other.f1:.4f}'],
+            ]
+        columns = [Column(''), *map(Column, names)]
+        anchor = f'compared {self.name}'.replace(' ', '-').replace('/', '-')
+        return Section(self.name, items=[*self.pictures, Table('', '', columns, rows)], anchor=anchor)
+
+
+def make_comparison(
+    recording: str | Path,
+    output: str | Path,
+    first: tuple[str, PipelineSettings],
+    second: tuple[str, PipelineSettings],
+    *,
+    topics: Sequence[str] = (),
+    progress: Callable[[int, int], None] | None = None,
+) -> Sequence[ComparedCloud]:
+    """Filter every cloud of a recording with two settings, and write an HTML page that shows both side by side.
+
+    Args:
+        recording: an MCAP file, a rosbag2 directory, or a measurement file.
+        output: the page; an existing page is replaced.
+        first: name of the first setting, for the page, and the setting.
+        second: name and setting of the second.
+        topics: as in `make_report`.
+        progress: as in `make_report`.
+
+    Returns:
+        The clouds that both settings could filter.
+
+    Raises:
+        SettingError: the settings are equal, or differ in parameters that make other clouds of a stack.
+        RecordingError: the recording cannot be read, or no cloud of it can be filtered.
+        SocialCircleError: the page cannot be written, or matplotlib or Jinja2 is not installed.
+    """
+    recording, output = Path(recording), Path(output)
+    settings = first[1], second[1]
+    differing = _differing(*settings)
+    new_figure(1, 1)  # fails now if matplotlib or Jinja2 is missing, and not after minutes
+    environment()
+    if output.is_dir():
+        raise SocialCircleError(
+            f'{output} is a directory; give the name of a page, such as {output}/compare.html.'
+        )
+    prepare(output.parent)
+    compared, refused = [], Counter[str]()
+    for item in _compared(recording, settings, tuple(topics), progress):
+        if isinstance(item, Refusal):
+            refused[item.reason] += 1
+        else:
+            compared.append(item)
+    if not compared:
+        raise RecordingError(f'{recording} has no cloud that both settings can filter. {" ".join(refused)}')
+    write_file(output, _page(recording.name, (first[0], second[0]), differing, settings, compared, refused))
+    return compared
+
+
+def _differing(first: PipelineSettings, second: PipelineSettings) -> list[str]:
+    """The parameters in which two settings differ.
+
+    Raises:
+        SettingError: in none, or in one that makes other clouds.
+    """
+    one, other = first.to_ros(), second.to_ros()
+    differing = [name for name in one if one[name] != other[name]]
+    if not differing:
+        raise SettingError('The two settings to compare are equal: give two that differ.')
+    for name in differing:
+        if name.startswith(_MAKE_CLOUDS):
+            raise SettingError(
+                f'The two settings differ in {name}, which makes another cloud of a stack; compare settings of the'
+                ' filter, with the same clouds.'
+            )
+    return differing
+
+
+def _compared(
+    recording: Path,
+    settings: tuple[PipelineSettings, PipelineSettings],
+    topics: tuple[str, ...],
+    progress: Callable[[int, int], None] | None,
+) -> Iterator[ComparedCloud | Refusal]:
+    with open_recording(recording) as reader:
+        truths = truths_of(reader)
+        read = 0
+
+        def count(message: object) -> None:
+            nonlocal read
+            read += message is not None
+            if progress is not None:
+                progress(read, reader.message_count)
+
+        def compare(item: NamedCloud | Refusal) -> ComparedCloud | Refusal:
+            if isinstance(item, Refusal):
+                return item
+            cloud = item.cloud
+            try:
+                found = [outliers_of(filter_cloud(cloud.points, each, cloud.depth_of_field)) for each in settings]
+            except SocialCircleError as error:
+                return Refusal(f'{item.name}: {error}')
+            truth = truths(cloud.namespace, cloud.points)
+            masks = None if truth is None else (truth.outlier, truth.counted)
+            unit = 'm' if cloud.image is not None else unit_of(reader, cloud.topic)
+            return _compared_cloud(item.name, cloud.points, unit, (found[0], found[1]), masks)
+
+        yield from in_order(compare, named_clouds(source_clouds(reader, settings[0], topics=topics, seen=count)))
+
+
+def _compared_cloud(
+    name: str, points: bytes, unit: str | None, found: tuple[Mask, Mask], truth: tuple[Mask, Mask] | None
+) -> ComparedCloud:
+    xyz = PointCloud.decode(points).xyz()
+    first = CloudPictures(xyz, found[0], unit)
+    second = CloudPictures(xyz, found[1], unit, first.colour_range)
+    measured = np.isfinite(first.heights)
+    kept = [np.where(mask, np.nan, first.heights) for mask in found]
+    rows = [
+        Pictures([Picture('first', first.after(), 'A'), Picture('second', second.after(), 'B')]),
+        Pictures([Picture('before', first.before(), 'before'), Picture('differ', first.against(second), '')]),
+    ]
+    return ComparedCloud(
+        name=name,
+        unit=unit,
+        removed=(int(found[0].sum()), int(found[1].sum())),
+        only=(int((found[0] & ~found[1]).sum()), int((found[1] & ~found[0]).sum())),
+        measured=int(measured.sum()),
+        textures=(texture(kept[0]), texture(kept[1])),
+        scores=None if truth is None else (score(found[0], *truth), score(found[1], *truth)),
+        pictures=rows,
+    )
+
+
+def _page(
+    name: str,
+    names: tuple[str, str],
+    differing: Sequence[str],
+    settings: tuple[PipelineSettings, PipelineSettings],
+    compared: Sequence[ComparedCloud],
+    refused: Mapping[str, int],
+) -> str:
+    units = {cloud.unit for cloud in compared}
+    unit = units.pop() if len(units) == 1 else None
+    rows: list[list[Cell]] = []
+    for parameter in differing:
+        texts = []
+        for each in settings:
+            values = each.to_ros()
+            text = value_text(parameter, str(values[parameter]), unit)
+            texts.append(text if has_effect(parameter, values) else f'{text}, without effect')
+        rows.append([parameter, *texts, value_text(parameter, str(PARAMETERS[parameter].default), unit)])
+    labels = (f'A: {names[0]}', f'B: {names[1]}')
+    columns = [Column('parameter'), *map(Column, labels), Column('default')]
+    clouds: list[list[Cell]] = [
+        [cloud.name, *(count / cloud.measured for count in cloud.removed), *cloud.only] for cloud in compared
+    ]
+    all_columns = [
+        Column('measurement'), Column('outliers A', '.2%'), Column('outliers B', '.2%'),
+        Column('removed by A only', ',d'), Column('removed by B only', ',d'),
+    ]  # fmt: skip
+    sections = [
+        Section(
+            'Summary',
+            items=[
+                Table('settings', 'Settings that differ', columns, rows),
+                Table('all', '', all_columns, clouds),
+            ],
+            warnings=[f'Refused, {count} times: {reason}' for reason, count in refused.items()],
+        ),
+        *(cloud.section(labels) for cloud in compared),
+    ]
+    text = 'The page shows what each setting removes; which one is right, a person decides.'
+    return render(f'{names[0]} and {names[1]} on {name}', [text], sections)
