@@ -14,6 +14,7 @@ HEALTH = HealthValues(
     clouds_dropped=100,
     clouds_refused=2,
     clouds_failed=3,
+    limits_failed=6,
     frames_received=200,
     frames_dropped=5,
     joint_states_dropped=0,

@@ -1,11 +1,13 @@
 """DiagnosticStatus."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap_ros2._dynamic import generate_dynamic
 
 from socialcircle_ros.messages.diagnostics import WARN, Status
 from socialcircle_ros.recording import schema_text
+
+generate_dynamic = pytest.importorskip('mcap_ros2._dynamic', reason='needs mcap-ros2-support').generate_dynamic
 
 DECODE = generate_dynamic('diagnostic_msgs/DiagnosticStatus', schema_text('diagnostic_msgs/msg/DiagnosticStatus'))[
     'diagnostic_msgs/DiagnosticStatus'

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap_ros2._dynamic import generate_dynamic
 
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.messages.cdr import CdrWriter
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, decode_mono8, encode_image, mask_pixels
 from socialcircle_ros.recording import schema_text
+
+generate_dynamic = pytest.importorskip('mcap_ros2._dynamic', reason='needs mcap-ros2-support').generate_dynamic
 
 DECODE = generate_dynamic('sensor_msgs/Image', schema_text('sensor_msgs/msg/Image'))['sensor_msgs/Image']
 

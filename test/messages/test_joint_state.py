@@ -1,12 +1,14 @@
 """Stage positions."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap_ros2._dynamic import generate_dynamic
 
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.joint_state import JointState
 from socialcircle_ros.recording import schema_text
+
+generate_dynamic = pytest.importorskip('mcap_ros2._dynamic', reason='needs mcap-ros2-support').generate_dynamic
 
 DECODE = generate_dynamic('sensor_msgs/JointState', schema_text('sensor_msgs/msg/JointState'))[
     'sensor_msgs/JointState'

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap_ros2._dynamic import generate_dynamic
 
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.kernels import bands
@@ -14,6 +13,8 @@ from socialcircle_ros.messages.cdr import CdrWriter
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud, write_float_cloud
 from socialcircle_ros.recording import schema_text
+
+generate_dynamic = pytest.importorskip('mcap_ros2._dynamic', reason='needs mcap-ros2-support').generate_dynamic
 
 DECODE = generate_dynamic('sensor_msgs/PointCloud2', schema_text('sensor_msgs/msg/PointCloud2'))[
     'sensor_msgs/PointCloud2'

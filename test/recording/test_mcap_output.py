@@ -11,11 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recording.samples import CLOCK, POINTS, read, small_topic, some_messages
-from rosbags.rosbag2 import Reader
 from storage.disks import fill, small_disk
 
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.recording import Message, RecordingWriter
+
+Reader = pytest.importorskip('rosbags.rosbag2', reason='needs rosbags: pip install rosbags').Reader
 
 TESTS = Path(__file__).resolve().parents[1]
 TOPICS = (POINTS, CLOCK, small_topic('/größe/ж'))

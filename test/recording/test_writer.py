@@ -6,11 +6,12 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recording.samples import CLOCK, POINTS, read, small_topic, some_messages, write
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import Reader
 
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.recording import Message, RecordingWriter, open_recording, ros_topic, type_hash
+
+AnyReader = pytest.importorskip('rosbags.highlevel', reason='needs rosbags: pip install rosbags').AnyReader
+Reader = pytest.importorskip('rosbags.rosbag2', reason='needs rosbags: pip install rosbags').Reader
 
 IMAGE = ros_topic('/image', 'sensor_msgs/msg/Image')
 OLD_QOS = """\
