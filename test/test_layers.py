@@ -113,7 +113,9 @@ def test_files_are_written_with_storage(path):
 
 TRAINED_WITH = 'socialcircle_ros.studies.learned.'
 """Modules of the training need PyTorch, ONNX and SciPy at their import; the others there do not."""
-WITHOUT_TRAINING = {f'{TRAINED_WITH}{name}' for name in ('drawings', 'features', 'inference', 'surfaces')}
+WITHOUT_TRAINING = {
+    f'{TRAINED_WITH}{name}' for name in ('drawings', 'evaluation', 'features', 'inference', 'surfaces')
+}
 
 
 def test_every_other_room_imports_on_a_machine_without_ros():

@@ -8,7 +8,7 @@ import click
 if TYPE_CHECKING:
     from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
-NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptive')
+NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptive', 'learned')
 
 
 @click.command('experiment', epilog='Example: socialcircle experiment table1 --quick')
@@ -20,18 +20,25 @@ NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptiv
 @click.option(
     '--quick', is_flag=True, help='Use small clouds to check that it runs; the numbers are not meaningful.'
 )
-@click.option('--seeds', help='Seeds of the scored clouds, such as 4,5; default: 1,2,3; for adaptive: 301 to 320.')
+@click.option(
+    '--seeds', help='Seeds of the scored clouds, such as 4,5; default: 1,2,3; adaptive: 301 to 320; learned: 401.'
+)
 @click.option(
     '--data', type=click.Path(path_type=Path, exists=True, file_okay=False), envvar='SOCIALCIRCLE_DATA',
-    help='Directory of measured surfaces (.npz) for figure8, all and adaptive; default: $SOCIALCIRCLE_DATA.',
+    help='Directory of measured surfaces (.npz) for figure8, all, adaptive, learned; default: $SOCIALCIRCLE_DATA.',
 )  # fmt: skip
-def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | None) -> None:
+@click.option(
+    '--network', type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help='ONNX file that learned compares; default: the packaged network.',
+)  # fmt: skip
+def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | None, network: Path | None) -> None:
     """Repeat the experiments of the paper with known truth, and report where its claims hold.
 
     The social circle is compared with the radius, the statistical and the median filter, each at default settings
     and at the best settings found on other seeds. PCL and Open3D are included where installed. The command writes
     one HTML page, its tables and its pictures. `all` runs all experiments of the paper. `adaptive` evaluates the
-    goals of the adaptive mode, in about four minutes.
+    goals of the adaptive mode, in about four minutes. `learned` compares a network with the rules of the adaptive
+    mode, in about ten minutes; it needs --data.
     """
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -40,13 +47,15 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
     from socialcircle_ros.report.page import prepare
     from socialcircle_ros.studies.adaptive.experiment import DEFAULT_SEEDS
     from socialcircle_ros.studies.comparison.study import Plan, Study, quick_plan
-    from socialcircle_ros.studies.experiments import run, write
+    from socialcircle_ros.studies.experiments import run, run_learned, write
 
-    chosen = _numbers(seeds) if seeds else (DEFAULT_SEEDS if name == 'adaptive' else (1, 2, 3))
+    if name == 'learned' and data is None:
+        raise click.UsageError('learned needs measured surfaces: give --data or set SOCIALCIRCLE_DATA.')
+    chosen = _numbers(seeds) if seeds else {'adaptive': DEFAULT_SEEDS, 'learned': (401,)}.get(name, (1, 2, 3))
     plan = quick_plan(chosen) if quick else Plan(chosen)
     new_figure(1, 1)  # fails now, not after minutes, if matplotlib is missing
     prepare(out)
-    surfaces = _surfaces(data) if data is not None else []
+    surfaces = _surfaces(data) if data is not None and name != 'learned' else []
     if quick:
         surfaces = surfaces[:1]
     console = Console(stderr=True)
@@ -59,7 +68,11 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
             if not console.is_terminal:
                 click.echo(f'{progress.tasks[task].elapsed or 0:4.0f} s  {step}', err=True)
 
-        sections = run(name, Study(plan, report), surfaces)
+        study = Study(plan, report)
+        if name == 'learned' and data is not None:
+            sections = run_learned(study, data, network, quick=quick)
+        else:
+            sections = run(name, study, surfaces)
     command_line = (
         f'socialcircle experiment {name}{f" --seeds {seeds}" if seeds else ""}{" --quick" if quick else ""}'
     )

@@ -11,6 +11,9 @@ from socialcircle_ros.storage import write_file
 from .adaptive.experiment import adaptive
 from .comparison.measured import MeasuredCloud, measured_surfaces
 from .comparison.study import Study
+from .learned.evaluation import learned
+from .learned.inference import Judge, packaged_network
+from .learned.surfaces import read_surfaces
 from .paper.contamination import contaminations
 from .paper.figures import figure4, figure8, figure10, figure11
 from .paper.table1 import table1
@@ -37,6 +40,29 @@ _ADAPTIVE_INTRODUCTION = (
     ' simulated clouds and on measured surfaces. No constant of the mode was chosen on the seeds used here. Every'
     ' sentence under "Findings" is computed from this run.'
 )
+_LEARNED_TITLE = 'The network that judges touch, and the rules'
+_LEARNED_INTRODUCTION = (
+    'A small network gives each point a probability of being an outlier. This page compares it with the rules of'
+    ' the adaptive mode on the same whole surfaces with the same outliers. Every sentence under "Findings" is'
+    ' computed from this run.'
+)
+
+
+def run_learned(study: Study, data: Path, network: Path | None, *, quick: bool = False) -> list[Section]:
+    """Compare a network with the rules of the adaptive mode.
+
+    Args:
+        study: seeds and repeats.
+        data: folder of measured surfaces, with its subfolder `training/`.
+        network: ONNX file; None: the packaged one.
+        quick: only the first surface.
+
+    Raises:
+        SocialCircleError: the network cannot be read, or ONNX Runtime is not installed.
+    """
+    judge = Judge(network or packaged_network())
+    surfaces = read_surfaces(data)
+    return learned(study, surfaces[:1] if quick else surfaces, judge)
 
 
 def run(name: str, study: Study, measured: Sequence[MeasuredCloud] = ()) -> list[Section]:
@@ -73,6 +99,8 @@ def write(folder: Path, name: str, command: str, sections: Sequence[Section]) ->
     """
     if name == 'adaptive':
         title, introduction = _ADAPTIVE_TITLE, _ADAPTIVE_INTRODUCTION
+    elif name == 'learned':
+        title, introduction = _LEARNED_TITLE, _LEARNED_INTRODUCTION
     else:
         title, introduction = _PAPER_TITLE, _PAPER_INTRODUCTION
     provenance = (

@@ -76,3 +76,10 @@ def test_a_folder_that_cannot_be_written_is_an_error(run, tmp_path):
     assert done.code == 1
     assert 'cannot be written' in done.err
     assert 'Traceback' not in done.err
+
+
+def test_the_network_is_compared_on_measured_surfaces_alone(run, monkeypatch):
+    monkeypatch.delenv('SOCIALCIRCLE_DATA', raising=False)
+    done = run('experiment', 'learned')
+    assert done.code == 2
+    assert 'learned needs measured surfaces' in done.err

@@ -1,6 +1,6 @@
-"""The network that judges touch: corpus, training and export.
+"""The network that judges touch: corpus, training, export, and its comparison with the rules of the adaptive mode.
 
 The product does not need this room, and nothing in it is imported by the product. `python -m
-socialcircle_ros.studies.learned` makes the corpus and trains. `docs/learned.md` has the definition and the model
-card.
+socialcircle_ros.studies.learned` makes the corpus and trains; `socialcircle experiment learned` compares.
+`docs/learned.md` has the definition, the model card and what was measured.
 """

@@ -72,7 +72,7 @@ def command(
     others = [each.cloud.name for each in surfaces if each.cloud.name not in trained]
     names = {'trained_on': trained, 'held_out': others}
     train(Run(folder, work, out, steps, workers, seed, start, threshold, names))
-    click.echo(f'{out} written')
+    click.echo(f'{out} written; next: socialcircle experiment learned --network {out}')
 
 
 if __name__ == '__main__':

@@ -1,5 +1,6 @@
 """The network on a whole height map, with ONNX Runtime."""
 
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,11 @@ if TYPE_CHECKING:
 
 Logits = NDArray[np.float32]
 """(H, W), above 0 where an outlier is likelier than a good point."""
+
+
+def packaged_network() -> Path:
+    """The file of the network that is part of the package."""
+    return Path(str(resources.files('socialcircle_ros.studies.learned') / 'network.onnx'))
 
 
 class Judge:

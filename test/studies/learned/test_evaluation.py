@@ -1,0 +1,83 @@
+"""The comparison of a network with the rules: tables, goals and pictures, with a stand-in for the network."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('matplotlib')
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.studies.adaptive.inserted_outliers import measured_surface
+from socialcircle_ros.studies.comparison.measured import MeasuredCloud
+from socialcircle_ros.studies.comparison.study import Plan, Study
+from socialcircle_ros.studies.experiments import run_learned
+from socialcircle_ros.studies.learned import evaluation
+from socialcircle_ros.studies.learned.surfaces import DEVELOPMENT, HELD_OUT, read_surfaces
+
+
+class Residual:
+    """Stands for the network: far from the median of the cloud is an outlier."""
+
+    threshold = 0.5
+
+    def logits(self, heights):
+        return np.abs(heights - np.nanmedian(heights)) - 4
+
+    def outliers(self, heights):
+        return self.logits(heights) > 0
+
+
+def surface(name, seed):
+    rows, columns = np.mgrid[:60, :80].astype(np.float64)
+    heights = np.random.default_rng(seed).normal(size=rows.shape)
+    return measured_surface(MeasuredCloud(name, np.dstack([columns, rows, heights]).astype(np.float32), 'µm'))
+
+
+@pytest.fixture(scope='module')
+def sections():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(evaluation, '_TIMED', (40, 50))
+        names = (DEVELOPMENT[0], next(iter(HELD_OUT)), 'other')
+        steps = []
+        made = evaluation.learned(
+            Study(Plan((1,), repeats=1), steps.append), [surface(name, 3) for name in names], Residual()
+        )
+        assert [step for step in steps if 'other' in step]
+        return {section.title: section for section in made}
+
+
+def test_every_surface_is_judged_by_both(sections):
+    summary, surfaces, thresholds = sections['Surfaces'].tables
+    assert [row[1] for row in surfaces.rows] == ['development', 'left out', 'training']
+    assert [len(table.columns) for table in (summary, surfaces)] == [16, 17]
+    assert all(0 <= value <= 1 for row in surfaces.rows for value in row[2:])
+    assert len(thresholds.rows) == 2 * len(evaluation.THRESHOLDS)
+
+
+def test_isolated_outliers_of_a_flat_surface_are_found_by_this_stand_in(sections):
+    _, surfaces, _ = sections['Surfaces'].tables
+    assert surfaces.rows[0][3] > 0.8
+
+
+def test_goals_and_pictures_are_made(sections):
+    assert len(sections['Goals'].findings) == 9
+    pictures = sections['Worst clouds'].pictures
+    assert len(pictures) == 3
+    assert pictures[0].caption.startswith(next(iter(HELD_OUT)))
+
+
+def test_a_network_that_is_not_there_is_named(tmp_path):
+    pytest.importorskip('onnxruntime')
+    with pytest.raises(SocialCircleError, match=r'none\.onnx cannot be read as a network'):
+        run_learned(Study(Plan((1,)), print), tmp_path, tmp_path / 'none.onnx')
+
+
+def test_every_surface_that_is_left_out_is_in_the_data_folder(real_measurements):
+    names = {each.stem for each in (real_measurements / 'training').glob('*.npz')}
+    assert set(HELD_OUT) <= names
+    assert {each.stem for each in real_measurements.glob('*.npz')} >= set(DEVELOPMENT)
+    assert not set(DEVELOPMENT) & set(HELD_OUT)
+
+
+def test_stacks_are_skipped(tmp_path):
+    np.savez(tmp_path / 'stack.npz', frames=np.zeros((2, 3, 4), np.uint8), z=np.arange(2.0))
+    (tmp_path / 'training').mkdir()
+    assert read_surfaces(tmp_path) == []
