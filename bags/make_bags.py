@@ -17,6 +17,7 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import RecordingWriter, ros_topic
 from socialcircle_ros.recording.simulated import pitch_of, write_simulation
 from socialcircle_ros.recording.stacks import node_parameters
+from socialcircle_ros.recording.units import with_unit
 from socialcircle_ros.settings import yaml_text
 from socialcircle_ros.simulation import Scene, Simulation, make_scene, simulate
 from socialcircle_ros.storage import write_file
@@ -48,7 +49,7 @@ def composite(seed: int) -> Scene:
 def write(name: str, scenes: list[Scene], *, padded: bool = False) -> None:
     """Write one recording with one cloud per scene; `padded` clouds have gaps, padding and more fields."""
     with RecordingWriter(HERE / f'{name}.mcap', compression='zstd', overwrite=True) as writer:
-        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        writer.add_topic(with_unit(ros_topic('/points', point_cloud.TYPE), 'um'))
         writer.add_topic(ros_topic('/truth/outlier_mask', image.TYPE))
         for number, scene in enumerate(scenes):
             time = START + number * PERIOD

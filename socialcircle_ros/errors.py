@@ -70,5 +70,9 @@ class ImportFileError(SocialCircleError):
     """A file cannot be imported; the message names the file."""
 
 
+class UnitWarning(UserWarning):
+    """A measurement file does not state its unit; the message says what is taken."""
+
+
 class StackError(SocialCircleError, ValueError):
     """A frame does not fit the focus stack, or the stack has too few frames to be measured."""

@@ -5,15 +5,18 @@ Lengths are shown with the SI prefix that suits them. A unit that is not known i
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import SettingError
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
+
+Lengths = NDArray[np.float32] | NDArray[np.float64]
+"""Lengths in one unit, of any shape."""
 
 METRES = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6, 'nm': 1e-9, 'pm': 1e-12, 'Å': 1e-10, 'inch': 0.0254}
 """The known units and their length in m."""
@@ -33,6 +36,7 @@ _SPELLINGS = {
 _PREFIXES = {0: 'm', -3: 'mm', -6: 'µm', -9: 'nm', -12: 'pm'}
 _LEAST_DIGITS = 2  # of a value that is much smaller than the largest of its series
 _SAME = 6  # digits: values closer than that to the next prefix take it
+_WHOLE = 1e-9  # relative deviation of a whole number of units in a metre
 _SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
@@ -52,6 +56,35 @@ def metres_per(unit: str | None) -> float:
         what = 'is not named' if unit is None else f'{unit!r} is not known'
         raise SettingError(f'The unit of the coordinates {what}: give one of {", ".join(METRES)}, as --unit.')
     return METRES[known]
+
+
+def to_metres(values: Lengths, unit: str) -> Lengths:
+    """Lengths in m, in their own data type, each the nearest number that the type has.
+
+    Raises:
+        SettingError: the unit is not known.
+    """
+    return _converted(values, metres_per(unit), back=False)
+
+
+def from_metres(values: Lengths, unit: str) -> Lengths:
+    """Lengths in m in another unit: the reverse of `to_metres`, up to one unit in the last place.
+
+    Raises:
+        SettingError: the unit is not known.
+    """
+    return _converted(values, metres_per(unit), back=True)
+
+
+def _converted(values: Lengths, metres: float, *, back: bool) -> Lengths:
+    real: NDArray[np.float64] = values.astype(np.float64)
+    whole = round(1 / metres)
+    # A whole number is exact, and its reciprocal is not: so the result is rounded once.
+    if abs(whole * metres - 1) < _WHOLE:
+        real = real * whole if back else real / whole
+    else:
+        real = real / metres if back else real * metres
+    return cast('Lengths', real.astype(values.dtype))
 
 
 @dataclass(frozen=True)
@@ -115,7 +148,7 @@ def length_scale(values: ArrayLike, unit: str | None, *, digits: int = 4) -> Len
         name = _PREFIXES[power]
     else:
         # An unknown unit has no prefix: a power of ten keeps numbers short, where they would not be.
-        power = 0 if -3 <= exponent < 6 else thousands
+        power = 0 if -2 <= exponent < 5 else thousands
         ten = '' if power == 0 else f'10{str(power).translate(_SUPERSCRIPTS)}'
         name = f'{ten} {unit}'.strip() if unit else '; '.join(filter(None, (ten, NOT_KNOWN)))
     factor = (METRES[known] if known else 1.0) * 10.0**-power

@@ -159,7 +159,7 @@ def test_c23_a_python_object_beside_the_numbers(run, case):
     path = case('c23_object_beside.npz')
     message = run.cloud(path)
     with np.load(path) as archive:
-        np.testing.assert_array_equal(message.xyz()[..., 2], archive['z'])
+        np.testing.assert_array_equal(message.xyz()[..., 2], archive['z'] / 1e6)  # µm in m
     assert 'the array meta' in run.err
 
 
@@ -461,5 +461,5 @@ def test_c23_own_coordinates_of_an_archive(run):
     x, y = np.arange(80) ** 1.5, np.arange(70) * 2.0
     np.savez(run.folder / 'a.npz', z=surface()[..., 2], x=x, y=y, meta=np.array({'a': 1}, dtype=object))
     xyz = run.cloud(run.folder / 'a.npz').xyz()
-    np.testing.assert_array_equal(xyz[0, :, 0], x)
-    np.testing.assert_array_equal(xyz[:, 0, 1], y)
+    np.testing.assert_array_equal(xyz[0, :, 0], x / 1e6)
+    np.testing.assert_array_equal(xyz[:, 0, 1], y / 1e6)

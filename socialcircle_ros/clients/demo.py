@@ -13,10 +13,11 @@ from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pictures.drawings import before_and_after
-from socialcircle_ros.recording import RecordingReader, RecordingWriter, import_cloud, open_recording, ros_topic
-from socialcircle_ros.recording.create import write_cloud
+from socialcircle_ros.recording import RecordingReader, RecordingWriter, open_recording, ros_topic
+from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.recording.offline import clouds_of, stacks_of
 from socialcircle_ros.recording.truth import truths_of
+from socialcircle_ros.recording.units import unit_of
 
 from .cloud_client import Client, Response
 from .process import NodeProcess
@@ -163,7 +164,8 @@ class _Session:
             except SocialCircleError as error:
                 self._demo.clouds.append(RefusedCloud(name, str(error)))
                 continue
-            self._take(name, topic.rpartition('/')[0], message.log_time, message.data, response)
+            unit = unit_of(self._reader, topic)
+            self._take(name, topic.rpartition('/')[0], message.log_time, message.data, unit, response)
 
     def play_stack(self, namespace: str) -> None:
         name = f'{self._name} (stack)'
@@ -178,7 +180,7 @@ class _Session:
             self._demo.clouds.append(RefusedCloud(name, str(error)))
             return
         cloud = response.stack_points or b''
-        self._take(name, namespace, messages[-1].log_time, cloud, response)
+        self._take(name, namespace, messages[-1].log_time, cloud, 'm', response)
         if response.measurement.values['circle.mode'] == 'paper':
             self._repeat_adaptive(namespace, cloud)
 
@@ -194,9 +196,11 @@ class _Session:
             self._demo.clouds.append(RefusedCloud(name, str(error)))
             return
         self._demo.clouds.append(self._described(name, namespace, cloud, response))
-        self._draw(f'{self._name}_adaptive.png', f'{self._name}, adaptive', cloud, response)
+        self._draw(f'{self._name}_adaptive.png', f'{self._name}, adaptive', cloud, 'm', response)
 
-    def _take(self, name: str, namespace: str, log_time: int, cloud: bytes, response: Response) -> None:
+    def _take(
+        self, name: str, namespace: str, log_time: int, cloud: bytes, unit: str | None, response: Response
+    ) -> None:
         """Write, describe and (for the first cloud) draw what the node published."""
         for topic, data in _published(response):
             full_name = topic.within(namespace)
@@ -204,7 +208,7 @@ class _Session:
             self._writer.write(full_name, data, log_time)
         self._demo.clouds.append(self._described(name, namespace, cloud, response))
         if not self._drawn:
-            self._draw(f'{self._name}.png', self._name, cloud, response)
+            self._draw(f'{self._name}.png', self._name, cloud, unit, response)
             self._drawn = True
 
     def _described(self, name: str, namespace: str, cloud: bytes, response: Response) -> DemoCloud:
@@ -222,10 +226,10 @@ class _Session:
             scores=scores,
         )
 
-    def _draw(self, file: str, name: str, cloud: bytes, response: Response) -> None:
+    def _draw(self, file: str, name: str, cloud: bytes, unit: str | None, response: Response) -> None:
         xyz = PointCloud.decode(cloud).xyz()
         outliers = decode_mono8(response.mask) == OUTLIER
-        before_and_after(self._output / file, xyz, outliers, f'{name}: {response.measurement.message}')
+        before_and_after(self._output / file, xyz, outliers, f'{name}: {response.measurement.message}', unit)
         self._demo.written.append(self._output / file)
 
 
@@ -263,9 +267,6 @@ def _as_recording(path: Path, output: Path) -> Path:
     """The recording itself, or a new recording of a measurement file."""
     if path.is_dir() or path.suffix == '.mcap':
         return path
-    cloud = import_cloud(path)
     recording = output / f'{path.stem}.mcap'
-    frame_id = f'{path.stem} [{cloud.unit}]' if cloud.unit else path.stem
-    with RecordingWriter(recording, overwrite=True) as writer:
-        write_cloud(writer, interface.POINTS.within(''), cloud, stamp=1_000_000_000, frame_id=frame_id)
+    record_clouds([path], recording, topic=interface.POINTS.within(''), frame_id=path.stem, overwrite=True)
     return recording

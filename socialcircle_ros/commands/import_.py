@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from socialcircle_ros.recording import ImportedCloud
     from socialcircle_ros.recording.create import ImportedFrame
     from socialcircle_ros.recording.frame_names import Order, ZFrom
+    from socialcircle_ros.recording.origins import FileOrigin
 
 
 @click.command('import', epilog='Example: socialcircle import part1.npz part2.npz -o parts.mcap')
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     ' without it, in --unit.',
 )
 @click.option('--unit', help='Unit of files that do not name it: m, mm, um or nm.')
+@click.option('--keep-unit', is_flag=True, help='Keep the unit of the files. Default: clouds are written in m.')
 @click.option(
     '--z-step',
     type=float,
@@ -69,6 +71,7 @@ def command(
     shape: tuple[int, int] | None,
     pitch: float | None,
     unit: str | None,
+    keep_unit: bool,
     z_step: float | None,
     z_from: 'ZFrom',
     order: 'Order',
@@ -83,7 +86,8 @@ def command(
     .ply, .pcd  organized point cloud
     .al3d, .x3p, .opd, .dat, .plu, .sdf, .tif, .csv ...  docs/formats.md
 
-    Coordinates keep the unit of the file.
+    Clouds are written in metres, as ROS has it (REP 103), unless --keep-unit is given. The recording keeps the
+    name and the unit of each file, and export writes the numbers of the file again.
 
     A focus stack is imported by itself: an .npz file with frames (N, rows, columns) and z (N), a TIFF with pages,
     or a folder of images. z comes from the numbers in the names of the images, which hold z itself
@@ -133,25 +137,28 @@ def command(
         shape=shape,
         pitch=None if pitch is None else (pitch, pitch),
         unit=unit,
+        keep_unit=keep_unit,
         overwrite=overwrite,
         written=_print_cloud,
     )
     click.echo(f'Written to {output}. Next: socialcircle filter {output} -o cleaned.mcap')
 
 
-def _print_cloud(path: Path, cloud: 'ImportedCloud') -> None:
+def _print_cloud(path: Path, cloud: 'ImportedCloud', origin: 'FileOrigin') -> None:
     import numpy as np
 
+    from socialcircle_ros.lengths import length_text
+
     rows, columns = cloud.points.shape[:2]
-    unit = f' in {cloud.unit}' if cloud.unit else ''
     fields = f', fields {", ".join(cloud.fields)}' if cloud.fields else ''
     z = cloud.points[..., 2]
     measured = np.isfinite(cloud.points).all(axis=-1)
+    low, high = (length_text(float(each), cloud.unit, digits=6) for each in (z[measured].min(), z[measured].max()))
     click.echo(
-        f'{path.name}: {rows}×{columns} points{unit}, {measured.sum()} measured, z {z[measured].min():.6g} to'
-        f' {z[measured].max():.6g}{fields}'
+        f'{path.name} ({origin.unit_text()}): {rows}×{columns} points, {measured.sum()} measured, z {low} to'
+        f' {high}{fields}{", written in m" if origin.converted else ""}'
     )
-    for note in cloud.notes:
+    for note in (cloud.unit_note, *cloud.notes) if cloud.unit_note else cloud.notes:
         click.echo(f'Note: {path.name}: {note}.', err=True)
 
 

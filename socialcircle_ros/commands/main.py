@@ -2,10 +2,14 @@
 
 import importlib
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TextIO
 
 import click
 
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SocialCircleError, UnitWarning
 from socialcircle_ros.storage import SignalExit
 
 COMMANDS = {
@@ -57,6 +61,32 @@ def socialcircle() -> None:
     """
 
 
+@contextmanager
+def _told_units() -> Iterator[None]:
+    """Print each warning on a unit once, as a sentence on stderr."""
+    told: set[str] = set()
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if not isinstance(message, UnitWarning):
+                others(message, category, filename, lineno, file, line)
+            elif str(message) not in told:
+                told.add(str(message))
+                click.echo(f'Warning: {message}', err=True)
+
+        warnings.simplefilter('always', UnitWarning)
+        warnings.showwarning = show
+        yield
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run a command. An error is one sentence on stderr.
 
@@ -68,8 +98,9 @@ def main(arguments: list[str] | None = None) -> int:
         130 after Ctrl-C.
     """
     try:
-        # Outside of standalone mode click returns an exit code instead of ending the process.
-        return int(socialcircle.main(arguments, standalone_mode=False) or 0)
+        with _told_units():
+            # Outside of standalone mode click returns an exit code instead of ending the process.
+            return int(socialcircle.main(arguments, standalone_mode=False) or 0)
     except click.ClickException as error:
         error.show()
         return error.exit_code

@@ -61,6 +61,8 @@ def read_file(
         raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
     except OSError as error:
         raise ImportFileError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
+    if unit is not None and found.unit is None:
+        found = replace(found, unit=unit)
     check_given(path, found, pitch, unit)
     return found
 

@@ -1,10 +1,12 @@
 """New recordings from measurement files and from simulated stacks."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from socialcircle_ros.errors import ImportFileError, SettingError
+from socialcircle_ros.lengths import known_unit
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.simulation import Simulation
@@ -13,6 +15,7 @@ from .frame_checks import FrameChecks
 from .frame_names import Order, ZFrom
 from .importers import ImportedCloud, import_cloud
 from .mcap_output import Compression
+from .origins import FileOrigin, in_metres, origin_of
 from .pictures import FramePicture
 from .simulated import pitch_of, write_simulation
 from .stacks import (
@@ -69,10 +72,13 @@ def record_clouds(
     shape: tuple[int, int] | None = None,
     pitch: tuple[float, float] | None = None,
     unit: str | None = None,
+    keep_unit: bool = False,
     overwrite: bool = False,
-    written: Callable[[Path, ImportedCloud], None] | None = None,
+    written: Callable[[Path, ImportedCloud, FileOrigin], None] | None = None,
 ) -> None:
-    """Write a recording with one cloud per measurement file.
+    """Write a recording with one cloud per measurement file, in m, and with the name and unit of each file.
+
+    Clouds whose unit is not known keep their numbers.
 
     Args:
         files: measurement files that `import_cloud` reads, in the order of the recording.
@@ -83,8 +89,9 @@ def record_clouds(
         shape: (rows, columns) of PLY and PCD files that do not state it.
         pitch: dx and dy of files that do not state them.
         unit: of files that do not name it.
+        keep_unit: whether clouds keep the unit of their file.
         overwrite: whether to replace an existing recording.
-        written: called with each file and its cloud.
+        written: called with each file, its cloud as it is written, and where that comes from.
 
     Raises:
         SettingError: the period is not above 0.
@@ -97,15 +104,23 @@ def record_clouds(
         before: str | None = None
         for number, path in enumerate(map(Path, files)):
             cloud = import_cloud(path, shape=shape, pitch=pitch, unit=unit)
+            cloud = replace(cloud, unit=known_unit(cloud.unit) or cloud.unit)
+            stamp = int((number + 1) * period_s * 1e9)
+            origin = origin_of(cloud, topic, stamp, path.name, given=unit is not None)
+            if not keep_unit:
+                cloud, rounding = in_metres(cloud)
+                origin = replace(origin, converted=cloud.unit != origin.unit, rounding=rounding)
             if number and cloud.unit != before:
                 raise ImportFileError(
                     f'{path} is in {_unit_text(cloud.unit)}, but the files before it are in {_unit_text(before)}:'
                     ' import them into recordings of their own.'
                 )
             before = cloud.unit
-            write_cloud(writer, topic, cloud, stamp=int((number + 1) * period_s * 1e9), frame_id=frame_id)
+            write_cloud(writer, topic, cloud, stamp=stamp, frame_id=frame_id)
+            for record in origin.records():
+                writer.add_metadata(record)
             if written is not None:
-                written(path, cloud)
+                written(path, cloud, origin)
 
 
 def _unit_text(unit: str | None) -> str:

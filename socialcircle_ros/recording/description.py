@@ -21,13 +21,17 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 
 from . import reader
 from .any_file import is_measurement_file
-from .importers import import_cloud
-from .stacks import import_stack, is_stack
+from .importers import ImportedCloud, import_cloud
+from .origins import FileOrigin, origins_of
+from .stacks import ImportedStack, import_stack, is_stack
 from .topics import Message, Topic
 from .units import unit_of
 
 _OLDEST = int(datetime(1990, 1, 1, tzinfo=timezone.utc).timestamp() * 1e9)
 """Earlier times, ns, are no dates: imported clouds and simulations count from 0."""
+
+
+_FILES_LISTED = 8
 
 
 class TopicDescription(NamedTuple):
@@ -110,6 +114,7 @@ def _recording(path: Path) -> Description:
             )
             for name, topic in sorted(opened.topics.items())
         ]
+        origins = list(origins_of(opened).values())
         damage = opened.damage
     files = [path] if path.is_file() else [each for each in path.iterdir() if each.is_file()]
     facts = {
@@ -117,10 +122,20 @@ def _recording(path: Path) -> Description:
         'messages': str(sum(seen.counts.values())),
         'duration': f'{(seen.last - (seen.first or 0)) / 1e9:.3f} s',
     }
-    if seen.first is not None and seen.first >= _OLDEST:
+    if seen.first is not None:
         start = datetime.fromtimestamp(seen.first / 1e9, tz=timezone.utc)
-        facts['start'] = f'{start:%Y-%m-%d %H:%M:%S} UTC'
+        facts['start'] = f'{start:%Y-%m-%d %H:%M:%S} UTC' if seen.first >= _OLDEST else 'no time'
+    facts |= _imported(origins)
     return Description(path, 'MCAP file' if path.is_file() else 'rosbag2 directory', facts, rows, damage)
+
+
+def _imported(origins: Sequence[FileOrigin]) -> dict[str, str]:
+    """The files that the clouds come from, with their units; the first few of many."""
+    if not origins:
+        return {}
+    listed = '; '.join(f'{each.file} ({each.unit_text()})' for each in origins[:_FILES_LISTED])
+    more = len(origins) - _FILES_LISTED
+    return {'imported': f'{listed}; and {more} more' if more > 0 else listed}
 
 
 def _measurement_file(path: Path) -> Description:
@@ -133,7 +148,7 @@ def _measurement_file(path: Path) -> Description:
         'size': _bytes_text(path.stat().st_size),
         'points': f'{rows} × {columns}, {cloud.points.dtype}',
         'measured': f'{np.count_nonzero(measured)} of {measured.size}',
-        'unit': cloud.unit or 'not known',
+        'unit': _unit_text(cloud),
     }
     try:
         dx, dy = surface_of(OrganizedCloud(cloud.points, cloud.unit)).surface.pitch
@@ -147,15 +162,29 @@ def _measurement_file(path: Path) -> Description:
     return Description(path, f'{form.name if form else "measurement"} file', facts)
 
 
+def _unit_text(cloud: ImportedCloud) -> str:
+    if cloud.unit is None:
+        return 'not known: the file does not state it'
+    unit = 'µm' if cloud.unit == 'um' else cloud.unit
+    return f'{unit}, taken, because the file does not state it' if cloud.unit_note else unit
+
+
 def _stack(path: Path) -> Description:
     stack = import_stack(path)
     first = next(stack.frames())
     facts = {
         'frames': str(len(stack.z)),
-        'z': f'{stack.z.min():g} to {stack.z.max():g}',
+        'z': _z_text(stack),
         'image': f'{first.shape[0]} × {first.shape[1]}, {first.dtype}',
     }
     return Description(path, 'focus stack', facts)
+
+
+def _z_text(stack: ImportedStack) -> str:
+    low, high = float(stack.z.min()), float(stack.z.max())
+    if stack.in_metres:
+        return f'{length_text(low, "m", digits=6)} to {length_text(high, "m", digits=6)}'
+    return f'{low:g} to {high:g} in its own unit, which is not stated'.replace('-', '−')
 
 
 def _size(data: bytes, type_name: str) -> str:

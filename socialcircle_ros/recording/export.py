@@ -21,6 +21,7 @@ from socialcircle_ros.settings import PipelineSettings
 
 from .any_file import is_measurement_file, open_recording
 from .offline import Seen, Summary, clouds_of, filter_recording
+from .origins import origins_of
 from .reader import RecordingReader
 from .topics import Message
 from .units import unit_of
@@ -59,6 +60,8 @@ def export_recording(
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Export:
     """Write the clouds of a recording as files, with their unit, and the settings of the filter, as metadata.
+
+    Imported clouds are written in the unit of their file, bit for bit as they were.
 
     Cleaned clouds have their outlier mask with them: as the field `outlier_mask` where the format has fields, else
     as a PNG beside the file, in both cases 0 kept, 255 outlier, 127 not measured.
@@ -188,11 +191,14 @@ class _Clouds:
             source: the name of the file that the clouds come from; None: that of the recording.
         """
         self._reader, self._unit, self._source = reader, unit, source or reader.path.name
+        self._origins = origins_of(reader)
         self._masks = self._companions(MASK, stamp_of)
         self._measurements = self._companions(MEASUREMENT, _stamp_of_status)
 
     def read(self, message: Message) -> tuple[OrganizedCloud, NDArray[np.uint8] | None]:
         """A cloud with its unit and metadata, and its mask if it is a cleaned one.
+
+        An imported cloud is in the unit of its file, with the numbers of the file.
 
         Raises:
             MessageError: the message is not an organized cloud.
@@ -217,6 +223,11 @@ class _Clouds:
             pixels = np.array(decode_mono8(zlib.decompress(self._masks[key])))
             mask = pixels if pixels.shape == points.shape[:2] else None
         unit = unit_of(self._reader, message.topic) or self._unit
+        origin = self._origins.get((message.topic.rpartition('/')[0], cloud.header.stamp))
+        if origin is not None:
+            metadata |= {'file': origin.file, 'unit of file': origin.unit_text()}
+            if origin.converted and unit == 'm':
+                points, unit = origin.in_unit_of_file(points), origin.unit
         return OrganizedCloud(points, unit, _fields_of(cloud), metadata), mask
 
     def _companions(self, topic: NodeTopic, stamp: Callable[[bytes], int]) -> dict[tuple[str, int], bytes]:

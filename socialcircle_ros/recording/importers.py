@@ -20,7 +20,7 @@ from .point_table import FieldValues, PointTable
 Coordinates = NDArray[np.float32] | NDArray[np.float64]
 
 _Number = TypeVar('_Number', bound=np.generic)
-_OWN_ARRAYS = {'z', 'x', 'y', 'dx', 'dy', 'unit'}
+_OWN_ARRAYS = {'z', 'x', 'y', 'dx', 'dy', 'unit', 'metadata'}
 _HEIGHT_MAP = 'a height map needs z (rows, columns), and the pitches dx and dy in µm or its own x and y'
 _SAME_PITCH = 1e-3  # relative
 
@@ -35,6 +35,8 @@ class ImportedCloud:
         fields: the other values of each point by name, (rows, columns) each.
         unit: of the coordinates; None if the file does not name it.
         notes: what was not taken as it stands, one sentence each.
+        unit_note: what was taken for a unit that the file does not state; empty: it states its unit, or the caller
+            gave it.
     """
 
     name: str
@@ -42,6 +44,7 @@ class ImportedCloud:
     fields: dict[str, FieldValues]
     unit: str | None
     notes: tuple[str, ...] = ()
+    unit_note: str = ''
 
 
 def import_cloud(
@@ -53,10 +56,10 @@ def import_cloud(
 ) -> ImportedCloud:
     """Read an organized cloud from a file.
 
-    An `.npz` height map has heights `z` (rows, columns) and the pitches `dx` and `dy`, all in one unit: µm, unless
-    `unit` names another. x is column · dx, y is row · dy; or the file has its own `x` and `y`, one value for each
-    column and row or one for each point. Other arrays of the same size become fields, as do the planes of an array
-    (planes, rows, columns). Other arrays are not loaded.
+    An `.npz` height map has heights `z` (rows, columns) and the pitches `dx` and `dy`, all in one unit: that of
+    its array `unit` or of the argument, else µm, as `unit_note` says then. x is column · dx, y is row · dy; or the
+    file has its own `x` and `y`, one value for each column and row or one for each point. Other arrays of the same
+    size become fields, as do the planes of an array (planes, rows, columns). Other arrays are not loaded.
 
     Args:
         path: an `.npz`, `.ply` or `.pcd` file, or one of the formats of `formats.FORMATS`.
@@ -73,15 +76,25 @@ def import_cloud(
         raise ImportFileError(f'{path} does not exist: check the name of the file or folder.')
     try:
         if path.suffix.lower() not in readers:
-            return _read_other(path, shape, pitch, unit)
+            return _with_unit(path, _read_other(path, shape, pitch, unit), unit)
         cloud = readers[path.suffix.lower()](path, shape)
     except FileNotFoundError:
         raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
     except OSError as error:
         raise ImportFileError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
-    cloud = replace(cloud, unit=cloud.unit or unit)
+    cloud = _with_unit(path, cloud, unit)
     check_given(path, OrganizedCloud(cloud.points, cloud.unit), pitch, unit)
     return cloud
+
+
+def _with_unit(path: Path, cloud: ImportedCloud, given: str | None) -> ImportedCloud:
+    """The cloud with the unit that the file states or the caller gives, or a note on what is taken."""
+    if cloud.unit or given:
+        return replace(cloud, unit=cloud.unit or given)
+    if path.suffix.lower() == '.npz':
+        return replace(cloud, unit='um', unit_note='does not state its unit: taken as µm; import --unit names it')
+    note = 'does not state its unit: its numbers are kept, in a unit that is not known; import --unit names it'
+    return replace(cloud, unit_note=note)
 
 
 def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
@@ -107,11 +120,19 @@ def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud
         kind = np.result_type(x, y, z) if 'x' in archive.headers else z.dtype
         points = np.empty((rows, columns, 3), kind)
         points[..., 0], points[..., 1], points[..., 2] = x, y, z
-        unit = str(archive.load('unit')) if 'unit' in archive.headers else 'um'
+        unit = _text_of(archive, 'unit')
         for name in archive.headers:
             if name not in _OWN_ARRAYS:
                 fields.add_array(archive, name)
     return _checked(path, ImportedCloud(path.stem, points, fields.by_name, unit, tuple(fields.notes)))
+
+
+def _text_of(archive: Npz, name: str) -> str | None:
+    """The one text of an array; None if it is not there, is empty, or is no text."""
+    if name not in archive.headers or archive.headers[name].dtype.kind not in 'US':
+        return None
+    values = archive.load(name).astype(np.str_).ravel()
+    return (str(values[0]).strip() or None) if values.size == 1 else None
 
 
 def _lateral(archive: Npz, rows: int, columns: int) -> tuple[Coordinates, Coordinates]:

@@ -1,8 +1,10 @@
 """`read_surface`: heights from any measurement file."""
 
+import warnings
 from pathlib import Path
 
-from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, surface_of
+from socialcircle_ros.errors import UnitWarning
+from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, read_file, surface_of
 
 from .importers import import_cloud
 
@@ -20,7 +22,8 @@ def read_surface(
         unit: of a file that does not name it.
 
     Returns:
-        The heights, NaN where not measured, with pitch and unit.
+        The heights, NaN where not measured, with pitch and unit. A `UnitWarning` says what is taken for a unit
+        that the file does not state.
 
     Raises:
         ImportFileError: the file cannot be used; the message says why and what to do.
@@ -28,9 +31,12 @@ def read_surface(
     """
     path = Path(path)
     if path.suffix.lower() in _OF_IMPORTERS:
-        cloud = import_cloud(path)
-        found: MeasuredSurface | OrganizedCloud = OrganizedCloud(cloud.points, cloud.unit or unit, cloud.fields)
-        check_given(path, found, pitch, unit)
+        cloud = import_cloud(path, pitch=pitch, unit=unit)
+        found: MeasuredSurface | OrganizedCloud = OrganizedCloud(cloud.points, cloud.unit, cloud.fields)
+        note = cloud.unit_note
     else:
         found = read_file(path, pitch=pitch, unit=unit)
+        note = '' if found.unit else 'does not state its unit, which is not known'
+    if note:
+        warnings.warn(f'{path} {note.partition(";")[0]}; give it as unit=.', UnitWarning, stacklevel=2)
     return found if isinstance(found, MeasuredSurface) else surface_of(found).surface

@@ -35,11 +35,11 @@ def unit_of(reader: RecordingReader, name: str) -> str | None:
     for output in (FILTERED, REPAIRED, LAST_POINTS):
         namespace = output.namespace_of(name)
         if namespace is not None:
-            source = reader.topics.get(POINTS.within(namespace))
+            beside = [each for each in reader.topics.values() if each.name.rpartition('/')[0] == namespace]
+            units = {each.metadata[_KEY] for each in beside if _KEY in each.metadata}
+            if len(units) == 1:
+                return units.pop()
             # Without clouds beside them, the outputs are those of a stack.
-            return 'm' if source is None and STACK_FRAMES.within(namespace) in reader.topics else _unit(source)
+            clouds = POINTS.within(namespace) in reader.topics
+            return 'm' if not clouds and STACK_FRAMES.within(namespace) in reader.topics else None
     return None
-
-
-def _unit(topic: Topic | None) -> str | None:
-    return None if topic is None else topic.metadata.get(_KEY)

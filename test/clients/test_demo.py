@@ -83,7 +83,7 @@ def test_a_measurement_file_becomes_a_recording_and_a_recording_stays(tmp_path):
     with open_recording(path) as reader:
         (message,) = reader.messages()
     assert message.topic == '/points'
-    assert PointCloud.decode(message.data).header.frame_id == 'part [um]'
+    assert PointCloud.decode(message.data).header.frame_id == 'part'
     assert _as_recording(path, tmp_path) == path
     with pytest.raises(ImportFileError, match=r'nowhere\.npz does not exist'):
         _as_recording(tmp_path / 'nowhere.npz', tmp_path)

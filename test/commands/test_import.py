@@ -22,7 +22,7 @@ def test_height_maps_become_clouds_in_the_given_order(run, tmp_path):
     assert [message.topic for message in messages] == ['/cell/points'] * 2
     assert messages[1].log_time - messages[0].log_time == 500_000_000
     cloud = PointCloud.decode(messages[0].data)
-    assert cloud.xyz()[4, 6, :2].tolist() == [12.0, 12.0]
+    assert cloud.xyz()[4, 6, :2].tolist() == [12e-6, 12e-6]
     assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'texture']
 
 

@@ -30,15 +30,15 @@ def test_clouds_follow_in_the_order_of_the_files(tmp_path):
         tmp_path / 'parts.mcap',
         topic='/cell/points',
         period_s=0.5,
-        written=lambda path, cloud: seen.append((path.name, cloud.unit)),
+        written=lambda path, cloud, origin: seen.append((path.name, cloud.unit, origin.unit)),
     )
     messages = messages_of(tmp_path / 'parts.mcap')
     assert [(message.topic, message.log_time) for message in messages] == [
         ('/cell/points', 500_000_000), ('/cell/points', 1_000_000_000),
     ]  # fmt: skip
-    assert [PointCloud.decode(message.data).xyz()[0, 0, 2] for message in messages] == [1.0, 0.0]
+    assert [PointCloud.decode(message.data).xyz()[0, 0, 2] for message in messages] == [1e-6, 0.0]
     assert PointCloud.decode(messages[0].data).header.frame_id == 'microscope'
-    assert seen == [('b.npz', 'um'), ('a.npz', 'um')]
+    assert seen == [('b.npz', 'm', 'um'), ('a.npz', 'm', 'um')]
 
 
 def test_a_period_that_is_not_above_0_is_refused(tmp_path):

@@ -36,7 +36,8 @@ def test_a_recording(tmp_path, target):
     found = describe(tmp_path / target)
     assert found.kind == ('MCAP file' if target == 'a.mcap' else 'rosbag2 directory')
     assert (found.facts['messages'], found.facts['duration']) == ('3', '2.000 s')
-    assert 'start' not in found.facts  # imported clouds have no date
+    assert found.facts['start'] == 'no time'  # imported clouds have no date
+    assert found.facts['imported'] == '; '.join(['a.x3p (m, stated in the file)'] * 3)
     assert found.topics == [TopicDescription('/points', CLOUD, 3, '2 × 3 (x, y, z)', 'm')]
     assert found.damage is None
 
@@ -54,7 +55,7 @@ def test_a_stack_and_its_recording(tmp_path):
     found = describe(tmp_path / 's.npz')
     assert (found.kind, found.facts) == (
         'focus stack',
-        {'frames': '4', 'z': '-1.5 to 1.5', 'image': '5 × 6, uint8'},
+        {'frames': '4', 'z': '−1.5 to 1.5 in its own unit, which is not stated', 'image': '5 × 6, uint8'},
     )
     record_stack(tmp_path / 's.npz', tmp_path / 's.mcap', pitch=1e-6, z_step=1e-6)
     rows = {row.name: row for row in describe(tmp_path / 's.mcap').topics}

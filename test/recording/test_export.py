@@ -187,15 +187,17 @@ def test_files_in_different_units_do_not_become_one_topic(tmp_path):
     for unit, text in (('um', 'um'), (None, 'a unit that it does not name')):
         write_surface(tmp_path / 'b.ply', measured_surface(unit=unit), overwrite=True)
         with pytest.raises(ImportFileError, match=rf'b\.ply is in {text}, but the files before it are in m'):
-            record_clouds([tmp_path / 'a.ply', tmp_path / 'b.ply'], tmp_path / 'x.mcap')
+            record_clouds([tmp_path / 'a.ply', tmp_path / 'b.ply'], tmp_path / 'x.mcap', keep_unit=True)
         assert not (tmp_path / 'x.mcap').exists()
 
 
 def test_the_outputs_of_the_filter_have_the_unit_of_their_clouds(tmp_path):
-    filter_recording(recorded(tmp_path, measured_surface('mm')), tmp_path / 'c.mcap', SETTINGS)
+    write_surface(tmp_path / 'part.ply', measured_surface('mm'))
+    record_clouds([tmp_path / 'part.ply'], tmp_path / 'part.mcap', topic='/cloud', keep_unit=True)
+    filter_recording(tmp_path / 'part.mcap', tmp_path / 'c.mcap', SETTINGS)
     with open_recording(tmp_path / 'c.mcap') as reader:
-        units = {name: unit_of(reader, name) for name in reader.topics if 'points' in name}
-    assert units == dict.fromkeys(('/points', '/points_filtered', '/points_repaired'), 'mm')
+        units = {name: unit_of(reader, name) for name in reader.topics if 'points' in name or name == '/cloud'}
+    assert units == dict.fromkeys(('/cloud', '/points_filtered', '/points_repaired'), 'mm')
 
 
 @pytest.mark.parametrize('name', ['al3d-1.al3d', 'opd-1.opd', 'metropro-1.dat', 'plu-1.plu', 'x3p-2.x3p'])
