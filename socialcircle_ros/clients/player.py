@@ -19,6 +19,7 @@ from socialcircle_ros.errors import RecordingError, SettingError
 from socialcircle_ros.recording import Message, RecordingReader, Topic, open_recording
 
 from .message_types import message_class
+from .pace import Pace
 from .qos import replay_qos
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class Player(Node):
         self,
         messages: Iterable[Message],
         *,
-        rate: float = 1.0,
+        pace: Pace | None = None,
         clock: bool = False,
         published: Callable[[Message], None] = lambda message: None,
     ) -> None:
@@ -99,17 +100,19 @@ class Player(Node):
 
         Args:
             messages: in the order of their log times. Messages of topics without a publisher are skipped.
-            rate: 2 plays twice as fast as recorded.
+            pace: how fast recorded time passes; None: as recorded.
             clock: whether to publish recorded time on /clock, for nodes with use_sim_time.
             published: called after each message.
         """
-        start: tuple[float, int] | None = None  # s on the monotonic clock, and the first log time in ns
+        pace, started = pace or Pace(), False
         for message in messages:
             publisher = self._topic_publishers.get(message.topic)
             if publisher is None:
                 continue
-            start = start or (time.monotonic(), message.log_time)
-            if not self._wait_for_moment(message.log_time, start, rate, clock=clock):
+            if not started:
+                pace.start(message.log_time)
+                started = True
+            if not self._wait_for_moment(message.log_time, pace, clock=clock):
                 return
             publisher.publish(bytes(message.data))
             published(message)
@@ -123,21 +126,22 @@ class Player(Node):
         timeout = Duration(seconds=timeout_s)
         return all(publisher.wait_for_all_acked(timeout) for publisher in self._topic_publishers.values())
 
-    def _wait_for_moment(self, log_time: int, start: tuple[float, int], rate: float, *, clock: bool) -> bool:
+    def _wait_for_moment(self, log_time: int, pace: Pace, *, clock: bool) -> bool:
         """Sleep until a message is due, and publish recorded time meanwhile.
 
         Returns:
             Whether the context is still valid.
         """
-        started_at, first = start
         while rclpy.ok(context=self.context):
-            now = min(first + int((time.monotonic() - started_at) * rate * 1e9), log_time)
-            if clock:
-                self._publish_clock(now)
-            if now >= log_time:
+            if pace.is_due(log_time):
+                if clock:
+                    self._publish_clock(log_time)
                 return True
-            pause_s = min((log_time - now) / rate / 1e9, _LONGEST_SLEEP_S)
-            time.sleep(min(pause_s, CLOCK_PERIOD_NS / 1e9 / rate) if clock else pause_s)
+            pause_s = min(pace.seconds_until(log_time), _LONGEST_SLEEP_S)
+            if clock:
+                self._publish_clock(min(pace.now_ns(), log_time))
+                pause_s = min(pause_s, CLOCK_PERIOD_NS / 1e9 / pace.rate)
+            time.sleep(pause_s)
         return False
 
     def _publish_clock(self, now: int) -> None:
@@ -166,8 +170,9 @@ def play_recording(
     topics: Collection[str] = (),
     *,
     prefix: str = '',
-    rate: float = 1.0,
+    pace: Pace | None = None,
     loop: bool = False,
+    start_offset_s: float = 0.0,
     clock: bool = False,
     wait_s: float = 10.0,
     tell: Callable[[str], None] = lambda sentence: None,
@@ -181,8 +186,9 @@ def play_recording(
         recording: an MCAP file or a rosbag2 directory.
         topics: the topics to play; none: all.
         prefix: put before the name of each topic; see `topic_prefix`.
-        rate: 2 plays twice as fast as recorded.
+        pace: how fast recorded time passes; None: as recorded.
         loop: whether to start again at the end.
+        start_offset_s: leave out the messages of the first seconds.
         clock: whether to publish recorded time on /clock.
         wait_s: longest wait for the first subscriber.
         tell: called with a sentence for what is not played, and for what has no subscriber.
@@ -208,8 +214,10 @@ def play_recording(
                 listed = ', '.join(prefix + name for name in missing)
                 tell(f'No node subscribes to {listed}; playing anyway.')
             total = 0
+            first = next((message.log_time for message in reader.messages()), 0) if start_offset_s else 0
+            since = first + round(start_offset_s * 1e9)
             while True:
-                played = _play_once(player, reader, names, rate, clock, progress)
+                played = _play_once(player, reader, names, since, pace or Pace(), clock, progress)
                 total += played
                 if not loop or played == 0 or not rclpy.ok():
                     break
@@ -252,7 +260,8 @@ def _play_once(
     player: Player,
     reader: RecordingReader,
     names: Collection[str],
-    rate: float,
+    since: int,
+    pace: Pace,
     clock: bool,
     progress: Callable[[int, int], None],
 ) -> int:
@@ -264,5 +273,5 @@ def _play_once(
         played += 1
         progress(played, reader.message_count)
 
-    player.play(reader.messages(names), rate=rate, clock=clock, published=published)
+    player.play(reader.messages(names, since), pace=pace, clock=clock, published=published)
     return played

@@ -1,5 +1,6 @@
 """The recorder: writes the messages of topics to a recording, byte for byte."""
 
+import re
 import signal
 import time
 from collections import Counter
@@ -33,12 +34,38 @@ class _MessageInfo(TypedDict, total=False):
     source_timestamp: int
 
 
+@dataclass(frozen=True)
+class TopicChoice:
+    """Which topics are recorded, as `ros2 bag record` chooses them.
+
+    Attributes:
+        names: of topics; with neither names nor a pattern, every topic that is published.
+        every: whether every topic is recorded, whatever else is given.
+        pattern: also topics with a name in which this regular expression is found; None: none.
+        excluded: no topics with a name in which this one is found; None: none is left out.
+    """
+
+    names: Collection[str] = ()
+    every: bool = False
+    pattern: re.Pattern[str] | None = None
+    excluded: re.Pattern[str] | None = None
+
+    def holds(self, name: str, resolve: Callable[[str], str]) -> bool:
+        """Whether a topic is recorded; `resolve` makes full names of `names`."""
+        if self.excluded is not None and self.excluded.search(name):
+            return False
+        if self.every or not (self.names or self.pattern):
+            return not name.endswith(_NOT_RECORDED)
+        found = self.pattern is not None and self.pattern.search(name) is not None
+        return found or name in map(resolve, self.names)
+
+
 class Recorder(Node):
     """Subscribes to topics as they appear, and writes their messages.
 
     Args:
         writer: where to write.
-        topics: names of topics; none: every topic that is published.
+        topics: which topics.
         received: called after each message that was written.
         context: the ROS context; None: the default one.
 
@@ -49,14 +76,14 @@ class Recorder(Node):
     def __init__(
         self,
         writer: RecordingWriter,
-        topics: Collection[str],
+        topics: TopicChoice,
         received: Callable[[Message], None] = lambda message: None,
         context: Context | None = None,
     ) -> None:
         super().__init__('socialcircle_record', context=context)
         self.refused: dict[str, str] = {}
         self._writer = writer
-        self._wanted = {self.resolve_topic_name(name) for name in topics}
+        self._topics = topics
         self._received = received
         self._recorded: set[str] = set()
         self.subscribe_to_new_topics()
@@ -69,7 +96,7 @@ class Recorder(Node):
                 self._subscribe(name, types[0])
 
     def _is_wanted(self, name: str) -> bool:
-        return name in self._wanted if self._wanted else not name.endswith(_NOT_RECORDED)
+        return self._topics.holds(name, self.resolve_topic_name)
 
     def _subscribe(self, name: str, type_name: str) -> None:
         publishers = self.get_publishers_info_by_topic(name)
@@ -116,7 +143,7 @@ class Recorded:
 
 def record_topics(
     path: Path,
-    topics: Collection[str] = (),
+    topics: TopicChoice | None = None,
     *,
     compression: Compression = 'none',
     overwrite: bool = False,
@@ -133,7 +160,7 @@ def record_topics(
 
     Args:
         path: an MCAP file if its name ends in `.mcap`, else a rosbag2 directory.
-        topics: names of topics; none: every topic that is published.
+        topics: which topics; None: every topic that is published.
         compression: of the chunks.
         overwrite: whether to replace an existing recording.
         duration_s: how long to record; None: until Ctrl-C.
@@ -167,7 +194,7 @@ def record_topics(
 
         try:
             with writer:
-                _record(writer, topics, lambda message: counts.update([message.topic]), goes_on)
+                _record(writer, topics or TopicChoice(), lambda message: counts.update([message.topic]), goes_on)
         except SocialCircleError:
             raise
         except Exception as error:
@@ -180,7 +207,7 @@ def record_topics(
 
 def _record(
     writer: RecordingWriter,
-    topics: Collection[str],
+    topics: TopicChoice,
     received: Callable[[Message], None],
     goes_on: Callable[[Recorder], bool],
 ) -> None:

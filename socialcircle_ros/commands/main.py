@@ -12,26 +12,25 @@ import click
 from socialcircle_ros.errors import SocialCircleError, UnitWarning
 from socialcircle_ros.storage import SignalExit
 
-COMMANDS = {
-    'demo': 'demo',
-    'node': 'node',
-    'warm-up': 'warm_up',
-    'tune': 'tune',
-    'filter': 'filter',
-    'play': 'play',
-    'record': 'record',
-    'import': 'import_',
-    'export': 'export',
-    'info': 'info',
-    'simulate': 'simulate',
-    'report': 'report',
-    'sweep': 'sweep',
-    'batch': 'batch',
-    'measurements': 'measurements',
-    'bench': 'bench',
-    'experiment': 'experiment',
+GROUPS = {
+    'Run': {'demo': 'demo', 'node': 'node', 'tune': 'tune', 'warm-up': 'warm_up'},
+    'Recordings and files': {
+        'record': 'record',
+        'play': 'play',
+        'filter': 'filter',
+        'batch': 'batch',
+        'import': 'import_',
+        'export': 'export',
+        'info': 'info',
+        'simulate': 'simulate',
+    },
+    'Look': {'report': 'report', 'measurements': 'measurements'},
+    'Study': {'sweep': 'sweep', 'bench': 'bench', 'experiment': 'experiment'},
 }
-"""Name of each command, in the order of the help, to its module."""
+"""The commands in the groups of the help: name to module."""
+
+COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()}
+"""Name of each command to its module."""
 
 
 class _Commands(click.Group):
@@ -46,6 +45,14 @@ class _Commands(click.Group):
         module = importlib.import_module(f'.{COMMANDS[cmd_name]}', __package__)
         command: click.Command = module.command
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the first sentence of each command, whole, in groups."""
+        for title, group in GROUPS.items():
+            commands = [(name, self.get_command(ctx, name)) for name in group]
+            rows = [(name, command.get_short_help_str(limit=1000)) for name, command in commands if command]
+            with formatter.section(title):
+                formatter.write_dl(rows)
 
 
 @click.group(

@@ -1,5 +1,6 @@
 """`socialcircle play`."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -9,19 +10,41 @@ from .options import quantity, require_ros
 
 @click.command('play', epilog='Example: socialcircle play last_night.mcap --rate 0.5 --loop')
 @click.argument('recording', type=click.Path(path_type=Path))
-@click.option('--topic', 'topics', multiple=True, help='Play only this topic; may be repeated.')
-@click.option('--rate', default=1.0, show_default=True, help='2: twice as fast as recorded.')
-@click.option('--loop', is_flag=True, help='Start again at the end, until Ctrl-C.')
+@click.option('--topics', '--topic', multiple=True, help='Play only this topic; may be repeated.')
+@click.option('-r', '--rate', default=1.0, show_default=True, help='2: twice as fast as recorded.')
+@click.option('-l', '--loop', is_flag=True, help='Start again at the end, until Ctrl-C.')
+@click.option(
+    '--start-offset',
+    default=0.0,
+    type=click.FloatRange(min=0),
+    metavar='SECONDS',
+    help='Leave out the messages of the first seconds.',
+)
+@click.option('-p', '--start-paused', is_flag=True, help='Wait for a key.')
 @click.option('--clock', is_flag=True, help='Publish recorded time on /clock, for nodes with use_sim_time.')
 @click.option('--namespace', default='', help='Put before every topic, such as /cell1.')
 @click.option('--wait', default=10.0, show_default=True, help='Seconds to wait for the first subscriber.')
 def command(
-    recording: Path, topics: tuple[str, ...], rate: float, loop: bool, clock: bool, namespace: str, wait: float
+    recording: Path,
+    topics: tuple[str, ...],
+    rate: float,
+    loop: bool,
+    start_offset: float,
+    start_paused: bool,
+    clock: bool,
+    namespace: str,
+    wait: float,
 ) -> None:
     """Publish a RECORDING byte for byte, with its recorded timing and QoS.
 
+    \b
+    Keys, in a terminal:
+      space    pause, and go on
+      →        the next message, while paused
+      ↑  ↓     10 % faster, 10 % slower
+
     A replay is best effort: a busy subscriber misses clouds. Use `socialcircle filter` for exact results.
-    """
+    """  # noqa: D301 - click reads \b
     require_ros()
     if not rate > 0:
         raise click.BadParameter('must be above 0.', param_hint='--rate')
@@ -31,6 +54,8 @@ def command(
     from rich.console import Console
     from rich.progress import Progress
 
+    from socialcircle_ros.clients.keys import DOWN, RIGHT, SPACE, UP, listened_keys
+    from socialcircle_ros.clients.pace import Pace
     from socialcircle_ros.clients.player import play_recording, topic_prefix
     from socialcircle_ros.errors import SettingError
 
@@ -38,14 +63,38 @@ def command(
         prefix = topic_prefix(namespace)
     except SettingError as error:
         raise click.BadParameter(str(error), param_hint='--namespace') from None
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(f'playing {recording.name}', total=None)
+    pace = Pace(rate, paused=start_paused)
+    progress = Progress(console=Console(stderr=True), transient=True)
+    task = progress.add_task('', total=None)
+
+    def show() -> None:
+        state = 'paused' if pace.paused else f'{pace.rate:.3g} ×'
+        progress.update(task, description=f'playing {recording.name} ({state})')
+
+    def key(change: Callable[[], object]) -> Callable[[], None]:
+        def press() -> None:
+            change()
+            show()
+
+        return press
+
+    keys = {
+        SPACE: key(pace.toggle_pause),
+        RIGHT: key(pace.step),
+        UP: key(lambda: pace.multiply_rate(1.1)),
+        DOWN: key(lambda: pace.multiply_rate(1 / 1.1)),
+    }
+    with progress, listened_keys(keys) as heard:
+        if start_paused and not heard:
+            raise click.BadParameter('needs a terminal, where keys can be pressed.', param_hint='--start-paused')
+        show()
         replay = play_recording(
             recording,
             topics,
             prefix=prefix,
-            rate=rate,
+            pace=pace,
             loop=loop,
+            start_offset_s=start_offset,
             clock=clock,
             wait_s=wait,
             tell=lambda sentence: progress.console.print(sentence, highlight=False, markup=False, soft_wrap=True),

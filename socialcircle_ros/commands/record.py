@@ -1,5 +1,6 @@
 """`socialcircle record`."""
 
+import re
 import signal
 from pathlib import Path
 
@@ -8,10 +9,33 @@ import click
 from .options import quantity, require_ros, size_in_bytes
 
 
+def regular_expression(_: click.Context, parameter: click.Parameter, text: str | None) -> re.Pattern[str] | None:
+    """Compile an option; click calls this."""
+    if text is None:
+        return None
+    try:
+        return re.compile(text)
+    except re.error as error:
+        raise click.BadParameter(f'{text!r} is no regular expression: {error}.', param=parameter) from None
+
+
 @click.command('record', epilog='Example: socialcircle record /cell1/points /cell1/outlier_mask -o night.mcap')
 @click.argument('topics', nargs=-1)
 @click.option(
     '-o', '--output', required=True, type=click.Path(path_type=Path), help='Where to: NAME.mcap, or a directory.'
+)
+@click.option('-a', '--all', 'every', is_flag=True, help='Every topic; the same as to name none.')
+@click.option(
+    '-e',
+    '--regex',
+    callback=regular_expression,
+    help='Also topics in whose name this regular expression is found.',
+)
+@click.option(
+    '-x',
+    '--exclude-regex',
+    callback=regular_expression,
+    help='No topics in whose name this regular expression is found.',
 )
 @click.option('--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='none', show_default=True)
 @click.option('--duration', type=float, help='Stop after this many seconds; default: at Ctrl-C.')
@@ -43,6 +67,9 @@ from .options import quantity, require_ros, size_in_bytes
 def command(
     topics: tuple[str, ...],
     output: Path,
+    every: bool,
+    regex: re.Pattern[str] | None,
+    exclude_regex: re.Pattern[str] | None,
     compression: str,
     duration: float | None,
     max_bag_size: int,
@@ -64,12 +91,12 @@ def command(
     prepare_process()
     from rich.console import Console
 
-    from socialcircle_ros.clients.recorder import record_topics
+    from socialcircle_ros.clients.recorder import TopicChoice, record_topics
 
     with Console(stderr=True).status('recording; Ctrl-C ends it') as status:
         recorded = record_topics(
             output,
-            topics,
+            TopicChoice(topics, every, regex, exclude_regex),
             compression=compression,  # type: ignore[arg-type]
             overwrite=overwrite,
             duration_s=duration,

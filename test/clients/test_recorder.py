@@ -1,11 +1,13 @@
 """The recorder: its warning before the disk is full, and what it keeps after an error."""
 
+import re
+
 import pytest
 from recording.samples import read
 from storage.disks import fill, small_disk
 
 from socialcircle_ros.clients import recorder
-from socialcircle_ros.clients.recorder import Recorder, record_topics
+from socialcircle_ros.clients.recorder import Recorder, TopicChoice, record_topics
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.recording import ros_topic
 
@@ -81,3 +83,21 @@ def test_an_error_before_the_first_message_leaves_nothing(tmp_path, monkeypatch)
     with pytest.raises(RecordingError, match='It holds no message'):
         record_topics(tmp_path / 'night.mcap')
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ('choice', 'recorded'),
+    [
+        (TopicChoice(), {'/cell1/points', '/cell1/outlier_mask', '/clock'}),
+        (TopicChoice(['points']), {'/cell1/points'}),
+        (TopicChoice(['/clock'], pattern=re.compile('mask')), {'/cell1/outlier_mask', '/clock'}),
+        (TopicChoice(pattern=re.compile('^/cell')), {'/cell1/points', '/cell1/outlier_mask'}),
+        (TopicChoice(every=True, excluded=re.compile('points$')), {'/cell1/outlier_mask', '/clock'}),
+        (TopicChoice(['points'], every=True), {'/cell1/points', '/cell1/outlier_mask', '/clock'}),
+        (TopicChoice(['points'], excluded=re.compile('points')), set()),
+    ],
+)
+def test_topics_are_chosen_as_ros2_bag_record_chooses_them(choice, recorded):
+    names = ['/cell1/points', '/cell1/outlier_mask', '/clock', '/move/_action/status']
+    resolve = {'points': '/cell1/points'}
+    assert {name for name in names if choice.holds(name, lambda name: resolve.get(name, name))} == recorded

@@ -36,6 +36,16 @@ def started(tmp_path, *arguments):
         process.output = process.communicate(timeout=300)
 
 
+def test_the_messages_of_the_first_seconds_can_be_left_out(run):
+    _, messages = contents(BAGS / 'parts.mcap')
+    times = sorted(message.log_time for message in messages)
+    offset = (times[len(times) // 2] - times[0]) / 1e9
+    wanted = sum(time >= times[len(times) // 2] for time in times)
+    assert 0 < wanted < len(times)
+    done = run('play', BAGS / 'parts.mcap', '-r', '50', '--start-offset', offset, '--wait', '0')
+    assert f'{wanted} messages played' in done.out
+
+
 def contents(path):
     with open_recording(path) as reader:
         return dict(reader.topics), list(reader.messages())
@@ -136,6 +146,8 @@ def test_the_recording_of_a_killed_recorder_gets_a_name_from_the_next(run, tmp_p
         (['record', '-o', 'x', '--min-free', 'much'], 2, "'much' is no size; give bytes"),
         (['play', 'nowhere.mcap'], 1, 'nowhere.mcap'),
         (['play', BAGS / 'parts.mcap', '--rate', '0'], 2, 'must be above 0'),
+        (['play', BAGS / 'parts.mcap', '-p'], 2, 'needs a terminal'),
+        (['record', '-e', '(', '-o', 'a.mcap'], 2, "'(' is no regular expression"),
         (['play', BAGS / 'parts.mcap', '--topic', '/nowhere'], 1, 'has no topic /nowhere'),
         (['play', BAGS / 'parts.mcap', '--namespace', 'bad x'], 2, "'bad x' is not a valid namespace"),
         (['play', BAGS / 'parts.mcap', '--namespace', '1st'], 2, 'no digit at the start'),

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from socialcircle_ros.commands.main import COMMANDS
+from socialcircle_ros.commands.main import COMMANDS, GROUPS
 
 
 def test_help_lists_every_command(run):
@@ -13,6 +13,14 @@ def test_help_lists_every_command(run):
     assert done.code == 0
     for name in COMMANDS:
         assert f'\n  {name} ' in done.out
+
+
+def test_help_has_groups_and_cuts_no_sentence_off(run):
+    out = run('--help').out
+    at = [out.index(f'\n{title}:\n') for title in GROUPS]
+    assert at == sorted(at)
+    assert '...' not in out.partition('Run:')[2]
+    assert '…' not in out
 
 
 @pytest.mark.parametrize('name', COMMANDS)
