@@ -97,7 +97,7 @@ def _levelled(heights: HeightMap) -> tuple[npt.NDArray[np.float64], Mask]:
     mixed = rows @ (measured @ columns)
     squares = [[per_row @ rows**2, mixed], [mixed, per_column @ columns**2]]
     products = np.array([row_sums @ rows, column_sums @ columns])
-    (row_slope, column_slope), *_ = np.linalg.lstsq(np.array(squares), products)
+    (row_slope, column_slope), *_ = np.linalg.lstsq(np.array(squares), products, rcond=None)
     z -= mean + (row_slope * rows)[:, None] + column_slope * columns
     return z, measured
 
