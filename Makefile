@@ -4,6 +4,7 @@
 # make test-oldest run every test with the oldest versions that are supported, those of Ubuntu 24.04 (in .venv-oldest)
 # make test-install  run the lines of the slim container and of an installation without internet (minutes)
 # make soak        attack the filter, recordings and a node for MINUTES=10; prints what was tried and what held
+# make site        build the site of the documents in out/site; a broken page is an error
 # make lint        run ruff and mypy
 # make clean       remove everything that make and the tests created
 #
@@ -35,7 +36,7 @@ DEMO := $(VENV)/.ready-$(ROS)demo
 ALL := $(VENV)/.ready-$(ROS)dev
 OLDEST := .venv-oldest/.ready-$(ROS)test
 
-.PHONY: environment demo test test-oldest test-install soak lint clean
+.PHONY: environment demo test test-oldest test-install soak site lint clean
 environment: $(ALL)
 
 $(BIN)/python:
@@ -71,6 +72,9 @@ test-install: $(ALL)
 
 soak: $(ALL)
 	cd test && PYTHONPATH=. ../$(BIN)/python -m attack.soak --minutes $(MINUTES) --seed $(SEED)
+
+site: $(ALL)
+	$(BIN)/sphinx-build -q -W --keep-going docs out/site
 
 lint: $(ALL)
 	$(BIN)/ruff check .

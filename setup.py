@@ -30,6 +30,7 @@ TEST = [
     'mcap-ros2-support>=0.5',
     'playwright>=1.40',  # drives the system's Chromium; brings no browser of its own
 ]
+SITE = ['sphinx>=7', 'myst-parser>=3', 'furo']  # the documents as a site
 LINT = ['ruff==0.17.6', 'mypy==2.4.1', 'types-PyYAML']
 
 
@@ -83,8 +84,9 @@ setup(
         'train': TRAIN,
         'measurements': MEASUREMENTS,
         'batch': BATCH,
+        'site': SITE,
         'test': [*TEST, *PANEL, *TUNING, *BATCH],
-        'dev': [*TEST, *PANEL, *TUNING, *BATCH, *LINT],
+        'dev': [*TEST, *PANEL, *TUNING, *BATCH, *SITE, *LINT],
     },
     zip_safe=True,
     entry_points={

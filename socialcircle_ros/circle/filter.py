@@ -36,7 +36,7 @@ class CircleResult:
     seed: tuple[int, int]
     """Row and column of the initial point; in the adaptive mode of the kept point nearest to the middle."""
     radius: float
-    """Radius in force, in the unit of the cloud. In the adaptive mode: the difference in height within which
+    """Radius in force, in the unit of the cloud. In the adaptive mode, the difference in height within which
     neighbours are linked where the surface has its mean roughness."""
     times_ms: dict[str, float]
     """Time of each step in ms, in the order of the steps."""
