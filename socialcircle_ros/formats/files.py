@@ -12,7 +12,7 @@ from socialcircle_ros.errors import ImportFileError, SocialCircleError
 from socialcircle_ros.lengths import known_unit, metres_per
 from socialcircle_ros.storage import write_file
 
-from . import archive, points, sdf, tiff, x3p
+from . import archive, lists, points, sdf, tiff, x3p
 from .surface import MeasuredSurface, OrganizedCloud, surface_of
 from .table import Format, format_of, suffixes
 from .vendor import read_vendor_file
@@ -33,6 +33,9 @@ _SURFACE_WRITERS: dict[str, Callable[[Path, MeasuredSurface], None]] = {
     '.tif': tiff.write_tiff,
     '.tiff': tiff.write_tiff,
 }
+
+
+_LISTS = ('.csv', '.xyz', '.txt', '.asc', '.dat')
 
 
 def read_file(
@@ -97,6 +100,8 @@ def _read(
         return points.read_text(path)
     if suffix == '.csv' and points.is_matrix(path):
         return points.read_matrix(path, pitch, unit)
+    if suffix in _LISTS and (found := lists.read_list(path)) is not None:
+        return found
     return read_vendor_file(path, known.readers, pitch, unit)
 
 

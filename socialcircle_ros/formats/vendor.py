@@ -38,11 +38,6 @@ def read_vendor_file(
     for name in readers:
         found = _attempt(path, partial(open_topography, str(path), format=name), pitch, unit)
         if isinstance(found, MeasuredSurface):
-            if name == 'asc' and found.heights.shape[1] == 3:
-                raise ImportFileError(
-                    f'{path} has three numbers per line: x, y and z of points, but not of each point of a regular'
-                    ' grid. Export it as a matrix, with every point, or as ply or x3p.'
-                )
             return found
         reasons.append(f'{name}: {found}')
     raise ImportFileError(

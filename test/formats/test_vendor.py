@@ -62,28 +62,6 @@ def test_a_file_without_pitch_takes_the_pitch_that_is_given(tmp_path, suffix):
     assert (surface.pitch, surface.unit) == ((2.0, 3.0), 'um')
 
 
-HEIGHTS = np.arange(12.0).reshape(3, 4) / 10
-POINTS = [(column * 0.5, row * 0.25, HEIGHTS[row, column]) for row in range(3) for column in range(4)]
-
-
-@pytest.mark.parametrize(('suffix', 'separator'), [('.xyz', ' '), ('.csv', ','), ('.txt', '\t'), ('.asc', ' ')])
-def test_points_of_a_grid_are_read_from_text(tmp_path, suffix, separator):
-    pytest.importorskip('SurfaceTopography')
-    np.savetxt(tmp_path / f'a{suffix}', POINTS, delimiter=separator)
-    surface = read_file(tmp_path / f'a{suffix}')
-    np.testing.assert_array_equal(surface.heights, HEIGHTS)
-    assert (surface.pitch, surface.unit) == ((0.5, 0.25), None)
-
-
-@pytest.mark.parametrize('suffix', ['.xyz', '.csv', '.txt', '.asc'])
-@pytest.mark.parametrize('pitch', [None, (1.0, 1.0)])
-def test_points_that_are_not_all_there_do_not_become_a_matrix(tmp_path, suffix, pitch):
-    pytest.importorskip('SurfaceTopography')
-    np.savetxt(tmp_path / f'a{suffix}', POINTS[:5] + POINTS[6:], delimiter=',' if suffix == '.csv' else ' ')
-    with pytest.raises(ImportFileError):
-        read_file(tmp_path / f'a{suffix}', pitch=pitch)
-
-
 def test_a_matrix_with_commas_is_read_without_the_library(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'SurfaceTopography', None)
     (tmp_path / 'a.csv').write_text('# heights\n0,1,2,3\n4,,6,nan\n')
