@@ -24,7 +24,7 @@ _LEAST_FILLED = 0.25  # of the places of the grid; fewer points do not make a gr
 _MOST_DIGITS = 12
 
 
-class _Layout(NamedTuple):
+class _ListLayout(NamedTuple):
     """How a list is written.
 
     Attributes:
@@ -79,15 +79,15 @@ def read_list(path: Path) -> OrganizedCloud | None:
     return OrganizedCloud(cast('Cloud', (single if exact else points).reshape(*shape, 3)))
 
 
-def _layout(file: TextIO) -> _Layout | None:
+def _layout(file: TextIO) -> _ListLayout | None:
     """How the first line with three numbers is written; None if there is none, or one with more comes first."""
     for number, line in enumerate(islice(file, _MOST_HEADER_LINES)):
         if not line.strip() or line.lstrip().startswith('#'):
             continue
         for layout in (
-            _Layout(number, ';', comma=True),
-            _Layout(number, ',', comma=False),
-            _Layout(number, None, comma=False),
+            _ListLayout(number, ';', comma=True),
+            _ListLayout(number, ',', comma=False),
+            _ListLayout(number, None, comma=False),
         ):
             numbers = _numbers(line, layout)
             if numbers:
@@ -95,7 +95,7 @@ def _layout(file: TextIO) -> _Layout | None:
     return None
 
 
-def _numbers(line: str, layout: _Layout) -> int:
+def _numbers(line: str, layout: _ListLayout) -> int:
     """The number of values in a line; 0 if one of them is no number."""
     text = line.replace(',', '.') if layout.comma else line
     words = text.strip().split(layout.separator)
@@ -105,7 +105,7 @@ def _numbers(line: str, layout: _Layout) -> int:
         return 0
 
 
-def _lines(file: TextIO, layout: _Layout) -> Iterator[str]:
+def _lines(file: TextIO, layout: _ListLayout) -> Iterator[str]:
     for line in islice(file, layout.skipped, None):
         yield line.replace(',', '.') if layout.comma else line
 

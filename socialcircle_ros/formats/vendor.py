@@ -1,6 +1,6 @@
 """Files of instruments, read by SurfaceTopography (MIT)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
@@ -80,8 +80,10 @@ def _first_surface(
     topography = channel.topography(**arguments)  # type: ignore[attr-defined]
     if not getattr(topography, 'is_uniform', True):
         raise ImportFileError(f'{path} has points that are not on a regular grid: export it as a height map.')
-    read = np.ma.masked_invalid(topography.heights())
-    values = _small(np.ma.filled(read.astype(np.float64), np.nan).T)  # the library has x first
+    read = np.ma.filled(np.ma.masked_invalid(topography.heights()).astype(np.float64), np.nan)
+    if path.suffix.lower() == '.nms':
+        read[read > _stated_top(topography.info)] = np.nan
+    values = _small(read.T)  # the library has x first
     found = given or tuple(float(each) for each in topography.pixel_size)
     found_unit = known_unit(topography.unit) or topography.unit or unit
     metadata = {'source': path.name, 'channel': str(getattr(channel, 'name', ''))}
@@ -89,6 +91,15 @@ def _first_surface(
     if isinstance(instrument, dict):
         metadata |= {f'instrument {key}': str(value) for key, value in instrument.items()}
     return MeasuredSurface(values, cast('tuple[float, float]', found), found_unit, {}, metadata)
+
+
+def _stated_top(info: Mapping[str, object]) -> float:
+    """Half a step above the greatest height of an NMS file, 65534; 65535, which is not measured, lies above it."""
+    header = info.get('raw_metadata')
+    low, high = (header.get(key) for key in ('zmin', 'zmax')) if isinstance(header, Mapping) else (None, None)
+    if not isinstance(low, float) or not isinstance(high, float):
+        return np.inf
+    return high + (high - low) / 2**17
 
 
 def _is_height(channel: object) -> bool:

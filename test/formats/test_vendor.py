@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from formats import vendor_files
 
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import read_file
@@ -39,6 +40,34 @@ def test_the_other_vendor_files_are_read(real_measurements, name):
     assert surface.heights.shape == SHAPES[name]
     assert surface.unit in ('um', 'm')
     assert np.isfinite(surface.heights).all()
+
+
+MADE = {
+    '.sur': vendor_files.sur,
+    '.plux': vendor_files.plux,
+    '.nms': vendor_files.nms,
+    '.os3d': vendor_files.os3d,
+    '.datx': vendor_files.datx,
+    '.vk4': vendor_files.vk4,
+    '.vk6': vendor_files.vk6,
+}
+
+
+@pytest.mark.parametrize('suffix', MADE)
+def test_a_file_written_by_the_description_of_its_format_is_read(tmp_path, suffix):
+    pytest.importorskip('SurfaceTopography')
+    z = np.arange(35).reshape(5, 7) * 0.25 + 1
+    if not suffix.startswith('.vk'):
+        z[2, 3] = np.nan
+    MADE[suffix](tmp_path / f'a{suffix}', z, 0.5, 0.75)
+    surface = read_file(tmp_path / f'a{suffix}')
+    um = metres_per(surface.unit) / 1e-6
+    np.testing.assert_allclose(surface.heights * um, z, rtol=1e-6)
+    np.testing.assert_allclose(np.array(surface.pitch) * um, (0.5, 0.75), rtol=1e-6)
+    content = (tmp_path / f'a{suffix}').read_bytes()
+    (tmp_path / f'cut{suffix}').write_bytes(content[: len(content) - 50])
+    with pytest.raises(ImportFileError, match=r'cut\.'):
+        read_file(tmp_path / f'cut{suffix}')
 
 
 def test_without_the_library_a_sentence_says_what_to_install(tmp_path, monkeypatch):
