@@ -31,6 +31,7 @@ class LedgerEntry:
         refused: number of refused clouds and frames by reason.
         damage: where the recording is damaged; None: it is sound.
         limits_failed: number of clouds that failed their limits.
+        name: of the results, see `ArchiveInput`.
         files: the files of rows, relative to the folder of the results.
         failure: why nothing came of it; None: it did not fail.
     """
@@ -43,6 +44,7 @@ class LedgerEntry:
     refused: dict[str, int] = field(default_factory=dict)
     damage: str | None = None
     limits_failed: int = 0
+    name: str = ''
     files: tuple[str, ...] = ()
     failure: str | None = None
 

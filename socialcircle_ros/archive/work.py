@@ -127,6 +127,7 @@ def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
         clouds=summary.clouds,
         refused=summary.refused,
         damage=summary.damage and summary.damage.replace(str(path), found.location),
+        name=found.name,
         limits_failed=sum(row.limits_passed is False for row in collector.rows),
         files=files,
     )

@@ -20,7 +20,11 @@ if TYPE_CHECKING:
     help='Folder of the results. A rerun with the same folder does only what is new.',
 )  # fmt: skip
 @click.option('--no-recordings', is_flag=True, help='Write rows of measurements only, and no cleaned recordings.')
-@click.option('--reports', is_flag=True, help='Write a report of each input, as `socialcircle report` does.')
+@click.option(
+    '--reports',
+    is_flag=True,
+    help='Write a report of each input; `socialcircle trend` links to it.',
+)
 @click.option(
     '--names', default='', metavar='PATTERN',
     help='Cell and part from the end of the path, such as "{cell}/{part}_*.mcap". Default: the entries cell and'
@@ -65,7 +69,7 @@ def command(
 
     \b
     recordings/    a cleaned recording for each input, as `socialcircle filter` writes it
-    measurements/  one row per cloud, for `socialcircle measurements`
+    measurements/  one row per cloud, for `socialcircle measurements` and `socialcircle trend`
     reports/       a report for each input, with --reports
     inputs/        what is done
 
@@ -139,7 +143,7 @@ def _tell(result: 'BatchResult', output: Path) -> None:
     for location, reason in sorted(result.failed.items()):
         told = reason if location in reason else f'{location}: {reason}'
         click.echo(f'Failed: {told}', err=True)
-    click.echo(f'Next: socialcircle measurements {output}', err=True)
+    click.echo(f'Next: socialcircle trend {output} -o trend.html', err=True)
     if result.failed or result.damaged:
         raise click.exceptions.Exit(1)
     if result.limits_failed:

@@ -24,7 +24,7 @@ GROUPS = {
         'info': 'info',
         'simulate': 'simulate',
     },
-    'Look': {'report': 'report', 'measurements': 'measurements'},
+    'Look': {'report': 'report', 'measurements': 'measurements', 'trend': 'trend'},
     'Study': {'sweep': 'sweep', 'bench': 'bench', 'experiment': 'experiment'},
 }
 """The commands in the groups of the help: name to module."""

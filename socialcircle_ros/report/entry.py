@@ -65,7 +65,7 @@ class ReportEntry:
     @property
     def anchor(self) -> str:
         """Target of the links to this entry."""
-        return f'measurement {self.name}'.replace(' ', '-').replace('/', '-')
+        return anchor_of(self.name)
 
     @property
     def failed(self) -> bool:
@@ -155,6 +155,11 @@ class ReportEntry:
         for name in ('Ssk', 'Sku'):
             yield [name, *(_number(getattr(each, name.lower())) for each in both), None]
         yield ['Sdr', *(_percent(each.sdr) for each in both), None]
+
+
+def anchor_of(name: str) -> str:
+    """Target of the links to the entry of a name, such as `/points 3`."""
+    return f'measurement {name}'.replace(' ', '-').replace('/', '-')
 
 
 def make_entry(

@@ -1,0 +1,118 @@
+"""Measurements over time, and their page."""
+
+import re
+import sys
+from dataclasses import replace
+from datetime import date, timedelta
+
+import numpy as np
+import pytest
+from measurements.row_examples import row
+
+from socialcircle_ros.archive.ledger import Ledger, LedgerEntry
+from socialcircle_ros.archive.trend import MEASURES, read_series
+from socialcircle_ros.archive.trend_page import write_trend
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.measurements import write_rows
+
+for library in ('bokeh', 'pyarrow', 'duckdb'):
+    pytest.importorskip(library)
+
+
+@pytest.fixture(scope='module')
+def example():
+    return row()
+
+
+def rows_of(example, cell, drift, *, count=120, recording='nights/a.mcap', **changes):
+    generator = np.random.default_rng(sum(cell.encode()))
+    for number in range(count):
+        time = example.time + timedelta(minutes=number)
+        sq = 1 + 0.05 * generator.standard_normal() + drift * max(0, number - 60)
+        yield replace(
+            example, cell=cell, time=time, day=time.date(), number=number, sq=sq, recording=recording, **changes
+        )
+
+
+@pytest.fixture
+def out(tmp_path, example):
+    rows = [*rows_of(example, 'cell1', 0), *rows_of(example, 'cell2', 0.02)]
+    failed = replace(example, status='failed', cell='cell1', reason='It is <no> recording.', sq=None)
+    write_rows(tmp_path / 'out', 'a', [*rows, failed])
+    return tmp_path / 'out'
+
+
+def test_what_drifts_is_found_and_what_does_not_is_not(out, tmp_path):
+    one, two = read_series(out, tmp_path / 'trend.html')
+    assert (one.title, two.title) == ('cell1, lid', 'cell2, lid')
+    assert (one.drifting(), two.drifting()) == ([], ['sq'])
+    limits = two.phases[0].limits['sq']
+    assert limits.lower < 1 < limits.upper
+    assert limits.sigma == pytest.approx(0.05, rel=0.3)
+    assert one.refused == {date(2026, 9, 21): 1}
+    assert one.reasons == {'It is <no> recording.': 1}
+    assert len(one.times) == 120
+
+
+def test_limits_begin_anew_after_a_change_which_is_told(tmp_path, example):
+    first = list(rows_of(example, 'cell1', 0))
+    later = [
+        replace(
+            each, time=each.time + timedelta(days=1), sq=each.sq + 5, settings_hash='other', version='2.0.0',
+            settings='{"circle.window": 5}',
+        )
+        for each in first
+    ]  # fmt: skip
+    write_rows(tmp_path, 'a', [*first, *later])
+    (series,) = read_series(tmp_path, tmp_path / 'trend.html')
+    assert [phase.change for phase in series.phases] == ['', 'version 1.2.3 to 2.0.0, circle.window default to 5']
+    assert series.phases[1].limits['sq'].centre > 5
+    assert series.drifting() == []
+
+
+def test_the_time_of_the_filter_is_held_to_limits_for_live_clouds_only(tmp_path, example):
+    slower = [replace(each, total_ms=1.0 + number) for number, each in enumerate(rows_of(example, 'cell1', 0))]
+    live = [replace(each, cell='cell2', recording=None, latency_ms=each.total_ms) for each in slower]
+    write_rows(tmp_path, 'a', [*slower, *live])
+    one, two = read_series(tmp_path, tmp_path / 'trend.html')
+    assert (one.drifting(), two.drifting()) == ([], ['time_ms'])
+
+
+def test_values_that_are_not_known_are_left_out(tmp_path, example):
+    rows = [replace(each, sa=None) for each in rows_of(example, 'cell1', 0, count=30)]
+    write_rows(tmp_path, 'a', rows)
+    (series,) = read_series(tmp_path, tmp_path / 'trend.html')
+    assert np.isnan(series.values['sa']).all()
+    assert not series.signals['sa'].any()
+    assert 'sa' not in series.phases[0].limits
+
+
+def test_a_cloud_links_to_its_report_where_there_is_one(out, tmp_path):
+    (out / 'reports').mkdir()
+    (out / 'reports/a b.mcap.html').write_text('')
+    Ledger(out).record('abc', LedgerEntry('nights/a.mcap', 1, '1', 'd', name='a b.mcap'))
+    one, _ = read_series(out, tmp_path / 'pages/trend.html')
+    assert one.links[7] == '../out/reports/a%20b.mcap.html#measurement--cell1-points-7'
+
+
+def test_the_page_needs_no_other_file_and_names_are_escaped(tmp_path, example):
+    rows = list(rows_of(example, '<b>cell</b>', 0.02, part='</script>'))
+    failed = replace(example, status='failed', cell='<b>cell</b>', reason='It is <no> recording.')
+    write_rows(tmp_path / 'out', 'a', [*rows, failed])
+    Ledger(tmp_path / 'out').record('abc', LedgerEntry('a', 1, '1', 'd', damage='a.mcap is damaged.'))
+    found = write_trend(tmp_path / 'out', tmp_path / 'pages/trend.html')
+    page = (tmp_path / 'pages/trend.html').read_text()
+    assert len(found) == 2
+    assert not re.findall(r'<script[^>]*\ssrc=|<link', page)
+    assert '<b>cell</b>' not in page
+    assert '&lt;b&gt;cell&lt;/b&gt;' in page
+    assert 'It is &lt;no&gt; recording.' in page
+    assert 'a.mcap is damaged.' in page
+    assert 'eight points on one side of the centre line' in page
+    assert all(f'{label}' in page for label in MEASURES.values())
+
+
+def test_without_bokeh_the_command_that_installs_it_is_told(out, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'bokeh.embed', None)
+    with pytest.raises(SocialCircleError, match='needs Bokeh: pip install'):
+        write_trend(out, tmp_path / 'trend.html')
