@@ -70,9 +70,10 @@ class Visitor:
         return own if own.count() else below
 
     def wait_until(self, label, value):
-        """Wait until a field shows a value."""
-        element = self.field(label).element_handle()
-        self.page.wait_for_function('([input, value]) => input.value === value', arg=[element, value])
+        """Wait until a field shows a value, also a field that is made meanwhile."""
+        from playwright.sync_api import expect
+
+        expect(self.field(label)).to_have_value(value, timeout=TIMEOUT_MS)
         return True
 
     def choose(self, label, option):

@@ -32,6 +32,7 @@ from socialcircle_ros.panel.link import LogEntry, ParameterKind, Presence, Shown
 from socialcircle_ros.settings import RosValue
 
 from .connection import Connection
+from .graph import full_name, nodes_of_the_filter
 from .health import NodeHealth, health_of
 from .matching import CloudMatcher, MatchedCloud
 from .message_types import message_class
@@ -262,7 +263,7 @@ class RemoteNode:
         return {
             bytes(publisher.endpoint_gid)
             for publisher in self._node.get_publishers_info_by_topic(interface.DIAGNOSTICS.name)
-            if _full_name(publisher.node_namespace, publisher.node_name) == self._name
+            if full_name(publisher.node_namespace, publisher.node_name) == self._name
         }
 
     def _read_parameters(self) -> bool:
@@ -333,11 +334,8 @@ class RemoteNode:
         return 'Waiting: the node does not answer yet. Its very first start compiles for about 20 s.'
 
     def _absent_sentence(self) -> str:
-        names = (_full_name(space, name) for name, space in self._node.get_node_names_and_namespaces())
-        others = sorted(
-            name for name in names if name.rpartition('/')[2] == self._base_name and name != self._name
-        )
-        elsewhere = f' There is {" and ".join(others)}: choose with --node.' if others else ''
+        others = [name for name in nodes_of_the_filter(self._node) if name != self._name]
+        elsewhere = f' There is {" and ".join(others)}: choose it with --node.' if others else ''
         remapping = f' --ros-args -r __ns:={self._namespace}' if self._namespace else ''
         return f'Waiting for {self._name}; start it with: socialcircle node{remapping}.{elsewhere}'
 
@@ -392,7 +390,3 @@ class RemoteNode:
             if self._stopping.is_set():
                 return None
         return None
-
-
-def _full_name(namespace: str, name: str) -> str:
-    return f'{namespace.rstrip("/")}/{name}'

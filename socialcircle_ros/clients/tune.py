@@ -8,44 +8,44 @@ from pathlib import Path
 from socialcircle_ros.panel.page import page_of
 from socialcircle_ros.panel.presets import Presets
 
-from .remote_node import RemoteNode
+from .finding import NodeFinder
 
 
 def tune(
-    target: str,
+    nodes: Sequence[str],
+    cells: Sequence[str],
     *,
     host: str,
     port: int,
     presets: Path,
     recording: Path | None,
     arguments: Sequence[str],
-    serving: Callable[[str, str], None],
+    serving: Callable[[str, str, str], None],
 ) -> None:
     """Serve the tuning page until Ctrl-C or SIGTERM.
 
     Args:
-        target: name of the node that is tuned, absolute or relative to the namespace.
+        nodes: names of the nodes that are tuned, absolute or relative to the namespace.
+        cells: namespaces of nodes that are tuned. Without `nodes` and `cells`, the nodes of the graph are offered.
         host: the address to listen on.
         port: the first port to try.
         presets: the folder of the presets.
-        recording: a recording to open at the start.
+        recording: a recording to open for the first node.
         arguments: of ROS, as on the command line (--ros-args ...).
-        serving: called once with the full name of the node and the address of the page. The address holds a
-            secret token: every other address is refused.
+        serving: called once with the full name of the node that is shown, or '', with what the page waits for, and
+            with its address. The address holds a secret token: every other address is refused.
 
     Raises:
         SocialCircleError: viser is not installed, or this machine has no such address.
-        SettingError: no node can have the name `target`.
+        SettingError: no node can have one of the names.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    with RemoteNode(target, arguments) as node:
-        server, page, address = page_of(node, Presets(presets), host, port)
+    with NodeFinder(nodes, cells, arguments) as finder:
+        server, page, address = page_of(finder, Presets(presets), host, port, recording)
         try:
-            serving(node.name, address)
-            if recording is not None:
-                page.open_recording(recording)
+            serving(finder.taken() or '', finder.sentence(), address)
             page.run(stop.is_set)
         finally:
             server.stop()

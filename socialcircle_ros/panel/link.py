@@ -1,4 +1,7 @@
-"""What the page needs of a node, whatever the transport; `clients.remote_node.RemoteNode` provides it over ROS."""
+"""What the page needs of nodes, whatever the transport.
+
+Over ROS, `clients.remote_node.RemoteNode` is the `Link`, and `clients.finding.NodeFinder` the `Graph`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -159,3 +162,19 @@ class Link(Protocol):
 
     def save(self) -> str:
         """Make the node write its parameters to its file; return its response in words."""
+
+
+class Graph(Protocol):
+    """The nodes that can be tuned. Its methods may be called from any thread."""
+
+    def nodes(self) -> tuple[str, ...]:
+        """Full names of the nodes that are offered."""
+
+    def taken(self) -> str | None:
+        """The node to begin with; None: a person chooses, or there is none."""
+
+    def sentence(self) -> str:
+        """What is waited for while no node is chosen, and what there is."""
+
+    def link(self, name: str) -> Link:
+        """The connection to one of the nodes."""

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 
 import pytest
 from browser import Visitor, browser
-from panel.fake import FakeLink
+from panel.fake import FakeGraph, FakeLink
 
 
 @pytest.fixture(scope='session')
@@ -19,7 +19,7 @@ def tuning(chromium, tmp_path):
     from socialcircle_ros.panel.presets import Presets
 
     link, presets, stop = FakeLink(), Presets(tmp_path / 'presets'), threading.Event()
-    server, page, address = page_of(link, presets, '127.0.0.1', 0)
+    server, page, address = page_of(FakeGraph(link), presets, '127.0.0.1', 0)
     thread = threading.Thread(target=page.run, args=(stop.is_set,))
     thread.start()
     visitor = Visitor(chromium, address)

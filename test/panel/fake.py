@@ -33,9 +33,8 @@ def descriptors():
 class FakeLink:
     """A `Link` to a node in this process."""
 
-    name = '/cell1/social_circle'
-
-    def __init__(self):
+    def __init__(self, name='/cell1/social_circle'):
+        self.name = name
         self.changed = threading.Condition()
         self.published = []
         self.asked = []
@@ -93,3 +92,23 @@ class FakeLink:
         """Wait until the current values meet a condition."""
         with self.changed:
             assert self.changed.wait_for(lambda: condition(self.snapshot.values), 60)
+
+
+class FakeGraph:
+    """A `Graph` of fake nodes."""
+
+    def __init__(self, *links, taken=None):
+        self.links = {link.name: link for link in links}
+        self.first = taken
+
+    def nodes(self):
+        return tuple(self.links)
+
+    def taken(self):
+        return self.first or (next(iter(self.links)) if len(self.links) == 1 else None)
+
+    def sentence(self):
+        return f'Nodes: {len(self.links)}.'
+
+    def link(self, name):
+        return self.links[name]

@@ -256,7 +256,7 @@ def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
 
 def test_the_reason_is_shown_when_the_node_refuses_a_preset(tuning):
     tuning.presets.save('bad', {'circle.window': 4})
-    tuning.page._preset_tab.refresh()
+    tuning.page._node._preset_tab.refresh()
     tuning.visitor.open_tab('Presets')
     tuning.visitor.press('Load preset into the node')
     assert tuning.visitor.sees('The node refused the preset bad: circle.window must be odd')
@@ -265,7 +265,7 @@ def test_the_reason_is_shown_when_the_node_refuses_a_preset(tuning):
 def test_two_settings_are_compared_side_by_side_on_the_same_cloud(tuning):
     visitor = tuning.visitor
     tuning.presets.save('gentle', {SCALE: 100.0})
-    tuning.page._preset_tab.refresh()
+    tuning.page._node._preset_tab.refresh()
     tuning.link.publish(cloud())
     assert visitor.sees('all 26 outliers')
     visitor.open_tab('Presets')

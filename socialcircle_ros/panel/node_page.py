@@ -1,0 +1,151 @@
+"""What the page shows of one node: a scene between two docks, updated from the snapshots of the link."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from . import markup
+from .changes import Changes
+from .controls import Controls
+from .elements import icon
+from .link import Link, Presence, Snapshot
+from .log import Log
+from .preset_tab import PresetTab
+from .presets import Presets
+from .recording_tab import RecordingTab
+from .restart_offer import RestartOffer
+from .result_tab import ResultTab
+
+if TYPE_CHECKING:
+    import viser
+
+_RIGHT_PIXELS = 320
+
+
+class NodePage:
+    """What the page shows of one node.
+
+    Args:
+        server: viser's, which is listening already.
+        link: to the node.
+        presets: the folder of the presets.
+    """
+
+    def __init__(self, server: 'viser.ViserServer', link: Link, presets: Presets) -> None:
+        self._server, self._link = server, link
+        self._snapshot = Snapshot()
+        self._changes = Changes(
+            link,
+            lambda: self._snapshot.values,
+            lambda *refusal: self._log.guarded('Showing a refusal', self._refused, *refusal),
+            lambda names: self._log.guarded('Showing a change', self._accepted, names),
+        )
+        self._build_right_dock()
+        self._build_left_dock(presets)
+
+    @property
+    def log(self) -> Log:
+        """The log of the node and of the page."""
+        return self._log
+
+    def update(self, timeout_s: float) -> None:
+        """Show the newest snapshot of the node, as soon as there is a new one, or after `timeout_s`."""
+        self._log.guarded('Updating the page', self._update, timeout_s)
+
+    def close(self) -> None:
+        """End the threads of the page; the elements stay."""
+        self._changes.stop()
+        self._recording_tab.close()
+
+    def follow(self, snapshot: Snapshot) -> None:
+        """Show what has changed since the last snapshot; each part alone, so that none keeps the others back."""
+        before, self._snapshot = self._snapshot, snapshot
+        guarded = self._log.guarded
+        guarded('Showing the state of the node', self._show_node, snapshot)
+        guarded('Showing the log', self._log.take, snapshot)
+        guarded('Showing the parameters', self._show_parameters, snapshot)
+        guarded('Offering the settings before a restart', self._restart_offer.follow, before, snapshot)
+        guarded('Showing the cloud', self._show_cloud, snapshot)
+        if before.values.keys() != snapshot.values.keys():
+            guarded('Listing the presets', self._preset_tab.refresh)
+        if snapshot.presence is Presence.ACTIVE and before.presence is not Presence.ACTIVE:
+            # A node that has just started holds no cloud.
+            guarded('Sending the cloud again', self._recording_tab.send_again)
+
+    def open_recording(self, path: Path) -> None:
+        """Open a recording and show its first cloud."""
+        self._log.guarded(f'Opening {path}', self._recording_tab.open, path)
+
+    def _update(self, timeout_s: float) -> None:
+        self.follow(self._link.wait(self._snapshot.revision, timeout_s))
+
+    def _show_node(self, snapshot: Snapshot) -> None:
+        self._node.content = markup.node_card(self._link.name, snapshot)
+
+    def _show_cloud(self, snapshot: Snapshot) -> None:
+        shown = snapshot.shown_cloud
+        if shown is not None and shown is not self._result_tab.shown and self._server.get_clients():
+            self._result_tab.show(shown)
+
+    def _build_right_dock(self) -> None:
+        dock = self._server.gui.add_panel()
+        result, log = dock.add_tab('Result', icon('chart-dots-3')), dock.add_tab('Log', icon('list'))
+        with log:
+            self._log = Log(self._server)
+        with result:
+            self._result_tab = ResultTab(self._server, self._log)
+        dock.dock_right()
+        dock.set_width(_RIGHT_PIXELS)
+
+    def _build_left_dock(self, presets: Presets) -> None:
+        gui = self._server.gui
+        self._node = gui.add_html(markup.node_card(self._link.name, self._snapshot))
+        tabs = gui.add_tab_group()
+        self._tune_tab = tabs.add_tab('Tune', icon('adjustments-horizontal'))
+        with self._tune_tab:
+            self._build_tuning()
+        with tabs.add_tab('Presets', icon('bookmarks')):
+            self._preset_tab = PresetTab(
+                gui, self._link, presets, self._changes, self._result_tab, self._log, lambda: self._snapshot
+            )
+        with tabs.add_tab('Recording', icon('player-track-next')):
+            self._recording_tab = RecordingTab(
+                gui, self._link, self._log, lambda: self._snapshot.presence is Presence.ACTIVE
+            )
+
+    def _build_tuning(self) -> None:
+        gui = self._server.gui
+        self._undo = gui.add_button(
+            'Undo',
+            icon=icon('arrow-back-up'),
+            disabled=True,
+            hint='Undo the last change that was made on this page.',
+        )
+        self._undo.on_click(lambda _: self._log.guarded('Undoing', self._undo_last))
+        command = gui.add_command('Undo', hotkey='Z', modifier='cmd/ctrl', icon=icon('arrow-back-up'))
+        command.on_trigger(lambda _: self._log.guarded('Undoing', self._undo_last))
+        self._restart_offer = RestartOffer(gui, self._changes, self._log)
+        self._waiting = gui.add_html(markup.note('The controls appear when the node has sent its parameters.'))
+        self._controls = Controls(gui, self._changes, self._log)
+
+    def _show_parameters(self, snapshot: Snapshot) -> None:
+        self._undo.disabled = not self._changes.undoable
+        if not snapshot.values:
+            return
+        with self._tune_tab:
+            self._controls.build(snapshot.descriptors, snapshot.values)
+        present = snapshot.presence in (Presence.ACTIVE, Presence.INACTIVE)
+        self._controls.show(snapshot.values, present)
+        self._waiting.visible = False
+
+    def _refused(self, names: Sequence[str], reason: str) -> None:
+        self._controls.refused(names, reason)
+        self._log.notify(f'{", ".join(names)} refused: {reason}', bad=True)
+
+    def _accepted(self, names: Sequence[str]) -> None:
+        self._controls.accepted(names)
+
+    def _undo_last(self) -> None:
+        values, reason = self._changes.undo()
+        restored = ', '.join(f'{name} = {value}' for name, value in values.items())
+        self._log.notify(reason or f'Undone: {restored}.', bad=bool(reason))
