@@ -9,26 +9,23 @@ import dataclasses
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
-from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 from rclpy.validate_full_topic_name import validate_full_topic_name
-from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from socialcircle_ros import interface
 from socialcircle_ros.errors import MessageError, SettingError
 from socialcircle_ros.interface import NodeService, NodeTopic
 from socialcircle_ros.messages.diagnostics import WARN
-from socialcircle_ros.panel.link import LogEntry, ParameterKind, Presence, ShownCloud, Snapshot
+from socialcircle_ros.panel.link import LogEntry, ParameterKind, Presence, ShownCloud, Snapshot, StackMessage
 from socialcircle_ros.settings import RosValue
 
 from .connection import Connection
@@ -38,15 +35,11 @@ from .matching import CloudMatcher, MatchedCloud
 from .message_types import message_class
 from .parameters import as_kind, descriptor_of, is_of_kind, python_value
 from .qos import reliable
-
-if TYPE_CHECKING:
-    from rclpy.publisher import Publisher
+from .sending import Sender
 
 _HEARTBEAT_TIMEOUT_S = 3.5  # the node publishes its diagnostics each second
 _WATCH_PERIOD_S = 0.3
 _CALL_TIMEOUT_S, _CALL_TRIES = 2.0, 3  # a response can be lost during discovery
-_DELIVERY_TIMEOUT_S = 5.0  # to discover the subscribers of a cloud, and to deliver it to them
-_IDLE_PUBLISHER_S = 2.0  # less than the time after which the node reports a publisher without clouds
 _REQUEST_PERIOD_S, _REQUESTS = 1.0, 5  # for the last cloud
 _LOG_LENGTH = 100
 
@@ -76,7 +69,7 @@ class RemoteNode:
         self._name = target if is_absolute else f'{self._node.get_namespace().rstrip("/")}/{target}'
         self._namespace, _, self._base_name = self._name.rpartition('/')
         self._changed = threading.Condition()
-        # The condition guards what follows, up to the publisher.
+        # The condition guards what follows, up to the matcher.
         self._snapshot = Snapshot(sentence=self._absent_sentence())
         self._log: deque[LogEntry] = deque(maxlen=_LOG_LENGTH)
         self._log_count = 0
@@ -84,17 +77,16 @@ class RemoteNode:
         self._health: NodeHealth | None = None
         self._heartbeat_at = float('-inf')
         self._matcher = CloudMatcher()
-        self._publishing = threading.Lock()
-        self._publisher: Publisher | None = None
-        self._published_at = 0.0
         # Only the watcher uses these.
         self._known_endpoints: set[bytes] = set()
         self._requested_at, self._requests_left = 0.0, 0
         self._parameters = AsyncParameterClient(self._node, self._name)
         self._saving = self._node.create_client(Trigger, self._service(interface.SAVE_PARAMETERS))
         self._showing = self._node.create_client(Trigger, self._service(interface.PUBLISH_LAST))
-        self._subscribe()
+        self._finishing = self._node.create_client(Trigger, self._service(interface.FINISH_STACK))
         self._stopping = threading.Event()
+        self._sender = Sender(self._node, self._topic, self._stopping)
+        self._subscribe()
         self._connection.start(self._watch)
 
     # What the page asks
@@ -142,20 +134,18 @@ class RemoteNode:
         Returns:
             '' if the cloud was delivered, else one sentence that says why not.
         """
-        topic = self._topic(interface.POINTS)
-        with self._publishing:
-            if self._publisher is None:
-                self._publisher = self._node.create_publisher(PointCloud2, topic, reliable())
-            self._published_at = time.monotonic()
-            deadline = self._published_at + _DELIVERY_TIMEOUT_S
-            # The first subscriber is this connection, the second is the node.
-            while self._publisher.get_subscription_count() < 2:
-                if time.monotonic() > deadline or self._stopping.wait(0.02):
-                    return f'No node but this page subscribes to {topic}; the cloud was not sent.'
-            self._publisher.publish(cloud)
-            delivered = self._publisher.wait_for_all_acked(Duration(seconds=_DELIVERY_TIMEOUT_S))
-            self._published_at = time.monotonic()
-            return '' if delivered else f'Not every subscriber of {topic} has received the cloud.'
+        return self._sender.send_cloud(cloud)
+
+    def publish_stack(self, messages: Iterable[StackMessage]) -> str:
+        """Send the frames of a stack to the node, and let it end the stack.
+
+        Returns:
+            '' if they were delivered, else one sentence that says why not.
+        """
+        problem = self._sender.send_stack(messages)
+        if not problem and self._call(lambda: self._finishing.call_async(Trigger.Request())) is None:
+            problem = f'{self._name} does not answer.'
+        return problem
 
     def save(self) -> str:
         """Ask the node to write its parameters to its file; the node's answer in words."""
@@ -214,6 +204,12 @@ class RemoteNode:
         if health is not None:
             with self._changed:
                 self._heartbeat_at, self._health = time.monotonic(), health
+                if health.refusals != self._snapshot.refusals:
+                    self._show(
+                        dataclasses.replace(
+                            self._snapshot, refusals=health.refusals, last_reason=health.last_reason
+                        )
+                    )
 
     def _on_parameter_event(self, event: ParameterEvent) -> None:
         # New parameters are those that a node declares when it starts; the watcher reads them.
@@ -229,7 +225,7 @@ class RemoteNode:
     def _watch(self) -> None:
         """Check the node until the connection is closed."""
         while not self._stopping.wait(_WATCH_PERIOD_S):
-            self._connection.guarded(self._retire_idle_publisher)
+            self._connection.guarded(self._sender.retire)
             self._connection.guarded(self._check_node)
 
     def _check_node(self) -> None:
@@ -303,13 +299,6 @@ class RemoteNode:
             future = self._call(lambda: self._showing.call_async(Trigger.Request()))
             has_no_cloud = future is not None and not future.result().success
             self._requests_left = 0 if has_no_cloud else self._requests_left - 1
-
-    def _retire_idle_publisher(self) -> None:
-        """Destroy the publisher of clouds when it is idle: the node reports publishers without clouds."""
-        with self._publishing:
-            if self._publisher is not None and time.monotonic() - self._published_at > _IDLE_PUBLISHER_S:
-                self._node.destroy_publisher(self._publisher)
-                self._publisher = None
 
     # What is known of the node
 

@@ -3,16 +3,16 @@
 Over ROS, `clients.remote_node.RemoteNode` is the `Link`, and `clients.finding.NodeFinder` the `Graph`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.errors import MessageError
-from socialcircle_ros.interface import MeasurementValues
+from socialcircle_ros.interface import MeasurementValues, NodeTopic
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.settings import RosValue
 
@@ -126,6 +126,8 @@ class Snapshot:
         shown_cloud: the last cloud; None: none has come.
         log: the newest entries, oldest first.
         log_total: how many entries there have been.
+        refusals: how many clouds, frames and stacks the node has refused, dropped or failed on.
+        last_reason: why, of the last of them.
     """
 
     revision: int = 0
@@ -138,10 +140,26 @@ class Snapshot:
     shown_cloud: ShownCloud | None = None
     log: tuple[LogEntry, ...] = ()
     log_total: int = 0
+    refusals: int = 0
+    last_reason: str = ''
 
     def writable(self) -> set[str]:
         """Names of the parameters that can be changed while the node runs."""
         return {row.name for row in self.descriptors if not row.read_only}
+
+
+class StackMessage(NamedTuple):
+    """A frame or a stage position of a recorded stack.
+
+    Attributes:
+        topic: of the node.
+        data: the serialized message.
+        time: when it was recorded, in ns.
+    """
+
+    topic: NodeTopic
+    data: bytes
+    time: int
 
 
 class Link(Protocol):
@@ -159,6 +177,9 @@ class Link(Protocol):
 
     def publish(self, cloud: bytes) -> str:
         """Send a serialized PointCloud2 to the node; return '' if it was delivered, else why it was not."""
+
+    def publish_stack(self, messages: Iterable[StackMessage]) -> str:
+        """Send frames and stage positions to the node, and end the stack; return '' or why it did not work."""
 
     def save(self) -> str:
         """Make the node write its parameters to its file; return its response in words."""

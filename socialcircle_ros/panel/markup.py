@@ -14,6 +14,8 @@ from socialcircle_ros.settings import RosValue
 from . import colours
 from .comparison import Comparison
 from .link import LogEntry, Presence, ShownCloud, Snapshot
+from .recorded import RecordedStack
+from .state import State
 from .view import View
 
 STYLE = f'<style>{Path(__file__).with_name("page.css").read_text(encoding="utf-8")}</style>'
@@ -81,6 +83,24 @@ def restart(lost: Mapping[str, tuple[RosValue, RosValue]]) -> str:
         '<div class="sc-card sc-warn">The node was started again with other settings than it had.'
         f'<table><tr><td></td><td class="sc-num">before</td><td class="sc-num">now</td></tr>{rows}</table></div>'
     )
+
+
+def title(state: State) -> str:
+    """Which cloud is shown, and why it is not the result of the settings in force."""
+    if not state.title:
+        return ''
+    compared = state.comparison
+    text = f'{state.title}: A {compared.a.name}, B {compared.b.name}' if compared is not None else state.title
+    caveat = f'<div class="sc-card sc-warn">{escape(state.caveat)}</div>' if state.caveat else ''
+    return _box(f'<div class="sc-title">{escape(text)}</div>{caveat}')
+
+
+def stack(stack: RecordedStack) -> str:
+    """The frames of a recorded stack, and how many pixels have objections to their depth."""
+    rows = {'frames': f'{stack.frames:,}'} | {
+        f'pixels: {reason.replace("_", " ")}': f'{count:,}' for reason, count in stack.reasons.items()
+    }
+    return _box(_table(rows))
 
 
 def measurement(shown: ShownCloud | None) -> str:

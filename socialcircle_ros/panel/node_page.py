@@ -15,6 +15,7 @@ from .presets import Presets
 from .recording_tab import RecordingTab
 from .restart_offer import RestartOffer
 from .result_tab import ResultTab
+from .state import CurrentState, State
 
 if TYPE_CHECKING:
     import viser
@@ -33,10 +34,11 @@ class NodePage:
 
     def __init__(self, server: 'viser.ViserServer', link: Link, presets: Presets) -> None:
         self._server, self._link = server, link
-        self._snapshot = Snapshot()
+        self._offered: tuple[str, ...] | None = None
+        self._current = CurrentState(self._show)
         self._changes = Changes(
             link,
-            lambda: self._snapshot.values,
+            lambda: self._current.now.snapshot.values,
             lambda *refusal: self._log.guarded('Showing a refusal', self._refused, *refusal),
             lambda names: self._log.guarded('Showing a change', self._accepted, names),
         )
@@ -57,35 +59,39 @@ class NodePage:
         self._changes.stop()
         self._recording_tab.close()
 
-    def follow(self, snapshot: Snapshot) -> None:
-        """Show what has changed since the last snapshot; each part alone, so that none keeps the others back."""
-        before, self._snapshot = self._snapshot, snapshot
-        guarded = self._log.guarded
-        guarded('Showing the state of the node', self._show_node, snapshot)
-        guarded('Showing the log', self._log.take, snapshot)
-        guarded('Showing the parameters', self._show_parameters, snapshot)
-        guarded('Offering the settings before a restart', self._restart_offer.follow, before, snapshot)
-        guarded('Showing the cloud', self._show_cloud, snapshot)
-        if before.values.keys() != snapshot.values.keys():
-            guarded('Listing the presets', self._preset_tab.refresh)
-        if snapshot.presence is Presence.ACTIVE and before.presence is not Presence.ACTIVE:
-            # A node that has just started holds no cloud.
-            guarded('Sending the cloud again', self._recording_tab.send_again)
-
     def open_recording(self, path: Path) -> None:
         """Open a recording and show its first cloud."""
         self._log.guarded(f'Opening {path}', self._recording_tab.open, path)
 
     def _update(self, timeout_s: float) -> None:
-        self.follow(self._link.wait(self._snapshot.revision, timeout_s))
+        before = self._current.now.snapshot
+        now = self._link.wait(before.revision, timeout_s)
+        self._current.change(lambda state: state.followed(now))
+        self._log.guarded('Comparing', self._preset_tab.comparison.renew)
+        started = now.starts != before.starts or before.presence is not Presence.ACTIVE
+        if now.presence is Presence.ACTIVE and started:
+            # A node that has just started holds no cloud.
+            self._log.guarded('Sending the cloud again', self._recording_tab.send_again)
+
+    def _show(self, state: State) -> None:
+        """Show a state; each part alone, so that none keeps the others back."""
+        guarded = self._log.guarded
+        with self._server.atomic():
+            guarded('Showing the state of the node', self._show_node, state.snapshot)
+            guarded('Showing the log', self._log.take, state.snapshot)
+            guarded('Showing the parameters', self._show_parameters, state.snapshot)
+            guarded('Offering the settings before a restart', self._restart_offer.show, state)
+            guarded('Showing the recording', self._recording_tab.show, state)
+            guarded('Showing the comparison', self._preset_tab.comparison.show, state)
+            if self._server.get_clients():  # the first visitor gets the newest cloud
+                guarded('Showing the cloud', self._result_tab.show, state)
+        names = tuple(state.snapshot.values)
+        if names != self._offered:
+            self._offered = names
+            guarded('Listing the presets', self._preset_tab.refresh)
 
     def _show_node(self, snapshot: Snapshot) -> None:
         self._node.content = markup.node_card(self._link.name, snapshot)
-
-    def _show_cloud(self, snapshot: Snapshot) -> None:
-        shown = snapshot.shown_cloud
-        if shown is not None and shown is not self._result_tab.shown and self._server.get_clients():
-            self._result_tab.show(shown)
 
     def _build_right_dock(self) -> None:
         dock = self._server.gui.add_panel()
@@ -99,19 +105,15 @@ class NodePage:
 
     def _build_left_dock(self, presets: Presets) -> None:
         gui = self._server.gui
-        self._node = gui.add_html(markup.node_card(self._link.name, self._snapshot))
+        self._node = gui.add_html(markup.node_card(self._link.name, Snapshot()))
         tabs = gui.add_tab_group()
         self._tune_tab = tabs.add_tab('Tune', icon('adjustments-horizontal'))
         with self._tune_tab:
             self._build_tuning()
         with tabs.add_tab('Presets', icon('bookmarks')):
-            self._preset_tab = PresetTab(
-                gui, self._link, presets, self._changes, self._result_tab, self._log, lambda: self._snapshot
-            )
+            self._preset_tab = PresetTab(gui, self._link, presets, self._changes, self._current, self._log)
         with tabs.add_tab('Recording', icon('player-track-next')):
-            self._recording_tab = RecordingTab(
-                gui, self._link, self._log, lambda: self._snapshot.presence is Presence.ACTIVE
-            )
+            self._recording_tab = RecordingTab(gui, self._link, self._changes, self._current, self._log)
 
     def _build_tuning(self) -> None:
         gui = self._server.gui
@@ -124,7 +126,7 @@ class NodePage:
         self._undo.on_click(lambda _: self._log.guarded('Undoing', self._undo_last))
         command = gui.add_command('Undo', hotkey='Z', modifier='cmd/ctrl', icon=icon('arrow-back-up'))
         command.on_trigger(lambda _: self._log.guarded('Undoing', self._undo_last))
-        self._restart_offer = RestartOffer(gui, self._changes, self._log)
+        self._restart_offer = RestartOffer(gui, self._changes, self._current, self._log)
         self._waiting = gui.add_html(markup.note('The controls appear when the node has sent its parameters.'))
         self._controls = Controls(gui, self._changes, self._log)
 

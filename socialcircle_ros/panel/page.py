@@ -70,12 +70,13 @@ class Page:
     def _look(self) -> None:
         """Offer the nodes that there are, and show the one that is wanted."""
         names = self._graph.nodes()
+        is_other = names != self._names
+        self._names = names
         if self._wanted is None:
             self._wanted = self._graph.taken()
         if self._wanted != self._chosen:
             self._show_node(self._wanted)
-        if names != self._names:
-            self._names = names
+        elif is_other:
             self._offer()
         if self._chosen is None:
             self._waiting.content = markup.note(self._graph.sentence())
@@ -92,7 +93,7 @@ class Page:
 
     def _offer(self) -> None:
         self._choice.visible = len(self._names) > 1
-        self._choice.options = self._names if self._chosen else (_NO_NODE, *self._names)
+        self._choice.options = (self._names if self._chosen else ()) or (_NO_NODE, *self._names)
         set_value(self._choice, self._chosen or _NO_NODE)
 
     def _build(self) -> None:

@@ -1,6 +1,5 @@
 """The tab Presets: save the settings of the node, load them again, and compare two of them."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError
@@ -9,10 +8,10 @@ from . import markup
 from .changes import Changes
 from .comparison_folder import ComparisonFolder
 from .elements import icon, set_value
-from .link import Link, Snapshot
+from .link import Link
 from .log import Log
 from .presets import Presets
-from .result_tab import ResultTab
+from .state import CurrentState
 
 if TYPE_CHECKING:
     import viser
@@ -28,9 +27,11 @@ class PresetTab:
         link: to the node.
         presets: the files.
         changes: loads a preset into the node.
-        result: the cloud that is compared on.
+        current: the state of the page.
         log: gets what was saved and loaded.
-        snapshot: gives the last snapshot of the node.
+
+    Attributes:
+        comparison: the folder in which two settings are compared.
     """
 
     def __init__(
@@ -39,11 +40,10 @@ class PresetTab:
         link: Link,
         presets: Presets,
         changes: Changes,
-        result: ResultTab,
+        current: CurrentState,
         log: Log,
-        snapshot: Callable[[], Snapshot],
     ) -> None:
-        self._presets, self._changes, self._log, self._snapshot = presets, changes, log, snapshot
+        self._presets, self._changes, self._current, self._log = presets, changes, current, log
         self._name = gui.add_text('name', 'my setting', hint='Letters, digits, spaces and - _ . +')
         save = gui.add_button(
             'Save current settings', icon=icon('device-floppy'),
@@ -59,17 +59,17 @@ class PresetTab:
         )  # fmt: skip
         keep.on_click(lambda _: log.guarded('Saving at the node', lambda: log.notify(link.save())))
         self._note = gui.add_html('', visible=False)
-        self._comparison = ComparisonFolder(gui, presets, result, snapshot, log)
+        self.comparison = ComparisonFolder(gui, presets, current, log)
         self.refresh()
 
     def refresh(self) -> None:
         """List the presets that are in the folder now."""
         names = self._presets.names()
         self._preset.options = tuple(names) or (_NO_PRESET,)
-        self._comparison.offer(names)
+        self.comparison.offer(names)
 
     def _save(self) -> None:
-        snapshot = self._snapshot()
+        snapshot = self._current.now.snapshot
         writable = snapshot.writable()
         values = {name: value for name, value in snapshot.values.items() if name in writable}
         if not values:
@@ -94,7 +94,7 @@ class PresetTab:
         except SocialCircleError as error:
             self._say(str(error), bad=True)
             return
-        snapshot = self._snapshot()
+        snapshot = self._current.now.snapshot
         writable = snapshot.writable()
         unknown = sorted(values.keys() - snapshot.values.keys())
         reason = self._changes.apply({key: value for key, value in values.items() if key in writable})

@@ -1,4 +1,4 @@
-"""The tab Result: the last cloud of the node in numbers, in the scene and as pictures."""
+"""The tab Result: the cloud that is shown in numbers, in the scene and as pictures."""
 
 from typing import TYPE_CHECKING
 
@@ -11,49 +11,65 @@ from . import markup
 from .link import ShownCloud
 from .log import Log
 from .scene import CloudScene
+from .state import State
 from .view import height_picture, mask_picture, view_of
 
 if TYPE_CHECKING:
     import viser
+
+    from .comparison import Comparison
 
 NO_PICTURE = np.zeros((24, 32, 3), np.uint8)
 """What an image shows before there is a cloud."""
 
 
 class ResultTab:
-    """The last cloud of the node.
+    """The cloud that is shown.
 
     Args:
         server: of the page. The elements are made in its current container.
         log: gets the reason where a cloud cannot be shown.
-
-    Attributes:
-        shown: the last cloud, also where it could not be shown; None: none has come.
-        scene: the scene.
     """
 
     def __init__(self, server: 'viser.ViserServer', log: Log) -> None:
         gui = server.gui
         self._log = log
-        self.shown: ShownCloud | None = None
+        self._shown: ShownCloud | None = None
+        self._compared: Comparison | None = None
+        self._title = gui.add_html('')
         self._measurement = gui.add_html(markup.measurement(None))
-        self.scene = CloudScene(server, log)
+        self._scene = CloudScene(server, log)
         self._heights = gui.add_image(NO_PICTURE, label='heights of kept points', format='png')
         self._mask = gui.add_image(NO_PICTURE, label='outlier mask', format='png')
         self._details = gui.add_html(markup.details(None))
 
-    def show(self, shown: ShownCloud) -> None:
-        """Show a cloud and what the node made of it."""
-        self.shown = shown
-        try:
-            xyz = PointCloud.decode(shown.cloud).xyz()
-            view = view_of(xyz, shown.mask)
-        except SocialCircleError as error:
-            self._log.add(str(error), bad=True)
-            return
-        with self.scene.update():
+    def show(self, state: State) -> None:
+        """Show the cloud of the state and what the node made of it, or the comparison on it."""
+        self._title.content = markup.title(state)
+        if state.shown is not self._shown and state.shown is not None:
+            self._shown = state.shown
+            self._draw(state.shown)
+        comparison = state.comparison
+        if comparison is not self._compared:
+            self._compared = comparison
+            with self._scene.update():
+                if comparison is not None:
+                    self._scene.show_comparison(comparison)
+                else:
+                    self._scene.end_comparison()
+
+    def _draw(self, shown: ShownCloud) -> None:
+        with self._scene.update():
             self._measurement.content = markup.measurement(shown)
             self._details.content = markup.details(shown)
+            try:
+                xyz = PointCloud.decode(shown.cloud).xyz()
+                view = view_of(xyz, shown.mask)
+            except SocialCircleError as error:
+                self._log.add(str(error), bad=True)
+                self._heights.image = self._mask.image = NO_PICTURE
+                self._scene.clear(str(error))
+                return
             self._heights.image = height_picture(xyz, shown.mask, view.span)
             self._mask.image = mask_picture(shown.mask)
-            self.scene.show(view)
+            self._scene.show(view)

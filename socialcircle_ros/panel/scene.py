@@ -71,11 +71,17 @@ class CloudScene:
         if self._comparison is None:
             self._draw_node_cloud(view)
 
+    def clear(self, reason: str) -> None:
+        """Show no cloud, and why."""
+        self._view = None
+        for name in ('/cloud', '/compare'):
+            self._server.scene.remove_by_name(name)
+        self._legend.content = markup.note(reason, bad=True)
+
     def show_comparison(self, comparison: Comparison) -> None:
         """Show both clouds of a comparison in place of the node's cloud."""
         self._comparison = comparison
-        for name in ('/cloud/kept', '/cloud/outliers'):
-            self._server.scene.remove_by_name(name)
+        self._server.scene.remove_by_name('/cloud')
         self._draw_comparison(comparison)
 
     def end_comparison(self) -> None:

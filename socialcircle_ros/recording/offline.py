@@ -1,6 +1,6 @@
 """A recording in, a recording out: the node's filter, cloud by cloud, with the same result each time."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +9,7 @@ import numpy as np
 
 from socialcircle_ros.cloud import Cloud, HeightMap, Mask
 from socialcircle_ros.errors import RecordingError, SocialCircleError
+from socialcircle_ros.focus import count_reasons
 from socialcircle_ros.interface import (
     CLOUD_OUTPUTS,
     FILTERED,
@@ -86,6 +87,8 @@ class SourceCloud:
         image: the serialized image in focus of a stack; None for a cloud.
         warning: why a stack's cloud may be wrong; '': there is no sign of it.
         depth_of_field: of a stack in m, where its focus curves show it.
+        frames: how many frames of a stack were measured; 0 for a cloud.
+        reasons: number of pixels of a stack by objection to their depth.
     """
 
     namespace: str
@@ -95,6 +98,8 @@ class SourceCloud:
     image: bytes | None = None
     warning: str = ''
     depth_of_field: float | None = None
+    frames: int = 0
+    reasons: Mapping[str, int] = field(default_factory=dict)
 
 
 def filter_recording(
@@ -299,6 +304,8 @@ class _RecordedCell:
                     event.image,
                     event.warning,
                     event.depth_of_field,
+                    event.frames,
+                    count_reasons(event.reasons),
                 )
 
 

@@ -5,10 +5,11 @@ import threading
 import time
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.interface import MASK
+from socialcircle_ros.interface import MASK, STACK_FRAMES, STACK_JOINT_STATES
 from socialcircle_ros.messages.image import decode_mono8
 from socialcircle_ros.panel.link import Descriptor, LogEntry, ParameterKind, Presence, ShownCloud, Snapshot
 from socialcircle_ros.pipeline.clouds import filter_cloud
+from socialcircle_ros.pipeline.stacks import StackAssembler, StackCloud
 from socialcircle_ros.settings import GROUPS, PARAMETERS, CircleSettings, PipelineSettings
 
 KINDS = {
@@ -79,11 +80,24 @@ class FakeLink:
         self.filter(cloud)
         return ''
 
+    def publish_stack(self, messages):
+        assembler = StackAssembler()
+        settings = PipelineSettings.from_ros(self.snapshot.values)
+        assembler.configure(settings.focus, settings.stack)
+        add = {STACK_FRAMES: assembler.add_frame, STACK_JOINT_STATES: assembler.add_joint_state}
+        events = [event for message in messages for event in add[message.topic](message.data)]
+        for event in [*events, *assembler.finish()]:
+            if isinstance(event, StackCloud):
+                self.published.append(event.points)
+                self.filter(event.points, event.depth_of_field)
+        return ''
+
     def save(self):
         return 'Saved to ~/.ros/socialcircle/cell1.social_circle.yaml.'
 
-    def filter(self, cloud):
-        outputs = filter_cloud(cloud, PipelineSettings(circle=CircleSettings.from_ros(self.snapshot.values)))
+    def filter(self, cloud, depth_of_field=None):
+        settings = PipelineSettings(circle=CircleSettings.from_ros(self.snapshot.values))
+        outputs = filter_cloud(cloud, settings, depth_of_field)
         number = self.snapshot.shown_cloud.number + 1 if self.snapshot.shown_cloud else 1
         mask, status = decode_mono8(outputs.messages[MASK]), outputs.measurement.status(timed=True)
         self.update(shown_cloud=ShownCloud(number, cloud, mask, status))

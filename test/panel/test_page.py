@@ -13,8 +13,8 @@ from panel.fake import descriptors
 from socialcircle_ros import remove_outliers
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
-from socialcircle_ros.panel.clouds import RecordedClouds
 from socialcircle_ros.panel.link import Descriptor, ParameterKind, Presence
+from socialcircle_ros.panel.recorded import Recorded
 from socialcircle_ros.panel.result_tab import ResultTab
 from socialcircle_ros.panel.widgets import widget_of
 
@@ -275,14 +275,18 @@ def test_two_settings_are_compared_side_by_side_on_the_same_cloud(tuning):
     assert visitor.sees('A: current settings')
     assert visitor.sees('B: gentle')
     assert tuning.link.asked == []
+    tuning.link.publish(cloud(seed=3, stamp=2))  # the comparison is made again on the next cloud
+    assert visitor.sees('The cloud with the stamp 0.000000002 s: A current settings, B gentle')
+    assert visitor.sees('only B 0')
     visitor.press('Close the comparison')
     assert visitor.no_longer_sees('B: gentle')
+    assert visitor.sees('The cloud with the stamp 0.000000002 s')
 
 
 def test_a_recording_is_stepped_cloud_by_cloud(tuning):
     visitor, link = tuning.visitor, tuning.link
-    with RecordedClouds(BAGS / 'parts.mcap') as clouds:
-        recorded = [clouds[number].data for number in range(3)]
+    with Recorded(BAGS / 'parts.mcap') as clouds:
+        recorded = [clouds.message(number).data for number in range(3)]
     visitor.open_tab('Recording')
     visitor.field('path').fill(str(BAGS / 'parts.mcap'))
     visitor.press('Open')
@@ -290,13 +294,30 @@ def test_a_recording_is_stepped_cloud_by_cloud(tuning):
     visitor.press('next ▶')
     assert visitor.sees('Cloud 2 of 8')
     visitor.press('next ▶')
-    assert visitor.sees('Cloud 3 of 8')
+    assert visitor.sees('Cloud 3 of 8 of parts.mcap, recorded')
     visitor.press('◀ previous')
     assert visitor.sees('Cloud 2 of 8')
     assert link.published == [recorded[0], recorded[1], recorded[2], recorded[1]]
     visitor.field('path').fill('/nowhere.mcap')
     visitor.press('Open')
     assert visitor.sees('/nowhere.mcap does not exist')
+    assert visitor.sees('Cloud 2 of 8 of parts.mcap, recorded')  # it stays open
+    visitor.page.reload()
+    assert visitor.sees('Cloud 2 of 8 of parts.mcap')
+
+
+def test_a_recording_of_frames_is_opened_with_the_parameters_beside_it(tuning):
+    visitor, link = tuning.visitor, tuning.link
+    visitor.open_tab('Recording')
+    visitor.field('path').fill(str(BAGS / 'stack.mcap'))
+    visitor.press('Open')
+    assert visitor.sees('stack.pitch_x is not set')
+    visitor.press('Load stack.yaml into the node, and open')
+    assert visitor.sees('Stack 1 of 1 of stack.mcap')
+    assert visitor.sees('pixels: saturated')
+    assert visitor.sees('of measured')
+    assert visitor.no_longer_sees('stack.pitch_x is not set')
+    assert link.snapshot.values['stack.frames'] == 32
 
 
 def test_a_cloud_of_a_recording_is_sent_when_the_node_becomes_active(tuning):
@@ -312,8 +333,8 @@ def test_a_cloud_of_a_recording_is_sent_when_the_node_becomes_active(tuning):
     assert link.published == []
     link.update(presence=Presence.ACTIVE, sentence='Here it is.')
     assert visitor.no_longer_sees('It will be sent when the node is active.')
-    with RecordedClouds(BAGS / 'parts.mcap') as clouds:
-        assert link.published == [clouds[1].data]
+    with Recorded(BAGS / 'parts.mcap') as clouds:
+        assert link.published == [clouds.message(1).data]
 
 
 def test_a_million_points_are_thinned_and_all_outliers_are_drawn(tuning):
@@ -327,8 +348,8 @@ def test_a_million_points_are_thinned_and_all_outliers_are_drawn(tuning):
 
 def test_clouds_that_come_too_fast_are_skipped_and_the_newest_is_drawn(tuning, monkeypatch):
     drawn = []
-    draw = ResultTab.show
-    monkeypatch.setattr(ResultTab, 'show', lambda tab, shown: (drawn.append(shown.number), draw(tab, shown)))
+    draw = ResultTab._draw
+    monkeypatch.setattr(ResultTab, '_draw', lambda tab, shown: (drawn.append(shown.number), draw(tab, shown)))
     for number in range(60):
         tuning.link.publish(cloud(stamp=number + 1))
     assert tuning.visitor.sees('0.000000060')
