@@ -176,6 +176,15 @@ class PointCloud:
             )
         return field
 
+    def values(self, name: str) -> npt.NDArray[np.generic]:
+        """The values (height, width) of a field that holds one float, such as `quality`; a view of the message.
+
+        Raises:
+            MessageError: there is no such field, it is not one float, or the cloud contradicts itself.
+        """
+        self.check()
+        return self._values(self.message, self.field(name))
+
     def without(self, outliers: Mask, *, dense: bool) -> bytes:
         """This message with x, y and z of the outliers NaN; every other byte stays as it came.
 

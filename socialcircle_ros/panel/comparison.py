@@ -13,7 +13,8 @@ from socialcircle_ros.pipeline.clouds import Measurement, filter_cloud
 from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings, RosValue
 
 from . import colours
-from .view import PIXELS
+
+_PIXELS = 400  # most pixels along the longer side of a picture
 
 
 @dataclass(frozen=True)
@@ -60,11 +61,11 @@ class Comparison:
             (h, w, 3) uint8. A pixel that stands for several points shows a difference rather than agreement.
         """
         a, b = self.a.mask == OUTLIER, self.b.mask == OUTLIER
-        small = thinned(self.a.mask, PIXELS)
+        small = thinned(self.a.mask, _PIXELS)
         picture = np.full((*small.shape, 3), colours.KEPT, np.uint8)
         picture[small == NOT_MEASURED] = colours.NOT_MEASURED
         for where, colour in ((a & b, colours.BOTH), (a & ~b, colours.ONLY_A), (b & ~a, colours.ONLY_B)):
-            picture[any_in_tile(where, PIXELS)] = colour
+            picture[any_in_tile(where, _PIXELS)] = colour
         return picture
 
 

@@ -8,6 +8,7 @@ from socialcircle_ros.settings import RosValue
 
 from . import markup
 from .changes import Changes
+from .effects import has_effect
 from .link import Descriptor
 from .log import Log
 from .widgets import Widget, widget_of
@@ -33,6 +34,7 @@ class Controls:
         self._log = log
         self._descriptors: tuple[Descriptor, ...] = ()
         self._folders: list[viser.GuiFolderHandle] = []
+        self._rows: list[list[Descriptor]] = []
         self._widgets: dict[str, Widget] = {}
         self._refusals: dict[str, viser.GuiHtmlHandle] = {}
 
@@ -43,7 +45,7 @@ class Controls:
             return
         for folder in self._folders:
             folder.remove()
-        self._folders, self._widgets, self._refusals = [], {}, {}
+        self._folders, self._rows, self._widgets, self._refusals = [], [], {}, {}
         self._descriptors = shown
         groups: dict[str, list[Descriptor]] = {}
         for row in shown:
@@ -51,12 +53,13 @@ class Controls:
         for number, (group, rows) in enumerate(groups.items()):
             folder = self._gui.add_folder(group, expand_by_default=number == 0)
             self._folders.append(folder)
+            self._rows.append(rows)
             with folder:
                 for row in rows:
                     self._log.guarded(f'Making the control of {row.name}', self._add, row, values[row.name])
 
     def show(self, values: Mapping[str, RosValue], enabled: bool) -> None:
-        """Show the current values, except in controls that a visitor is moving."""
+        """Show the current values, except in controls that a visitor moves; hide controls without an effect."""
         for row in self._descriptors:
             widget = self._widgets.get(row.name)
             if widget is None:
@@ -64,6 +67,9 @@ class Controls:
             if row.name in values and not self._changes.settling(row.name):
                 self._log.guarded(f'Showing {row.name}', widget.show, values[row.name])
             widget.enable(enabled and not row.read_only)
+            widget.reveal(has_effect(row.name, values))
+        for folder, rows in zip(self._folders, self._rows, strict=True):
+            folder.visible = any(has_effect(row.name, values) for row in rows)
 
     def refused(self, names: Sequence[str], reason: str) -> None:
         """Show below its control why a value was refused."""

@@ -1,6 +1,6 @@
 """What the page needs of nodes, whatever the transport.
 
-Over ROS, `clients.remote_node.RemoteNode` is the `Link`, and `clients.finding.NodeFinder` the `Graph`.
+Over ROS, `clients.remote_node.RemoteNode` is the `Link`, and `clients.finding.NodeFinder` the `NodeGraph`.
 """
 
 from collections.abc import Iterable, Mapping
@@ -185,7 +185,7 @@ class Link(Protocol):
         """Make the node write its parameters to its file; return its response in words."""
 
 
-class Graph(Protocol):
+class NodeGraph(Protocol):
     """The nodes that can be tuned. Its methods may be called from any thread."""
 
     def nodes(self) -> tuple[str, ...]:

@@ -7,12 +7,13 @@ from html import escape as html_escape
 from pathlib import Path
 
 from socialcircle_ros.errors import printable
-from socialcircle_ros.interface import STAGE_TIME
+from socialcircle_ros.interface import STAGE_TIME, MeasurementValues
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.settings import RosValue
 
 from . import colours
 from .comparison import Comparison
+from .display import Drawing
 from .link import LogEntry, Presence, ShownCloud, Snapshot
 from .recorded import RecordedStack
 from .state import State
@@ -113,7 +114,17 @@ def measurement(shown: ShownCloud | None) -> str:
     share = f'{100 * numbers.outliers / numbers.measured:.2f} %' if numbers.measured else '–'
     counts = {'kept': f'{numbers.kept:,}', 'outliers': f'{numbers.outliers:,}', 'of measured': share}
     big = ''.join(f'<div>{title}<b>{count}</b></div>' for title, count in counts.items())
-    return _box(f'<div class="sc-big">{big}</div>') + (note(status.message, bad=True) if status.level else '')
+    said = note(status.message, bad=True) if status.level else ''
+    return _box(f'<div class="sc-big">{big}</div>') + _verdict(numbers) + said
+
+
+def _verdict(numbers: MeasurementValues) -> str:
+    """Whether the measurement passes its limits, and why not; '' where no limit is set."""
+    if numbers.verdict is None:
+        return ''
+    kind = 'good' if numbers.verdict == 'passed' else 'bad'
+    reason = f': {numbers.verdict_reason}' if numbers.verdict_reason else ''
+    return _box(f'<div class="sc-card sc-{kind}"><b>{escape(numbers.verdict)}</b>{escape(reason)}</div>')
 
 
 def details(shown: ShownCloud | None) -> str:
@@ -147,17 +158,47 @@ def legend(view: View | None, far: int) -> str:
     """The meaning of the colours, and how many points are drawn."""
     if view is None:
         return _box('<span class="sc-dim">No cloud yet.</span>')
-    low, high = view.span
-    table = colours.height_table()
-    stops = ','.join(_rgb(tuple(table[index])) for index in range(0, 256, 15))
     beyond = f' {far:,} outliers are outside the scene and are drawn at its edge.' if far else ''
     return _box(
-        f'<span class="sc-dot" style="background:{_rgb(colours.OUTLIER)}"></span>outlier'
-        f'<span class="sc-dot" style="background:{_rgb(colours.NOT_MEASURED)}"></span>not measured'
-        f'<div class="sc-ramp" style="background:linear-gradient(90deg,{stops})"></div>'
-        f'<div class="sc-ends"><span>{low:.4g}</span><span class="sc-dim">height of kept points</span>'
-        f'<span>{high:.4g}</span></div><div class="sc-dim">{escape(view.caption + beyond)}</div>'
+        f'{_dot(colours.OUTLIER, "outlier")}{_dot(colours.NOT_MEASURED, "not measured")}{_ramp(view.drawing)}'
+        f'<div class="sc-dim">{escape(view.caption + beyond)}</div>'
     )
+
+
+def comparison_legend(view: View) -> str:
+    """The meaning of the colours while two settings are compared."""
+    dots = ''.join(
+        _dot(colour, f'outlier of {whose}')
+        for colour, whose in ((colours.ONLY_A, 'A only'), (colours.ONLY_B, 'B only'), (colours.BOTH, 'both'))
+    )
+    return _box(dots + _ramp(view.drawing))
+
+
+def _dot(colour: Iterable[int], text: str) -> str:
+    return f'<span class="sc-dot" style="background:{_rgb(colour)}"></span>{text}'
+
+
+def _ramp(drawing: Drawing) -> str:
+    """The colours with the values at their two ends."""
+    table = colours.height_table(drawing.display.colour_map)
+    stops = ','.join(_rgb(tuple(table[index])) for index in range(0, 256, 15))
+    is_height = drawing.display.values == 'heights'
+    ends = [drawing.height_scale.number(end) if is_height else f'{end:.3g}' for end in drawing.span]
+    return (
+        f'<div class="sc-ramp" style="background:linear-gradient(90deg,{stops})"></div>'
+        f'<div class="sc-ends"><span>{ends[0]}</span><span class="sc-dim">{escape(drawing.range_sentence)}</span>'
+        f'<span>{ends[1]}</span></div>'
+    )
+
+
+def chart(title: str, content: str) -> str:
+    """A map, a profile or a histogram, with its title."""
+    return _box(f'<div class="sc-dim">{escape(title)}</div>{content}') if content else ''
+
+
+def why(sentences: Iterable[str]) -> str:
+    """Why a point was called an outlier, or was kept."""
+    return _box(f'<div class="sc-card sc-idle">{" ".join(escape(sentence) for sentence in sentences)}</div>')
 
 
 def log(entries: Iterable[LogEntry]) -> str:

@@ -20,7 +20,7 @@ from .state import CurrentState, State
 if TYPE_CHECKING:
     import viser
 
-_RIGHT_PIXELS = 320
+_RIGHT_PIXELS = 360
 
 
 class NodePage:
@@ -99,7 +99,7 @@ class NodePage:
         with log:
             self._log = Log(self._server)
         with result:
-            self._result_tab = ResultTab(self._server, self._log)
+            self._result_tab = ResultTab(self._server, self._changes, self._current, self._log)
         dock.dock_right()
         dock.set_width(_RIGHT_PIXELS)
 

@@ -9,7 +9,7 @@ from socialcircle_ros.errors import SocialCircleError, install_command
 
 from . import markup
 from .elements import PRODUCT, on_choice, set_value
-from .link import Graph
+from .link import NodeGraph
 from .log import Log
 from .node_page import NodePage
 from .presets import Presets
@@ -33,7 +33,7 @@ class Page:
     """
 
     def __init__(
-        self, server: 'viser.ViserServer', graph: Graph, presets: Presets, recording: Path | None = None
+        self, server: 'viser.ViserServer', graph: NodeGraph, presets: Presets, recording: Path | None = None
     ) -> None:
         self._server, self._graph, self._presets, self._recording = server, graph, presets, recording
         self._names: tuple[str, ...] = ()
@@ -132,7 +132,7 @@ def require_viser() -> None:
 
 
 def page_of(
-    graph: Graph, presets: Presets, host: str, port: int, recording: Path | None = None
+    graph: NodeGraph, presets: Presets, host: str, port: int, recording: Path | None = None
 ) -> 'tuple[viser.ViserServer, Page, str]':
     """Serve the page.
 

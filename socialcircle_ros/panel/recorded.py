@@ -15,6 +15,7 @@ from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import Message, open_recording
 from socialcircle_ros.recording.offline import SourceCloud, clouds_of, source_clouds, stacks_of
 from socialcircle_ros.recording.reader import RecordingReader
+from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PipelineSettings
 
 from .link import StackMessage
@@ -62,11 +63,13 @@ class RecordedCloud:
         topic: of the cloud.
         log_time: when it was recorded, in ns.
         stack: the stack that it comes from; None: it was recorded as a cloud.
+        unit: of its coordinates; None: the recording does not say.
     """
 
     topic: str
     log_time: int
     stack: RecordedStack | None = None
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ class _Indexed:
     count: int = 1
 
 
-class Recorded:
+class RecordedClouds:
     """An open recording as a sequence of clouds and stacks; a context manager that closes it.
 
     Opening reads the whole recording once, and measures the stacks of a recording of frames to find where each
@@ -159,7 +162,7 @@ class Recorded:
         """Close the recording."""
         self._closing.close()
 
-    def __enter__(self) -> 'Recorded':  # noqa: PYI034 - Self is not in Python 3.10
+    def __enter__(self) -> 'RecordedClouds':  # noqa: PYI034 - Self is not in Python 3.10
         return self
 
     def __exit__(
@@ -177,7 +180,7 @@ class Recorded:
         for number, message in enumerate(self._reader.messages(self._topics), 1):
             place = _after(place, message)
             progress(number, self._reader.message_count)
-            yield _Indexed(RecordedCloud(message.topic, message.log_time), place)
+            yield _Indexed(self._cloud(message), place)
 
     def _walk_stacks(self, settings: PipelineSettings, progress: Progress) -> Iterator[_Indexed]:
         """The clouds and the stacks of a recording, which are measured."""
@@ -213,14 +216,16 @@ class Recorded:
                 continue
             here = _after(place, cloud.message)
             if cloud.image is None:
-                yield _Indexed(RecordedCloud(cloud.topic, cloud.message.log_time), here)
+                yield _Indexed(self._cloud(cloud.message), here)
                 continue
             is_read = cloud.message is last or cloud.message is last_frames.get(cloud.namespace)
             end, ended_by = read if is_read else read + 1, cloud.message
             first, begin = waiting.pop(cloud.namespace, (here, end))
-            yield _Indexed(
-                RecordedCloud(cloud.topic, cloud.message.log_time, _stack_of(cloud)), first, end - begin + 1
-            )
+            made = RecordedCloud(cloud.topic, cloud.message.log_time, _stack_of(cloud), 'm')
+            yield _Indexed(made, first, end - begin + 1)
+
+    def _cloud(self, message: Message) -> RecordedCloud:
+        return RecordedCloud(message.topic, message.log_time, unit=unit_of(self._reader, message.topic))
 
 
 def _clouds_in(reader: RecordingReader) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from .changes import Changes
 from .elements import icon, on_choice, set_value
 from .link import Link, Presence
 from .log import Log
-from .recorded import Recorded
+from .recorded import RecordedClouds
 from .state import CurrentState, OpenRecording, Sent, State
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class RecordingTab:
 
     def __init__(self, gui: 'viser.GuiApi', link: Link, changes: Changes, current: CurrentState, log: Log) -> None:
         self._link, self._changes, self._current, self._log = link, changes, current, log
-        self._recorded: Recorded | None = None
+        self._recorded: RecordedClouds | None = None
         self._stepping = threading.RLock()
         self._beside: Path | None = None
         self._path = gui.add_text(
@@ -96,7 +96,7 @@ class RecordingTab:
         values = self._current.now.snapshot.values
         try:
             settings = PipelineSettings.from_ros({name: values[name] for name in PARAMETERS if name in values})
-            recorded = Recorded(path, settings, progress)
+            recorded = RecordedClouds(path, settings, progress)
         except SocialCircleError as error:
             self._refuse(str(error))
             self._offer_parameters(path)
@@ -169,13 +169,15 @@ class RecordingTab:
                 return
             if now.snapshot.presence is not Presence.ACTIVE:
                 return
-            stack = recorded[number - 1].stack
+            cloud = recorded[number - 1]
+            stack = cloud.stack
             try:
                 data = recorded.message(number - 1).data if stack is None else b''
             except SocialCircleError as error:
                 self._refuse(str(error))
                 return
-            sent = Sent(recorded.path, len(recorded), number, stack.stamp if stack else None, data)
+            stamp = stack.stamp if stack else None
+            sent = Sent(recorded.path, len(recorded), number, stamp, data, unit=cloud.unit)
             self._current.change(lambda state: state.sending(sent))
             if stack is None:
                 problem = self._link.publish(data)

@@ -1,7 +1,7 @@
-"""The 3D scene with its legend and its switches."""
+"""The 3D scene with its legend, its switches, and what a visitor points at."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -10,15 +10,16 @@ import numpy.typing as npt
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.messages.image import OUTLIER
-from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.settings import RosValue
 
 from . import colours, markup
+from .axes import axes_of
 from .comparison import Comparison
-from .elements import on_choice, set_value
+from .elements import icon, on_choice, set_value
 from .link import Descriptor, ParameterKind
 from .log import Log
-from .view import SIDE, View, stretched, view_of
+from .pointing import on_ground, ray, region_between
+from .view import SIDE, View, stretched
 from .widgets import NumberWidget
 
 if TYPE_CHECKING:
@@ -28,6 +29,15 @@ _MOST_STRETCH = 1e5
 _STRETCH = Descriptor(
     'z scale', ParameterKind.REAL, 'Factor on the heights in the scene.', low=1.0, high=_MOST_STRETCH
 )
+_FROM_THE_FRONT = (0.0, -1.75 * SIDE, 1.55 * SIDE), (0.0, -0.08 * SIDE, 0.0)
+_FROM_ABOVE = (0.0, -1e-3 * SIDE, 2.3 * SIDE), (0.0, 0.0, 0.0)
+_AXES, _MARK = (150, 156, 166), (255, 255, 255)
+
+TakePoint = Callable[[tuple[int, int]], None]
+"""Takes row and column of a point that was clicked."""
+
+TakeRegion = Callable[[list[int]], None]
+"""Takes a vote region that was drawn."""
 
 
 class CloudScene:
@@ -38,26 +48,40 @@ class CloudScene:
     Args:
         server: of the page. The legend and the switches are made in its current container.
         log: gets the reason where the scene cannot be drawn.
+        pick: called with a point that is clicked.
+        draw_region: called with a vote region that is drawn.
     """
 
-    def __init__(self, server: 'viser.ViserServer', log: Log) -> None:
-        self._server, self._log = server, log
+    def __init__(self, server: 'viser.ViserServer', log: Log, pick: TakePoint, draw_region: TakeRegion) -> None:
+        self._server, self._log, self._pick, self._draw_region = server, log, pick, draw_region
         self._drawing = threading.RLock()
         self._view: View | None = None
-        self._comparison: Comparison | None = None
+        self._comparison: tuple[Comparison, View, View] | None = None
+        self._picked: tuple[int, int] | None = None
+        self._region: tuple[int, ...] = ()
         self._stretch = 1.0
+        self._labels: list[viser.LabelHandle] = []
         self._set_camera()
         gui = server.gui
         self._legend = gui.add_html(markup.legend(None, 0))
-        with gui.add_folder('scene'):
+        looks = gui.add_button_group('view', ('3D', 'from above'), hint='Resets the view.')
+        looks.on_click(lambda event: log.guarded('Turning the view', self._look, event.target.value))
+        self._drawn = gui.add_button(
+            'Draw the vote region', icon=icon('marquee-2'), visible=False,
+            hint='Drag a rectangle over the cloud, seen from above.',
+        )  # fmt: skip
+        self._drawn.on_click(lambda _: log.guarded('Drawing the vote region', self._begin_region))
+        with gui.add_folder('scene', expand_by_default=False):
             self._show_kept = gui.add_checkbox('kept points', initial_value=True)
             self._show_outliers = gui.add_checkbox('outliers', initial_value=True)
+            self._show_axes = gui.add_checkbox('axes', initial_value=True)
             self._fit_stretch = gui.add_checkbox(
                 'fit z scale', initial_value=True, hint='Choose the z scale of each cloud from its heights.'
             )
             self._scale = NumberWidget(gui, _STRETCH, 'z scale', _STRETCH.sentence, 1.0, self._stretch_chosen)
-        for switch in (self._show_kept, self._show_outliers, self._fit_stretch):
+        for switch in (self._show_kept, self._show_outliers, self._show_axes, self._fit_stretch):
             on_choice(switch, lambda _: log.guarded('Drawing the scene', self._redraw))
+        server.scene.on_click()(lambda event: log.guarded('Pointing at the cloud', self._clicked, event))
 
     @contextmanager
     def update(self) -> Iterator[None]:
@@ -71,18 +95,31 @@ class CloudScene:
         if self._comparison is None:
             self._draw_node_cloud(view)
 
+    def mark(self, picked: tuple[int, int] | None, region: tuple[int, ...], *, votes: bool) -> None:
+        """Mark the point that was clicked and the vote region.
+
+        Args:
+            picked: row and column; None: no point.
+            region: row, column, height and width; empty: none.
+            votes: whether the mode of the node has a vote region, so that one can be drawn.
+        """
+        self._drawn.visible = votes
+        self._picked, self._region = picked, region
+        self._draw_marks()
+
     def clear(self, reason: str) -> None:
         """Show no cloud, and why."""
-        self._view = None
-        for name in ('/cloud', '/compare'):
+        self._view = self._comparison = None
+        for name in ('/cloud', '/compare', '/axes', '/marks'):
             self._server.scene.remove_by_name(name)
         self._legend.content = markup.note(reason, bad=True)
 
-    def show_comparison(self, comparison: Comparison) -> None:
+    def show_comparison(self, comparison: Comparison, a: View, b: View) -> None:
         """Show both clouds of a comparison in place of the node's cloud."""
-        self._comparison = comparison
-        self._server.scene.remove_by_name('/cloud')
-        self._draw_comparison(comparison)
+        self._comparison = comparison, a, b
+        for name in ('/cloud', '/axes', '/marks'):
+            self._server.scene.remove_by_name(name)
+        self._draw_comparison(comparison, a, b)
 
     def end_comparison(self) -> None:
         """Show the node's cloud again."""
@@ -95,14 +132,51 @@ class CloudScene:
         self._server.scene.set_up_direction('+z')
         self._server.scene.world_axes.visible = False
         camera = self._server.initial_camera
-        camera.position = (0.0, -1.5 * SIDE, 1.2 * SIDE)
-        camera.look_at = (0.0, -0.05 * SIDE, 0.0)
+        camera.position, camera.look_at = _FROM_THE_FRONT
         camera.fov = 0.75
+
+    def _look(self, name: str) -> None:
+        """Turn the view of every visitor."""
+        position, look_at = _FROM_THE_FRONT if name == '3D' else _FROM_ABOVE
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.up_direction = (0.0, 0.0, 1.0) if name == '3D' else (0.0, 1.0, 0.0)
+                client.camera.position, client.camera.look_at = position, look_at
+
+    def _clicked(self, event: 'viser.SceneClickEvent') -> None:
+        view = self._view
+        if view is None or self._comparison is not None:
+            return
+        found = view.nearest(np.array(event.ray_origin), np.array(event.ray_direction), self._stretch)
+        if found is not None:
+            self._pick(found)
+
+    def _begin_region(self) -> None:
+        self._look('from above')
+        self._log.notify('Drag a rectangle over the cloud.')
+
+        def selected(event: 'viser.SceneRectSelectEvent') -> None:
+            self._server.scene.remove_rect_select_callback('all')
+            self._log.guarded('Drawing the vote region', self._end_region, event)
+
+        self._server.scene.remove_rect_select_callback('all')
+        self._server.scene.on_rect_select()(selected)
+
+    def _end_region(self, event: 'viser.SceneRectSelectEvent') -> None:
+        view, camera = self._view, event.client.camera
+        if view is None:
+            return
+        corners = [
+            on_ground(camera.position, ray(corner, camera.wxyz, camera.fov, camera.aspect))
+            for corner in (event.screen_min, event.screen_max)
+        ]
+        if corners[0] is not None and corners[1] is not None:
+            self._draw_region(region_between(view, corners[0], corners[1]))
 
     def _redraw(self) -> None:
         with self.update():
             if self._comparison is not None:
-                self._draw_comparison(self._comparison)
+                self._draw_comparison(*self._comparison)
             elif self._view is not None:
                 self._draw_node_cloud(self._view)
 
@@ -116,20 +190,22 @@ class CloudScene:
         self._log.guarded('Drawing the scene', self._redraw)
 
     def _draw_node_cloud(self, view: View) -> None:
-        self._place_floor(view)
+        self._fit(view)
         outliers, far = view.stretched_outliers(self._stretch)
         self._legend.content = markup.legend(view, far)
         self._draw('/cloud', view, outliers, colours.OUTLIER)
+        self._draw_axes(view)
+        self._draw_marks()
 
-    def _draw_comparison(self, comparison: Comparison) -> None:
+    def _draw_comparison(self, comparison: Comparison, *views: View) -> None:
         """Draw both results side by side; the colour of an outlier says whether both settings find it."""
-        xyz = PointCloud.decode(comparison.cloud).xyz()
         a, b = comparison.a, comparison.b
-        for side, other, letter, colour in ((a, b, 'A', colours.ONLY_A), (b, a, 'B', colours.ONLY_B)):
-            view = view_of(xyz, side.mask)
-            self._place_floor(view)
+        self._legend.content = markup.comparison_legend(views[0])
+        rows = zip((a, b), (b, a), views, 'AB', (colours.ONLY_A, colours.ONLY_B), strict=True)
+        for side, other, view, letter, colour in rows:
+            self._fit(view)
             outliers, _ = view.stretched_outliers(self._stretch)
-            shared = other.mask[side.mask == OUTLIER] == OUTLIER
+            shared = other.mask[view.drawing.outliers] == OUTLIER
             outlier_colours = np.where(shared[:, None], colours.BOTH, colour).astype(np.uint8)
             x = (view.size[0] / 4 + SIDE / 40) * (-1 if letter == 'A' else 1)
             self._draw(f'/compare/{letter}', view, outliers, outlier_colours, x, 0.5)
@@ -171,13 +247,44 @@ class CloudScene:
             position=(x, 0.0, 0.0), visible=self._show_outliers.value,
         )  # fmt: skip
 
-    def _place_floor(self, view: View) -> None:
-        """Fit the z scale to the cloud, where that is switched on, and place the floor below the cloud."""
+    def _draw_axes(self, view: View) -> None:
+        scene = self._server.scene
+        scene.remove_by_name('/axes')
+        if not self._show_axes.value:
+            return
+        axes = axes_of(view, self._stretch)
+        scene.add_line_segments('/axes/lines', axes.lines, _AXES, thickness=1.5, thickness_units='screen')
+        for number, (text, position) in enumerate(axes.labels):
+            scene.add_label(
+                f'/axes/{number}', text, position=position, anchor='center-center', font_screen_scale=0.85
+            )
+
+    def _draw_marks(self) -> None:
+        """Draw a ring at the point that was clicked, and the outline of the vote region."""
+        scene, view = self._server.scene, self._view
+        scene.remove_by_name('/marks')
+        if view is None or self._comparison is not None:
+            return
+        if self._picked is not None:
+            height = float(view.drawing.heights[self._picked])
+            x, y, z = view.position(*self._picked, height, self._stretch)
+            scene.add_icosphere(
+                '/marks/picked', radius=SIDE / 90, color=_MARK, wireframe=True,
+                position=(x, y, float(np.clip(z, -SIDE, SIDE))),
+            )  # fmt: skip
+        if self._region:
+            row, column, tall, wide = self._region
+            top = view.drawing.height_span[1]
+            places = [
+                (row - 0.5, column - 0.5), (row - 0.5, column + wide - 0.5),
+                (row + tall - 0.5, column + wide - 0.5), (row + tall - 0.5, column - 0.5),
+            ]  # fmt: skip
+            corners = [view.position(*place, top, self._stretch) for place in places]
+            lines = np.array(list(zip(corners, [*corners[1:], corners[0]], strict=True)), np.float32)
+            scene.add_line_segments('/marks/region', lines, _MARK, thickness=2.0, thickness_units='screen')
+
+    def _fit(self, view: View) -> None:
+        """Fit the z scale to the cloud, where that is switched on."""
         if self._fit_stretch.value:
             self._stretch = view.stretch()
             self._scale.show(self._stretch)
-        self._server.scene.add_grid(
-            '/floor', 1.6 * SIDE, 1.6 * SIDE, cell_size=SIDE / 10, section_size=SIDE / 2, plane='xy',
-            position=(0.0, 0.0, -0.5 * view.height * self._stretch - SIDE / 20),
-            cell_color=(60, 64, 72), section_color=(80, 86, 96),
-        )  # fmt: skip

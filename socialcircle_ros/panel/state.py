@@ -16,6 +16,8 @@ from socialcircle_ros.messages.header import stamp_of, stamp_text
 from socialcircle_ros.settings import RosValue
 
 from .comparison import Comparison
+from .display import Display
+from .effects import VOTE_REGION, has_effect
 from .link import ShownCloud, Snapshot
 from .recorded import RecordedCloud
 
@@ -57,6 +59,7 @@ class Sent:
         cloud: the serialized PointCloud2; b'' for a stack, whose cloud the node makes.
         refusals: of the node, before it was sent.
         problem: why it was not delivered; '': it was, or is on its way.
+        unit: of the cloud; None: the recording does not say.
     """
 
     path: Path
@@ -66,6 +69,7 @@ class Sent:
     cloud: bytes
     refusals: int = 0
     problem: str = ''
+    unit: str | None = None
 
     def is_of(self, shown: ShownCloud | None) -> bool:
         """Whether a cloud that the node has filtered is the one that was sent."""
@@ -106,6 +110,7 @@ class State:
         lost: the settings that the node has lost by a restart, and not got back.
         picked: row and column of the point that was clicked, of the cloud that is shown; None: none was.
         restarted: whether the cloud that is shown was filtered before the node was started again.
+        display: how the cloud is displayed.
     """
 
     snapshot: Snapshot = field(default_factory=Snapshot)
@@ -116,6 +121,7 @@ class State:
     lost: Lost = field(default_factory=dict)
     picked: tuple[int, int] | None = None
     restarted: bool = False
+    display: Display = field(default_factory=Display)
 
     # The next state
 
@@ -181,6 +187,10 @@ class State:
         """With another point that was clicked."""
         return dataclasses.replace(self, picked=place)
 
+    def displaying(self, display: Display) -> 'State':
+        """With the cloud displayed in another way."""
+        return dataclasses.replace(self, display=display)
+
     def keeping_new_settings(self) -> 'State':
         """Without the offer of the settings before a restart."""
         return dataclasses.replace(self, lost={})
@@ -221,6 +231,26 @@ class State:
             return f'Cloud {self.sent.number} of {self.sent.count} of {self.sent.path.name}'
         stamp = _stamp(self.shown)
         return 'A cloud of the node' if stamp is None else f'The cloud with the stamp {stamp_text(stamp)} s'
+
+    @property
+    def unit(self) -> str | None:
+        """The unit of the cloud that is shown; None: it is not known. Clouds of focus stacks are in m."""
+        if self.sent is not None and self.sent.is_of(self.shown) and self.sent.unit is not None:
+            return self.sent.unit
+        return 'm' if self.shown is not None and self.shown.depth_of_field is not None else None
+
+    @property
+    def region(self) -> tuple[int, ...]:
+        """The vote region that is in force: row, column, height and width; empty where there is none."""
+        if not self.votes:
+            return ()
+        region = self.snapshot.values.get(VOTE_REGION)
+        return tuple(region) if isinstance(region, list) and any(region) else ()
+
+    @property
+    def votes(self) -> bool:
+        """Whether the mode of the node has a vote region."""
+        return has_effect(VOTE_REGION, self.snapshot.values)
 
     @property
     def differing(self) -> Mapping[str, tuple[str, str]]:

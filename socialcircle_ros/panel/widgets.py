@@ -1,6 +1,7 @@
 """Widgets that show one value each, and pass on what a visitor chooses."""
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, Protocol
@@ -19,6 +20,8 @@ _DRAG_PAUSE_S, _TYPING_PAUSE_S = 0.05, 0.7  # in which a newer value replaces on
 _MOST_SLIDER_STEPS = 200  # a parameter with more values is typed
 _LOGARITHMIC_DECADES = 3  # a range at least this wide has a logarithmic slider
 _MOST_LABELLED_MARKS = 5
+_MARKED_PARTS = 4  # into which the marks divide a slider of whole numbers
+_SENTENCE_END = re.compile(r"(?<=\.)\s+(?=[A-Z0-9'])")
 _INTEGERS = 2**63  # a whole number of ROS is less than this, and at least its negative
 
 Choose = Callable[[RosValue | SettingError, float], None]
@@ -34,6 +37,9 @@ class Widget(Protocol):
     def enable(self, enabled: bool) -> None:
         """Allow the value to be changed, or not."""
 
+    def reveal(self, visible: bool) -> None:
+        """Show the elements, or hide them."""
+
 
 def widget_of(gui: 'viser.GuiApi', row: Descriptor, value: RosValue, choose: Choose) -> Widget:
     """Make the widget that fits a parameter.
@@ -47,7 +53,7 @@ def widget_of(gui: 'viser.GuiApi', row: Descriptor, value: RosValue, choose: Cho
     label = row.name.rpartition('.')[2].replace('_', ' ')
     if row.unit:
         label += f' [{row.unit}]'
-    hint = f'{row.sentence} Allowed: {row.allowed}.' if row.allowed else row.sentence
+    hint = hint_of(row)
     if row.kind is ParameterKind.BOOLEAN:
         return _ElementWidget(gui.add_checkbox(label, bool(value), hint=hint), choose, _DRAG_PAUSE_S)
     if row.choices:
@@ -62,7 +68,8 @@ def widget_of(gui: 'viser.GuiApi', row: Descriptor, value: RosValue, choose: Cho
     ):
         step = int(row.step) or 1
         if (row.high - row.low) / step <= _MOST_SLIDER_STEPS and row.low <= value <= row.high:
-            slider = gui.add_slider(label, int(row.low), int(row.high), step, value, hint=hint)
+            marks = _whole_marks(int(row.low), int(row.high), step)
+            slider = gui.add_slider(label, int(row.low), int(row.high), step, value, hint=hint, marks=marks)
             return _ElementWidget(slider, choose, _DRAG_PAUSE_S)
     if row.kind is ParameterKind.TEXT:
         return _ElementWidget(gui.add_text(label, str(value), hint=hint), choose, _TYPING_PAUSE_S)
@@ -90,6 +97,9 @@ class _ElementWidget(Generic[Value]):
     def enable(self, enabled: bool) -> None:
         if self._element.disabled == enabled:
             self._element.disabled = not enabled
+
+    def reveal(self, visible: bool) -> None:
+        self._element.visible = visible
 
     def _chosen(self, value: Value) -> None:
         self._choose(value, self._pause_s)
@@ -148,6 +158,12 @@ class NumberWidget:
         for element in (self._text, self._slider):
             if element is not None and element.disabled == enabled:
                 element.disabled = not enabled
+
+    def reveal(self, visible: bool) -> None:
+        """Show the elements, or hide them."""
+        for element in (self._text, self._slider):
+            if element is not None:
+                element.visible = visible
 
     def _dragged(self, place: float) -> None:
         if self._scale is None:
@@ -210,6 +226,21 @@ class _SliderScale:
         return tuple((float(power), f'{10.0**power:g}' if power % labelled == 0 else '') for power in powers)
 
 
+def _whole_marks(low: int, high: int, step: int) -> tuple[tuple[int, str], ...]:
+    """Marks of a slider of whole numbers, all of them values that it takes: odd ones where only odd ones are."""
+    count = (high - low) // step
+    places = sorted({low + step * round(count * part / _MARKED_PARTS) for part in range(_MARKED_PARTS + 1)})
+    return tuple((place, str(place)) for place in places)
+
+
+def hint_of(row: Descriptor) -> str:
+    """The help for a parameter in one sentence: the first of its description, and the accepted values."""
+    first = _SENTENCE_END.split(row.sentence, maxsplit=1)[0].strip().rstrip('.')
+    if row.choices and ' ' not in first:
+        return f'{first}: {" or ".join(row.choices)}.'
+    return f'{first} ({row.allowed}).' if row.allowed else f'{first}.'
+
+
 def text_of(value: RosValue) -> str:
     """A value as text, in the form in which it can be typed."""
     return ', '.join(str(item) for item in value) if isinstance(value, list) else f'{value}'
@@ -223,7 +254,7 @@ def value_of(text: str, row: Descriptor) -> RosValue:
     """
     try:
         if row.kind is ParameterKind.REAL:
-            return float(text)
+            return float(text if '.' in text else text.replace(',', '.', 1))  # 1,5 is 1.5
         whole = row.kind is ParameterKind.INTEGER
         found: object = [int(text)] if whole else load_plain_yaml(f'[{text.strip().strip("[]")}]')
     except ValueError:

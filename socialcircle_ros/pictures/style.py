@@ -12,8 +12,11 @@ if TYPE_CHECKING:
     from matplotlib import RcParams
     from matplotlib.figure import Figure
 
-COLOUR_MAPS = ('viridis', 'cividis', 'magma', 'gray')
-"""The colour maps for heights, by matplotlib's names; the first is the default. All grow evenly in lightness."""
+COLOUR_MAPS = ('viridis', 'cividis', 'gray')
+"""The colour maps for heights, by matplotlib's names; the first is the default.
+
+All grow evenly in lightness, and outliers can be told apart on them with every colour vision.
+"""
 
 HEIGHTS = COLOUR_MAPS[0]
 DIFFERENCES = 'RdBu_r'

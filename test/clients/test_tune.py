@@ -11,15 +11,18 @@ from urllib.request import urlopen
 
 import pytest
 from browser import Visitor, browser
+from launching.stand_in import commands
 
 from socialcircle_ros import interface
 from socialcircle_ros.clients.process import NodeProcess
+from socialcircle_ros.clients.remote_node import RemoteNode
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 
 pytestmark = pytest.mark.live
 
 SCALE = 'circle.radius_scale'
-BAGS = Path(__file__).resolve().parents[2] / 'bags'
+TOP = Path(__file__).resolve().parents[2]
+BAGS = TOP / 'bags'
 
 
 class Tuning:
@@ -81,7 +84,7 @@ def test_the_page_listens_on_the_loopback_interface_only(start_tuning):
 
 def test_an_operator_tunes_a_node_that_is_killed_and_started_again(start_cell, start_tuning, tmp_path):
     with browser() as chromium:
-        cell = start_cell()
+        cell = start_cell({'circle.mode': 'paper'})
         tuning = start_tuning(BAGS / 'parts.mcap', '--ros-args', '-r', f'__ns:={cell.namespace}')
         visitor = Visitor(chromium, tuning.address)
         assert visitor.sees(cell.name)
@@ -107,7 +110,9 @@ def test_an_operator_tunes_a_node_that_is_killed_and_started_again(start_cell, s
         # The page shows that the node is killed, and recovers when it is started again.
         cell.kill()
         assert visitor.sees('the node has stopped answering')
-        cell.node_process = NodeProcess(cell.namespace, tmp_path / 'again.log', {SCALE: '2.5'})
+        cell.node_process = NodeProcess(
+            cell.namespace, tmp_path / 'again.log', {SCALE: '2.5', 'circle.mode': 'paper'}
+        )
         assert visitor.wait_until('radius scale', '2.5')
         # The settings that the node had are restored.
         visitor.press('Restore these settings')
@@ -119,4 +124,39 @@ def test_an_operator_tunes_a_node_that_is_killed_and_started_again(start_cell, s
         cell.wait_for(lambda: outliers() not in (None, 0))
         visitor.open_tab('Log')
         assert visitor.sees('The node was started again.')
+        visitor.leave()
+
+
+def test_an_integrator_tunes_on_a_recording_of_frames_and_launches_the_cell_with_what_was_saved(
+    start_cell, start_tuning, tmp_path
+):
+    with browser() as chromium:
+        saved = tmp_path / 'tuned.yaml'
+        cell = start_cell({'circle.mode': 'paper', 'parameters_file': str(saved)})
+        tuning = start_tuning(BAGS / 'stack.mcap')  # it finds the node
+        assert tuning.greeting.startswith(f'Tuning {cell.name} at http://127.0.0.1:')
+        visitor = Visitor(chromium, tuning.address, tab='Recording')
+        visitor.open_tab('Recording')
+        assert visitor.sees('stack.pitch_x is not set')
+        visitor.press('Load stack.yaml into the node, and open')
+        assert visitor.sees('Stack 1 of 1 of stack.mcap')
+        assert visitor.sees('Cloud 1 of 1 of stack.mcap')  # the node has measured its frames
+        assert visitor.sees('height of kept points [µm]')
+        visitor.open_tab('Tune')
+        visitor.field('radius scale').fill('2,5')
+        cell.wait_for(lambda: cell.get(SCALE) == 2.5)
+        visitor.open_tab('Presets')
+        visitor.press('Save parameters at the node')
+        cell.wait_for(saved.exists)
+        given = {'namespace': f'{cell.namespace[1:]}_launched', 'params_file': str(saved)}
+        (command,) = commands(TOP / 'launch/social_circle.launch.py', given)
+        launched = subprocess.Popen(command)
+        try:
+            with RemoteNode(f'/{given["namespace"]}/{interface.NODE_NAME}') as link:
+                values = cell.wait_for(lambda: link.wait(-1, 0).values)
+            assert values[SCALE] == 2.5
+            assert values['stack.frames'] == 32
+        finally:
+            launched.send_signal(signal.SIGINT)
+            launched.wait()
         visitor.leave()

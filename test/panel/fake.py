@@ -42,7 +42,8 @@ class FakeLink:
         self.entries = []
         self.snapshot = Snapshot(
             revision=1, presence=Presence.ACTIVE, starts=1, sentence='Clouds are filtered as they come.',
-            descriptors=descriptors(), values={name: row.default for name, row in PARAMETERS.items()},
+            descriptors=descriptors(),
+            values={name: row.default for name, row in PARAMETERS.items()} | {'circle.mode': 'paper'},
         )  # fmt: skip
 
     def update(self, **changes):

@@ -39,8 +39,9 @@ def lab(rgb, vision):
 
 
 @pytest.mark.parametrize('vision', VISION)
-def test_outliers_differ_from_every_height_and_from_gaps(vision):
-    others = np.vstack([colours.height_table(), colours.NOT_MEASURED, colours.KEPT])
+@pytest.mark.parametrize('name', colours.MAPS)
+def test_outliers_differ_from_every_height_and_from_gaps(vision, name):
+    others = np.vstack([colours.height_table(name), colours.NOT_MEASURED, colours.KEPT])
     assert np.linalg.norm(lab(others, vision) - lab(colours.OUTLIER, vision), axis=-1).min() > 25
 
 
@@ -52,8 +53,9 @@ def test_the_classes_of_a_comparison_differ_from_each_other(vision):
 
 
 @pytest.mark.parametrize('vision', VISION)
-def test_higher_is_always_lighter(vision):
-    assert (np.diff(lab(colours.height_table()[::8], vision)[:, 0]) > 0).all()
+@pytest.mark.parametrize('name', colours.MAPS)
+def test_higher_is_always_lighter(vision, name):
+    assert (np.diff(lab(colours.height_table(name)[::8], vision)[:, 0]) > 0).all()
 
 
 def test_heights_outside_the_span_get_the_colours_of_its_ends():

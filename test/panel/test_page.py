@@ -14,7 +14,7 @@ from socialcircle_ros import remove_outliers
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.panel.link import Descriptor, ParameterKind, Presence
-from socialcircle_ros.panel.recorded import Recorded
+from socialcircle_ros.panel.recorded import RecordedClouds
 from socialcircle_ros.panel.result_tab import ResultTab
 from socialcircle_ros.panel.widgets import widget_of
 
@@ -29,7 +29,7 @@ def test_the_last_cloud_is_shown_with_counts_pictures_and_times(tuning):
     row, column = remove_outliers(surface()).seed
     assert tuning.visitor.sees(f'{row}, {column}')
     assert tuning.visitor.sees('0.46 %')
-    assert tuning.visitor.page.locator('img:visible').count() == 2
+    assert tuning.visitor.page.locator('.sc-chart:visible').count() == 3  # map, profile and histogram
 
 
 def test_a_measurement_that_cannot_be_read_does_not_end_the_page(tuning):
@@ -159,7 +159,7 @@ def test_controls_follow_the_node_s_descriptions_of_its_parameters(tuning):
     visitor.choose('mode', 'bold')
     assert visitor.sees("circle.mode cannot be 'bold'")  # the settings of the fake node have no such mode
     visitor.row('flank').hover()
-    assert visitor.sees('How steep. Allowed: 0 to 1.')
+    assert visitor.sees('How steep (0 to 1).')
 
 
 def test_moving_a_slider_changes_the_result(tuning):
@@ -285,7 +285,7 @@ def test_two_settings_are_compared_side_by_side_on_the_same_cloud(tuning):
 
 def test_a_recording_is_stepped_cloud_by_cloud(tuning):
     visitor, link = tuning.visitor, tuning.link
-    with Recorded(BAGS / 'parts.mcap') as clouds:
+    with RecordedClouds(BAGS / 'parts.mcap') as clouds:
         recorded = [clouds.message(number).data for number in range(3)]
     visitor.open_tab('Recording')
     visitor.field('path').fill(str(BAGS / 'parts.mcap'))
@@ -333,7 +333,7 @@ def test_a_cloud_of_a_recording_is_sent_when_the_node_becomes_active(tuning):
     assert link.published == []
     link.update(presence=Presence.ACTIVE, sentence='Here it is.')
     assert visitor.no_longer_sees('It will be sent when the node is active.')
-    with Recorded(BAGS / 'parts.mcap') as clouds:
+    with RecordedClouds(BAGS / 'parts.mcap') as clouds:
         assert link.published == [clouds.message(1).data]
 
 
@@ -375,7 +375,7 @@ def test_nothing_is_cut_off_on_usual_screens(tuning, width, height):
         'radius scale',
         'of measured',
         'height of kept points',
-        'heights of kept points',
+        'map: ',
     ):
         visitor.sees(text)
         box = visitor.page.get_by_text(text).locator('visible=true').first.bounding_box()

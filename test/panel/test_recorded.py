@@ -14,7 +14,7 @@ from socialcircle_ros.messages.header import stamp_of
 from socialcircle_ros.messages.image import TYPE as IMAGE
 from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.panel.recorded import Recorded
+from socialcircle_ros.panel.recorded import RecordedClouds
 from socialcircle_ros.pipeline.stacks import StackAssembler, StackCloud
 from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
 from socialcircle_ros.settings import PipelineSettings
@@ -27,7 +27,7 @@ SETTINGS = PipelineSettings.from_ros(read_parameter_file(BAGS / 'stack.yaml', 's
 def test_clouds_can_be_read_in_any_order():
     with open_recording(BAGS / 'parts.mcap') as reader:
         recorded = [message.data for message in reader.messages(['/points'])]
-    with Recorded(BAGS / 'parts.mcap') as clouds:
+    with RecordedClouds(BAGS / 'parts.mcap') as clouds:
         assert len(clouds) == len(recorded) == 8
         for number in (0, 7, 3, 3, 6, 0):
             assert clouds.message(number).data == recorded[number]
@@ -40,14 +40,14 @@ def test_clouds_with_the_same_time_are_distinguished(tmp_path):
         writer.add_topic(ros_topic('/points', CLOUD))
         for seed in range(3):
             writer.write('/points', cloud(9, 9 + seed), 5)
-    with Recorded(tmp_path / 'a.mcap') as clouds:
+    with RecordedClouds(tmp_path / 'a.mcap') as clouds:
         assert [clouds.message(number).data for number in (2, 0, 1)] == [cloud(9, 9 + seed) for seed in (2, 0, 1)]
 
 
 def test_clouds_before_the_damage_can_be_read(tmp_path):
     whole = (BAGS / 'parts.mcap').read_bytes()
     (tmp_path / 'cut.mcap').write_bytes(whole[: len(whole) // 2])
-    with Recorded(tmp_path / 'cut.mcap') as clouds:
+    with RecordedClouds(tmp_path / 'cut.mcap') as clouds:
         assert 0 < len(clouds) < 8
         assert 'damaged' in clouds.damage
         assert clouds.message(len(clouds) - 1).data
@@ -57,18 +57,18 @@ def test_a_recording_without_clouds_is_refused(tmp_path):
     with RecordingWriter(tmp_path / 'images.mcap') as writer:
         writer.add_topic(ros_topic('/camera', IMAGE))
     with pytest.raises(RecordingError, match='neither clouds nor frames'):
-        Recorded(tmp_path / 'images.mcap')
+        RecordedClouds(tmp_path / 'images.mcap')
     with pytest.raises(RecordingError, match='gives no cloud: .*stack.pitch_x is not set'):
-        Recorded(BAGS / 'stack.mcap')
+        RecordedClouds(BAGS / 'stack.mcap')
     with RecordingWriter(tmp_path / 'empty.mcap') as writer:
         writer.add_topic(ros_topic('/points', CLOUD))
     with pytest.raises(RecordingError, match='no message'):
-        Recorded(tmp_path / 'empty.mcap')
+        RecordedClouds(tmp_path / 'empty.mcap')
 
 
 def test_a_recording_that_changed_after_opening_is_reported(tmp_path):
     (tmp_path / 'a.mcap').write_bytes((BAGS / 'parts.mcap').read_bytes())
-    with Recorded(tmp_path / 'a.mcap') as clouds:
+    with RecordedClouds(tmp_path / 'a.mcap') as clouds:
         with (tmp_path / 'a.mcap').open('r+b') as file:
             file.truncate(3000)
         with pytest.raises(RecordingError, match='open it again'):
@@ -110,7 +110,7 @@ def restamped(message, later):
 
 @pytest.mark.parametrize('frames', [32, 0])  # a stack ends by its number of frames, or by time
 def test_the_stacks_of_a_recording_of_frames_that_was_filtered_are_found_and_sent_alone(two_scans, frames):
-    with Recorded(two_scans, replace(SETTINGS, stack=replace(SETTINGS.stack, frames=frames))) as recorded:
+    with RecordedClouds(two_scans, replace(SETTINGS, stack=replace(SETTINGS.stack, frames=frames))) as recorded:
         assert len(recorded) == 2
         clouds = [assembled(recorded.stack_messages(number)) for number in (1, 0)]
         for number, made in zip((1, 0), clouds, strict=True):
@@ -125,7 +125,7 @@ def test_clouds_of_stacks_without_their_frames_are_opened(tmp_path):
     with RecordingWriter(tmp_path / 'results.mcap') as writer:
         writer.add_topic(ros_topic('/cell1/stack/points', CLOUD))
         writer.write('/cell1/stack/points', cloud(), 5)
-    with Recorded(tmp_path / 'results.mcap') as recorded:
+    with RecordedClouds(tmp_path / 'results.mcap') as recorded:
         assert recorded.message(0).data == cloud()
 
 
@@ -133,4 +133,4 @@ def test_a_recording_of_results_only_is_refused(tmp_path):
     with RecordingWriter(tmp_path / 'results.mcap') as writer:
         writer.add_topic(ros_topic('/points_filtered', CLOUD))
     with pytest.raises(RecordingError, match='holds only results of the filter: /points_filtered'):
-        Recorded(tmp_path / 'results.mcap')
+        RecordedClouds(tmp_path / 'results.mcap')

@@ -7,9 +7,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import CloudError
+from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import KEPT, NOT_MEASURED, OUTLIER
-from socialcircle_ros.panel import colours
-from socialcircle_ros.panel.view import SIDE, height_picture, mask_picture, view_of
+from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
+from socialcircle_ros.panel.display import Display, drawing_of
+from socialcircle_ros.panel.view import MOST_POINTS, SIDE, view_of
+
+
+def drawing(xyz, mask, **display):
+    cloud = PointCloud.decode(encode_point_cloud(Header.at(1, 'part'), xyz))
+    return drawing_of(cloud, mask, Display(**display), 'm')
+
+
+def view(xyz, mask, most=MOST_POINTS):
+    return view_of(drawing(xyz, mask), most)
 
 
 def masked(xyz, outliers=()):
@@ -32,7 +43,7 @@ def test_outliers_are_never_thinned_and_the_number_of_kept_points_is_limited(row
     )  # fmt: skip
     mask = masked(xyz)
     mask[(np.random.default_rng(seed).random(mask.shape) < share) & (mask == KEPT)] = OUTLIER
-    drawn = view_of(xyz, mask, most)
+    drawn = view(xyz, mask, most)
     outliers = np.count_nonzero(mask == OUTLIER)
     assert len(drawn.outliers) == outliers
     assert drawn.kept_total == np.count_nonzero(mask == KEPT)
@@ -43,7 +54,7 @@ def test_outliers_are_never_thinned_and_the_number_of_kept_points_is_limited(row
 
 def test_a_million_points_are_thinned_and_the_caption_says_how():
     xyz = np.dstack([*np.mgrid[:960, :1280].astype(np.float32)[::-1], np.zeros((960, 1280), np.float32)])
-    drawn = view_of(xyz, masked(xyz, [(1, 1), (501, 77), (959, 1279)]))
+    drawn = view(xyz, masked(xyz, [(1, 1), (501, 77), (959, 1279)]))
     assert len(drawn.kept) <= 150_000
     assert len(drawn.outliers) == 3
     assert drawn.caption == (
@@ -53,7 +64,7 @@ def test_a_million_points_are_thinned_and_the_caption_says_how():
 
 def test_a_small_cloud_is_drawn_completely():
     xyz = surface()
-    drawn = view_of(xyz, masked(xyz, [(10, 12)]))
+    drawn = view(xyz, masked(xyz, [(10, 12)]))
     assert drawn.step == 1
     assert drawn.caption == 'Showing all 5,593 kept points and all 1 outliers.'
 
@@ -62,27 +73,27 @@ def test_a_small_cloud_is_drawn_completely():
 def test_the_scene_is_the_same_in_every_unit(unit):
     xyz = surface().astype(np.float64)
     mask = masked(xyz, [(10, 12)])
-    drawn, scaled = view_of(xyz, mask), view_of(xyz * unit, mask)
+    drawn, scaled = view(xyz, mask), view(xyz * unit, mask)
     np.testing.assert_allclose(scaled.kept, drawn.kept, atol=1e-4)
     np.testing.assert_allclose(scaled.outliers, drawn.outliers, atol=1e-4)
     assert scaled.stretch() == drawn.stretch()
-    assert np.ptp(drawn.kept[:, 0]) == pytest.approx(SIDE)
+    assert np.ptp(drawn.kept[:, 0]) == pytest.approx(SIDE * 79 / 80)
 
 
 def test_flat_surfaces_are_stretched_until_their_heights_are_visible():
     xyz = surface().astype(np.float64)
-    assert view_of(xyz, masked(xyz)).stretch() > 1
+    assert view(xyz, masked(xyz)).stretch() > 1
     xyz[..., 2] *= 1e-3
-    flat = view_of(xyz, masked(xyz))
+    flat = view(xyz, masked(xyz))
     assert 0.05 < flat.stretch() * flat.height / min(flat.size) <= 0.25
     xyz[..., 2] = 0
-    assert view_of(xyz, masked(xyz)).stretch() == 1
+    assert view(xyz, masked(xyz)).stretch() == 1
 
 
 def test_an_outlier_outside_the_scene_is_drawn_at_its_edge_and_counted():
     xyz = surface().astype(np.float64)
     xyz[3, 4, 2] = 1e9
-    drawn = view_of(xyz, masked(xyz, [(3, 4), (10, 12)]))
+    drawn = view(xyz, masked(xyz, [(3, 4), (10, 12)]))
     points, far = drawn.stretched_outliers(1.0)
     assert far == 1
     assert points[:, 2].max() == SIDE
@@ -90,50 +101,93 @@ def test_an_outlier_outside_the_scene_is_drawn_at_its_edge_and_counted():
 
 def test_few_outliers_have_larger_marks_than_many():
     xyz = surface(200, 300)
-    few = view_of(xyz, masked(xyz, [(1, 1)]))
-    many = view_of(xyz, masked(xyz, [(row, column) for row in range(50) for column in range(50)]))
+    few = view(xyz, masked(xyz, [(1, 1)]))
+    many = view(xyz, masked(xyz, [(row, column) for row in range(50) for column in range(50)]))
     assert few.outlier_size > many.outlier_size >= many.pitch
 
 
 def test_a_single_measured_point_is_drawn_in_the_middle():
     xyz = np.full((4, 5, 3), np.nan)
     xyz[1, 2] = 7, 8, 9
-    assert view_of(xyz, masked(xyz)).kept.tolist() == [[0, 0, 0]]
+    assert view(xyz, masked(xyz)).kept.tolist() == [[0, 0, 0]]
 
 
 def test_a_mask_of_another_cloud_is_refused():
     with pytest.raises(CloudError, match='must be of one measurement'):
-        view_of(surface(), np.zeros((3, 4), np.uint8))
+        view(surface(), np.zeros((3, 4), np.uint8))
 
 
 def test_a_cloud_without_a_measured_point_is_refused():
     xyz = np.full((4, 5, 3), np.nan)
     with pytest.raises(CloudError, match='no measured point'):
-        view_of(xyz, masked(xyz))
+        view(xyz, masked(xyz))
 
 
 def test_outliers_are_drawn_where_no_point_is_kept():
     xyz = surface(20, 60)[:10]
     mask = np.full(xyz.shape[:2], OUTLIER, np.uint8)
-    drawn = view_of(xyz, mask)
+    drawn = view(xyz, mask)
     assert len(drawn.outliers) == np.isfinite(xyz).all(axis=2).sum()
     assert len(drawn.kept) == 0
 
 
-def test_the_pictures_show_heights_gaps_and_outliers():
+@pytest.mark.parametrize('swapped', [False, True])
+@pytest.mark.parametrize(('x_sign', 'y_sign'), [(1, 1), (-1, 1), (1, -1), (-1, -1)])
+def test_row_0_is_at_the_top_and_column_0_at_the_left_whatever_the_coordinates(swapped, x_sign, y_sign):
+    y, x = np.mgrid[:30, :50].astype(np.float64)
+    xyz = np.dstack([x_sign * 2e-6 * x + 5, y_sign * 3e-6 * y - 7, np.sin(x + y)])
+    if swapped:
+        xyz = xyz[..., [1, 0, 2]]
+    seen = view(xyz, masked(xyz, [(0, 0), (0, 49), (29, 0)]))
+    first, right, below = seen.outliers[:, :2]
+    assert first[0] < right[0]
+    assert first[1] > below[1]
+    assert first[1] == pytest.approx(right[1], abs=1e-3)
+    assert seen.drawing.across.name == ('y' if swapped else 'x')
+    for place, position in zip(seen.outlier_places, seen.outliers, strict=True):
+        height = seen.drawing.heights[tuple(place)]
+        np.testing.assert_allclose(seen.position(*place, height, 1.0), position, atol=1e-3)
+        np.testing.assert_allclose(seen.place(*position[:2]), place, atol=1e-2)
+    assert seen.drawing.across.at(0) == pytest.approx(xyz[3, 0, seen.drawing.across.axis], abs=1e-8)
+    assert seen.drawing.down.at(29) == pytest.approx(xyz[29, 4, seen.drawing.down.axis], abs=1e-8)
+
+
+@given(row=st.integers(0, 69), column=st.integers(0, 79), stretch=st.sampled_from((1.0, 5.0)))
+def test_a_ray_to_a_drawn_point_from_above_finds_it(row, column, stretch):
     xyz = surface()
-    mask = masked(xyz, [(10, 12)])
-    heights, marks = height_picture(xyz, mask, (-1.0, 1.0)), mask_picture(mask)
-    assert tuple(marks[10, 12]) == colours.OUTLIER
-    assert tuple(marks[30, 30]) == colours.KEPT
-    for picture in (heights, marks):
-        assert tuple(picture[21, 1]) == colours.NOT_MEASURED
-    assert tuple(heights[10, 12]) == colours.NOT_MEASURED
+    seen = view(xyz, masked(xyz))
+    if not np.isfinite(xyz[row, column]).all():
+        return
+    target = np.array(seen.position(row, column, float(xyz[row, column, 2]), stretch))
+    camera = np.array([target[0], target[1], 100.0])
+    found = seen.nearest(camera, target - camera, stretch)
+    assert max(abs(found[0] - row), abs(found[1] - column)) <= 2
 
 
-def test_a_single_outlier_is_visible_in_the_picture_of_a_large_mask():
-    mask = np.zeros((961, 1283), np.uint8)
-    mask[500, 777] = OUTLIER
-    picture = mask_picture(mask)
-    assert max(picture.shape[:2]) <= 400
-    assert (picture == colours.OUTLIER).all(axis=2).sum() == 1
+def test_a_ray_beside_an_outlier_finds_the_outlier_and_one_into_nothing_finds_nothing():
+    xyz = surface()
+    seen = view(xyz, masked(xyz, [(10, 12)]))
+    near = np.array(seen.position(10.5, 12.5, 30.0, 1.0))
+    assert seen.nearest(near + np.array([0, 0, 50]), np.array([0.0, 0.0, -1.0]), 1.0) == (10, 12)
+    assert seen.nearest(np.array([0.0, 0.0, 50.0]), np.array([0.0, 0.0, 1.0]), 1.0) is None
+
+
+def test_levelled_heights_have_no_tilt_and_the_outliers_do_not_tilt_them():
+    y, x = np.mgrid[:40, :60].astype(np.float64)
+    xyz = np.dstack([x, y, 1e6 + 3 * x - 2 * y])
+    xyz[5, 7, 2] += 1000
+    level = drawing(xyz, masked(xyz, [(5, 7)]), levelled=True)
+    np.testing.assert_allclose(level.heights[level.kept], 0, atol=1e-6)
+    assert level.heights[5, 7] == pytest.approx(1000)
+    assert level.range_sentence == 'height of kept points [m], 0.5 to 99.5 %'
+
+
+def test_the_colours_span_99_percent_of_the_kept_points_or_all_of_them():
+    y, x = np.mgrid[:100, :100].astype(np.float64)
+    xyz = np.dstack([x, y, 100 * x + y])
+    xyz[3, 4, 2] = 1e9
+    mask = masked(xyz, [(3, 4)])
+    robust, full = drawing(xyz, mask), drawing(xyz, mask, full_range=True)
+    assert full.span == (0, 9999)
+    assert robust.span == pytest.approx((50, 9949), abs=2)
+    assert full.range_sentence.endswith('full range')

@@ -7,10 +7,11 @@ import re
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from panel.fake import descriptors
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.panel.link import Descriptor, ParameterKind
-from socialcircle_ros.panel.widgets import _SliderScale, text_of, value_of
+from socialcircle_ros.panel.widgets import _SliderScale, _whole_marks, hint_of, text_of, value_of
 
 ROWS = {kind: Descriptor('some.name', kind, 'A sentence.') for kind in ParameterKind}
 
@@ -31,6 +32,7 @@ def test_a_shown_value_can_be_typed(value):
     [
         (ParameterKind.REAL, '1e-6', 1e-6),
         (ParameterKind.REAL, ' 2 ', 2.0),
+        (ParameterKind.REAL, '1,25e-6', 1.25e-6),
         (ParameterKind.INTEGER, '-3', -3),
         (ParameterKind.INTEGERS, '[1, 2, 3, 4]', [1, 2, 3, 4]),
         (ParameterKind.INTEGERS, '1,2', [1, 2]),
@@ -84,6 +86,24 @@ def test_a_wide_range_has_marks_at_powers_of_ten_and_a_narrow_one_at_its_ends():
     assert _SliderScale(0.01, 100.0).marks() == ((-2, '0.01'), (-1, '0.1'), (0, '1'), (1, '10'), (2, '100'))
     assert [label for _, label in _SliderScale(1.0, 1e5).marks()] == ['1', '', '100', '', '10000', '']
     assert _SliderScale(0.0, 1.0).marks() == ((0.0, '0'), (1.0, '1'))
+
+
+@given(low=st.integers(-9, 9), steps=st.integers(1, 200), step=st.integers(1, 3))
+def test_the_marks_of_whole_numbers_are_values_that_can_be_chosen(low, steps, step):
+    marks = [place for place, _ in _whole_marks(low, low + steps * step, step)]
+    assert (marks[0], marks[-1]) == (low, low + steps * step)
+    assert all((mark - low) % step == 0 for mark in marks)
+    assert len(marks) <= 5
+
+
+def test_the_help_of_a_parameter_is_one_sentence():
+    for row in descriptors():
+        hint = hint_of(row)
+        assert hint.endswith('.')
+        assert len(re.findall(r'\.(?= [A-Z])', hint)) == 0, hint
+    hints = {row.name: hint_of(row) for row in descriptors()}
+    assert hints['circle.window'] == 'Side of the search window (odd, 3 to 31).'
+    assert hints['circle.mode'] == 'Method: paper or adaptive.'
 
 
 def test_only_real_numbers_in_a_range_and_without_a_unit_have_a_slider():

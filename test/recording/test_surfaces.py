@@ -7,7 +7,7 @@ from surfaces import same_bits
 import socialcircle_ros
 from socialcircle_ros.errors import CloudError, ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, suffixes, write_cloud_file
-from socialcircle_ros.panel.recorded import Recorded
+from socialcircle_ros.panel.recorded import RecordedClouds
 from socialcircle_ros.recording import import_cloud
 
 SURFACE = MeasuredSurface(np.array([[1, 2, 3], [4, np.nan, 6]], np.float32), (0.123, 4.56), 'm')
@@ -58,6 +58,6 @@ def test_a_cloud_off_a_grid_is_no_surface(tmp_path, suffix):
 
 def test_the_tuning_page_steps_through_a_measurement_file(tmp_path):
     socialcircle_ros.write_surface(tmp_path / 'a.x3p', SURFACE)
-    with Recorded(tmp_path / 'a.x3p') as clouds:
+    with RecordedClouds(tmp_path / 'a.x3p') as clouds:
         assert len(clouds) == 1
         assert clouds[0].topic == '/points'
