@@ -9,9 +9,10 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organized_from
 from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
-from socialcircle_ros.settings import CircleSettings, Mode
+from socialcircle_ros.settings import CircleSettings
 
 from .adaptive import TOUCH, find_outliers
+from .doubts import doubts_of
 from .expansion import divide
 from .not_measured import recognise
 from .radius import circle_limit
@@ -19,9 +20,6 @@ from .seed import elect_seed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_TOO_MANY = 0.3
-"""Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +41,7 @@ class CircleResult:
     score: npt.NDArray[np.float32] | None = None
     """Outlier score, (H, W), 0 to 1: above 0.5 for outliers, NaN where not measured. None in the paper's mode."""
     warnings: tuple[str, ...] = ()
-    """What the method could not decide, and what it did."""
+    """What the method could not decide, what it did, and which settings have no effect."""
     notes: tuple[str, ...] = ()
     """What was done before the method: which points count as not measured."""
 
@@ -120,22 +118,10 @@ def remove_outliers(
     else:
         result = _remove_as_in_the_paper(cloud, settings)
     notes = (unmeasured.note,) if unmeasured.note else ()
-    doubts = (unmeasured.doubt,) if unmeasured.doubt else ()
-    warnings = _warnings_of(result, settings.mode)
-    return replace(result, notes=notes, warnings=(*doubts, *warnings, *result.warnings))
-
-
-def _warnings_of(result: CircleResult, mode: Mode) -> list[str]:
-    """Warn where most of the measured points are outliers: the seed is then likely not on the part's surface."""
-    kept, removed = np.count_nonzero(result.inliers), np.count_nonzero(result.outliers)
-    if removed <= kept:
-        return []
-    if mode == 'adaptive':
-        return ['the outliers are more than half of the points: they may be the surface; look at the mask.']
-    sentence = (
-        'the outliers are more than half of the points: the circle may have stayed on one part of the surface;'
-    )
-    return [f'{sentence} raise circle.radius_scale, or move circle.vote_region to the surface.']
+    unclear = (unmeasured.doubt,) if unmeasured.doubt else ()
+    kept, removed = int(np.count_nonzero(result.inliers)), int(np.count_nonzero(result.outliers))
+    doubts = doubts_of(cloud[..., 2], kept, removed, result.radius, settings)
+    return replace(result, notes=notes, warnings=(*unclear, *doubts, *result.warnings))
 
 
 def _remove_as_in_the_paper(cloud: Cloud, settings: CircleSettings) -> CircleResult:
@@ -167,9 +153,6 @@ def _remove_adaptively(cloud: Cloud, depth_of_field: float | None) -> CircleResu
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
         warnings.append(f'{kept}; this mode cannot tell such islands from outliers.')
-    share = np.count_nonzero(found.outliers) / np.count_nonzero(measured)
-    if share > _TOO_MANY:
-        warnings.append(f'{100 * share:.0f} % of the points were removed; good points may be among so many.')
     return CircleResult(
         inliers=inliers,
         outliers=found.outliers,

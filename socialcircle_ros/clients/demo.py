@@ -2,13 +2,14 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from socialcircle_ros import interface
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.interface import STAGE_TIME, MeasurementValues
+from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.scores import Scores, score
@@ -16,7 +17,7 @@ from socialcircle_ros.pictures.drawings import before_and_after
 from socialcircle_ros.recording import RecordingReader, RecordingWriter, open_recording, ros_topic
 from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.recording.offline import clouds_of, stacks_of
-from socialcircle_ros.recording.truth import truths_of
+from socialcircle_ros.recording.truth import RecordedTruth, truths_of
 from socialcircle_ros.recording.units import unit_of
 
 from .cloud_client import Client, Response
@@ -28,9 +29,8 @@ NAMESPACE = '/socialcircle_demo'
 SHIPPED = ('metal_groove.mcap', 'parts.mcap', 'padded.mcap', 'stack.mcap')
 """Recordings of the package, with known truth."""
 
-STAGES = ('vote', 'radius', 'expansion', 'total')
-"""Stages of the node that the table shows."""
-
+_MODE = 'circle.mode'
+_OTHER = {'adaptive': 'paper', 'paper': 'adaptive'}
 _STACK_PARAMETERS = 'stack.yaml'
 _START_TIMEOUT_S = 180.0
 _COMPILE_TIMEOUT_S = 120.0  # for the first cloud in another mode, which may compile
@@ -43,15 +43,19 @@ class DemoCloud:
 
     Attributes:
         name: recording and number of the cloud, such as `parts 3`.
+        mode: mode of the filter.
         measurement: counts, seed and radius.
-        times_ms: time of each of `STAGES`; a mode does not have all of them.
+        warning: the sentences of the measurement if it warns; else empty.
+        total_ms: time of all work of the node on the cloud.
         latency_ms: time from the publication of the cloud, or of the last frame, to the filtered cloud.
         scores: scores against the truth; None where it is not known.
     """
 
     name: str
+    mode: str
     measurement: MeasurementValues
-    times_ms: Mapping[str, float]
+    warning: str
+    total_ms: float
     latency_ms: float
     scores: Scores | None
 
@@ -61,6 +65,7 @@ class RefusedCloud:
     """A cloud that the node refused, and the reason."""
 
     name: str
+    mode: str
     reason: str
 
 
@@ -114,7 +119,8 @@ def run_demo(
 def play_recording(recording: Path, client: Client, output: Path, demo: Demo) -> None:
     """Play one recording into a node, one cloud and one stack at a time.
 
-    Writes the filtered recording, and a picture of the first cloud.
+    The node filters the first cloud, and each stack, in the other mode as well. Writes the filtered recording, and
+    a picture of both modes.
 
     Args:
         recording: an MCAP file or a rosbag2 directory.
@@ -162,7 +168,7 @@ class _Session:
             try:
                 response = self._client.clean(message.data)
             except SocialCircleError as error:
-                self._demo.clouds.append(RefusedCloud(name, str(error)))
+                self._demo.clouds.append(RefusedCloud(name, '', str(error)))
                 continue
             unit = unit_of(self._reader, topic)
             self._take(name, topic.rpartition('/')[0], message.log_time, message.data, unit, response)
@@ -177,60 +183,68 @@ class _Session:
         try:
             response = self._client.measure(player, messages)
         except SocialCircleError as error:
-            self._demo.clouds.append(RefusedCloud(name, str(error)))
+            self._demo.clouds.append(RefusedCloud(name, '', str(error)))
             return
-        cloud = response.stack_points or b''
-        self._take(name, namespace, messages[-1].log_time, cloud, 'm', response)
-        if response.measurement.values['circle.mode'] == 'paper':
-            self._repeat_adaptive(namespace, cloud)
-
-    def _repeat_adaptive(self, namespace: str, cloud: bytes) -> None:
-        """Filter the node's last cloud again in the adaptive mode, as a change of the parameter does."""
-        name = '… adaptive'
-        try:
-            # Twice, because the first change compiles the adaptive mode, which its time should not contain.
-            for _ in range(2):
-                response = self._client.change('circle.mode', 'adaptive', _COMPILE_TIMEOUT_S)
-                self._client.change('circle.mode', 'paper')
-        except SocialCircleError as error:
-            self._demo.clouds.append(RefusedCloud(name, str(error)))
-            return
-        self._demo.clouds.append(self._described(name, namespace, cloud, response))
-        self._draw(f'{self._name}_adaptive.png', f'{self._name}, adaptive', cloud, 'm', response)
+        self._take(name, namespace, messages[-1].log_time, response.stack_points or b'', 'm', response)
 
     def _take(
         self, name: str, namespace: str, log_time: int, cloud: bytes, unit: str | None, response: Response
     ) -> None:
-        """Write, describe and (for the first cloud) draw what the node published."""
+        """Write and describe what the node published, and draw the first cloud in both modes."""
         for topic, data in _published(response):
             full_name = topic.within(namespace)
             self._writer.add_topic(ros_topic(full_name, topic.type))
             self._writer.write(full_name, data, log_time)
-        self._demo.clouds.append(self._described(name, namespace, cloud, response))
-        if not self._drawn:
-            self._draw(f'{self._name}.png', self._name, cloud, unit, response)
-            self._drawn = True
-
-    def _described(self, name: str, namespace: str, cloud: bytes, response: Response) -> DemoCloud:
         truth = self._truths(namespace, cloud)
-        scores = None
-        if truth is not None:
-            scores = score(decode_mono8(response.mask) == OUTLIER, truth.outlier, truth.counted)
-        values = response.measurement.values
-        keys = {stage: STAGE_TIME.format(stage=stage) for stage in STAGES}
-        return DemoCloud(
-            name=name,
-            measurement=MeasurementValues.from_text(values),
-            times_ms={stage: float(values[key]) for stage, key in keys.items() if key in values},
-            latency_ms=response.latency_ms,
-            scores=scores,
-        )
+        self._demo.clouds.append(_described(name, truth, response))
+        if self._drawn:
+            return
+        self._drawn = True
+        responses = [response]
+        mode = response.measurement.values[_MODE]
+        try:
+            responses.append(self._in_other_mode(mode))
+            self._demo.clouds.append(_described(name, truth, responses[-1]))
+        except SocialCircleError as error:
+            self._demo.clouds.append(RefusedCloud(name, _OTHER[mode], str(error)))
+        self._draw(cloud, unit, truth, responses)
 
-    def _draw(self, file: str, name: str, cloud: bytes, unit: str | None, response: Response) -> None:
-        xyz = PointCloud.decode(cloud).xyz()
-        outliers = decode_mono8(response.mask) == OUTLIER
-        before_and_after(self._output / file, xyz, outliers, f'{name}: {response.measurement.message}', unit)
-        self._demo.written.append(self._output / file)
+    def _in_other_mode(self, mode: str) -> Response:
+        """Filter the node's last cloud again in the other mode, as a change of the parameter does."""
+        # Twice, because the first change may compile, which its time should not contain.
+        for _ in range(2):
+            response = self._client.change(_MODE, _OTHER[mode], _COMPILE_TIMEOUT_S)
+            self._client.change(_MODE, mode)
+        return response
+
+    def _draw(
+        self, cloud: bytes, unit: str | None, truth: RecordedTruth | None, responses: Sequence[Response]
+    ) -> None:
+        found = {
+            response.measurement.values[_MODE]: decode_mono8(response.mask) == OUTLIER for response in responses
+        }
+        file = self._output / f'{self._name}.png'
+        undecided = None if truth is None else ~truth.counted
+        title = f'{self._name}: circle.mode {" and ".join(found)}'
+        outliers = next(iter(found.values()))
+        before_and_after(file, PointCloud.decode(cloud).xyz(), outliers, title, unit, found, undecided)
+        self._demo.written.append(file)
+
+
+def _described(name: str, truth: RecordedTruth | None, response: Response) -> DemoCloud:
+    scores = None
+    if truth is not None:
+        scores = score(decode_mono8(response.mask) == OUTLIER, truth.outlier, truth.counted)
+    measurement = response.measurement
+    return DemoCloud(
+        name=name,
+        mode=measurement.values[_MODE],
+        measurement=MeasurementValues.from_text(measurement.values),
+        warning=measurement.message if measurement.level != diagnostics.OK else '',
+        total_ms=float(measurement.values[STAGE_TIME.format(stage='total')]),
+        latency_ms=response.latency_ms,
+        scores=scores,
+    )
 
 
 def _published(response: Response) -> Iterator[tuple[interface.NodeTopic, bytes]]:

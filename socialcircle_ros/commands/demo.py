@@ -14,15 +14,14 @@ if TYPE_CHECKING:
 
     from socialcircle_ros.clients.demo import DemoCloud, RefusedCloud
 
-_COLUMNS = (
-    'points', 'measured', 'outliers', 'seed', 'radius', 'vote', 'radius', 'expand', 'total', 'latency', 'prec.',
-    'recall',
-)  # fmt: skip
+_COLUMNS = ('mode', 'measured', 'outliers', 'seed', 'radius', 'total', 'latency', 'prec.', 'recall')
 _CAPTION = (
-    'vote, radius, expand: the steps of the filter; total: all work of the node on the cloud; latency: from the'
-    ' publication of the cloud (or of the last frame of a stack) to the filtered cloud. All are in ms. … adaptive:'
-    ' the same cloud after circle.mode was changed in the running node.'
+    'mode: circle.mode; a row without a name is the cloud above after the mode was changed in the running node.'
+    ' total: all work of the node on the cloud; latency: from the publication of the cloud (or of the last frame'
+    ' of a stack) to the filtered cloud; both in ms.'
 )
+_WIDTH = 100
+"""Columns of the table where the output is no terminal."""
 
 
 @click.command('demo', epilog='Example: socialcircle demo measurement.npz')
@@ -43,8 +42,9 @@ def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> 
     or measurements as .npz, .ply or .pcd. Without FILES it plays simulated recordings with known truth, and shows
     precision and recall.
 
-    Prints one table: number of outliers, seed, radius, and times in ms for each cloud. Writes the filtered
-    recordings, and a picture of the first cloud of each.
+    The node filters each cloud, and the first one of each file in the other mode of the filter as well
+    (circle.mode). Prints one table: number of outliers, seed, radius, and times in ms; and what the node warns of.
+    Writes the filtered recordings, and a picture of the first cloud of each.
 
     The node runs in a namespace of its own and does not disturb other nodes.
     """
@@ -63,14 +63,17 @@ def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> 
 
     console = Console()
     if not console.is_terminal:
-        console = Console(width=110)
+        console = Console(width=_WIDTH)
     prepare(output)
     with console.status('') as status:
         demo = run_demo(files, output, params_file=params_file, status=status.update)
     console.print(_table(demo.clouds))
     for cloud in demo.clouds:
+        name = f'{cloud.name}, {cloud.mode}' if cloud.mode else cloud.name
         if isinstance(cloud, RefusedCloud):
-            click.echo(f'{cloud.name} was refused: {cloud.reason}', err=True)
+            click.echo(f'{name} was refused: {cloud.reason}', err=True)
+        elif cloud.warning:
+            click.echo(f'{name}: {cloud.warning}', err=True)
     for damage in demo.damage:
         click.echo(f'Warning: {damage}', err=True)
     console.print('Written:')
@@ -88,23 +91,23 @@ def _table(clouds: 'Sequence[DemoCloud | RefusedCloud]') -> 'Table':
     table.add_column('cloud')
     for name in _COLUMNS:
         table.add_column(name, justify='right')
+    before = ''
     for cloud in clouds:
-        table.add_row(cloud.name, *(_cells(cloud) if isinstance(cloud, DemoCloud) else ['refused']))
+        cells = _cells(cloud) if isinstance(cloud, DemoCloud) else ['refused']
+        table.add_row('' if cloud.name == before else cloud.name, cloud.mode, *cells)
+        before = cloud.name
     return table
 
 
 def _cells(cloud: 'DemoCloud') -> list[str]:
-    """The cells of a row; empty for a stage that the mode does not have, and without a known truth."""
-    from socialcircle_ros.clients.demo import STAGES
-
+    """The cells of a row after its mode; empty without a known truth."""
     found, scores = cloud.measurement, cloud.scores
     return [
-        str(found.points),
         str(found.measured),
         str(found.outliers),
         f'{found.seed_row},{found.seed_column}',
         f'{found.radius:.3g}',
-        *(f'{cloud.times_ms[stage]:.1f}' if stage in cloud.times_ms else '' for stage in STAGES),
+        f'{cloud.total_ms:.1f}',
         f'{cloud.latency_ms:.1f}',
         *(['', ''] if scores is None else [f'{scores.precision:.3f}', f'{scores.recall:.3f}']),
     ]

@@ -62,7 +62,8 @@ def command(
     best.yaml     best parameters, for --params-file of the node and of the other commands
     trials.jsonl  finished trials; after an interruption the same command continues from here
 
-    --params-file and -p set the parameters that are not varied.
+    --params-file and -p set the parameters that are not varied. A parameter that only the mode paper uses, such as
+    circle.radius_scale, sets circle.mode to paper; --param circle.mode=paper,adaptive compares the modes.
 
     Example of a search: socialcircle sweep bags/parts.mcap --param circle.radius_scale=0.5:3 --search 50
     """  # noqa: D301 - click reads \b

@@ -43,7 +43,6 @@ class WarmUp:
         self._thread: threading.Thread | None = None
         self._ready = threading.Event()
         self._error: Exception | None = None
-        self._mode: Mode = 'paper'
 
     @property
     def running(self) -> bool:
@@ -64,8 +63,7 @@ class WarmUp:
             SocialCircleError: a kernel could not be compiled.
         """
         if self._thread is None:
-            self._mode = mode
-            self._thread = threading.Thread(target=self._run, name='warm_up', daemon=True)
+            self._thread = threading.Thread(target=self._run, args=(mode,), name='warm_up', daemon=True)
             self._thread.start()
         while wanted():
             if self._ready.wait(_PERIOD_S):
@@ -74,9 +72,9 @@ class WarmUp:
                 return True
         return False
 
-    def _run(self) -> None:
+    def _run(self, mode: Mode) -> None:
         try:
-            _compile_common(self._mode)
+            _compile_common(mode)
         except Exception as error:  # noqa: BLE001 - raised in the thread that waits
             self._error = error
         self._ready.set()

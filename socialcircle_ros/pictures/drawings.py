@@ -297,32 +297,51 @@ class CloudPictures:
         )  # fmt: skip
         self._frame.put_on(axes)
 
-    def side_by_side(self, title: str) -> 'Figure':
-        """Draw three maps in one figure: as measured, with the outliers marked, and filtered.
+    def side_by_side(
+        self, title: str, by_mode: Mapping[str, Mask] | None = None, undecided: Mask | None = None
+    ) -> 'Figure':
+        """Draw maps in one figure: as measured, with the outliers of each mode marked, and filtered.
 
         Args:
             title: one line at the top.
+            by_mode: (H, W) the outliers by the name of the mode; None: those of this object alone.
+            undecided: (H, W) the points that the truth leaves undecided; None without a truth.
         """
+        found = by_mode or {'': self.outliers}
+        measured: Mask = np.isfinite(self.heights)
+        unclear = np.zeros_like(measured) if undecided is None else measured & undecided
         ratio = min(max(self._frame.ratio_drawn, 0.5), 3.0)
-        figure = style.new_figure(15, 15 / 3.4 / ratio + 1.4)
+        figure = style.new_figure(5 * (len(found) + 2), 15 / 3.4 / ratio + 1.4)
         figure.suptitle(textwrap.fill(title, 130))
-        left, middle, right = figure.subplots(1, 3, sharex=True, sharey=True)
+        panels = figure.subplots(1, len(found) + 2, sharex=True, sharey=True)
+        left, *marked, right = panels
         self._height_image(left, self._with_outliers())
         left.set_title('as measured')
-        marked = _classes(self.outliers, self.outliers, self.outliers, np.isfinite(self.heights), kept=_KEPT)
-        self._class_image(middle, marked)
-        middle.set_title(f'{np.count_nonzero(self.outliers):,} outliers in red')
+        for axes, (name, outliers) in zip(marked, found.items(), strict=True):
+            classes = _classes(outliers, outliers, outliers, measured, kept=_KEPT)
+            classes[any_in_tile(unclear, _PIXELS)] = _UNDECIDED
+            self._class_image(axes, classes)
+            note = '\nviolet: the truth leaves it undecided' if unclear.any() else ''
+            axes.set_title(f'{name and name + ": "}{np.count_nonzero(outliers):,} outliers in red{note}')
         image = self._height_image(right, self._kept())
         right.set_title('filtered; orange: no point')
-        bar = figure.colorbar(image, ax=[left, middle, right], shrink=0.9, extend='both')
+        bar = figure.colorbar(image, ax=list(panels), shrink=0.9, extend='both')
         self._height_scale(self.colour_range).label_axis(bar.ax.yaxis, 'z')
         return figure
 
 
-def before_and_after(path: Path, xyz: Cloud, outliers: Mask, title: str, unit: str | None = None) -> None:
-    """Draw three height maps side by side: as measured, with the outliers marked, and filtered.
+def before_and_after(
+    path: Path,
+    xyz: Cloud,
+    outliers: Mask,
+    title: str,
+    unit: str | None = None,
+    by_mode: Mapping[str, Mask] | None = None,
+    undecided: Mask | None = None,
+) -> None:
+    """Draw height maps side by side: as measured, with the outliers of each mode marked, and filtered.
 
-    The three share one colour range, taken from the kept points, so that the outliers do not flatten the rest.
+    All share one colour range, taken from the kept points, so that the outliers do not flatten the rest.
     Large clouds are thinned for display; outliers are always drawn.
 
     Args:
@@ -331,11 +350,13 @@ def before_and_after(path: Path, xyz: Cloud, outliers: Mask, title: str, unit: s
         outliers: (H, W) the removed points.
         title: one line at the top.
         unit: of the coordinates; None: not known.
+        by_mode: (H, W) the removed points by the name of the mode; None: `outliers` alone.
+        undecided: (H, W) the points that the truth leaves undecided; None without a truth.
 
     Raises:
         SocialCircleError: matplotlib is not installed.
     """
-    figure = CloudPictures(xyz, outliers, unit).side_by_side(title)
+    figure = CloudPictures(xyz, outliers, unit).side_by_side(title, by_mode, undecided)
     path.parent.mkdir(parents=True, exist_ok=True)
     out = io.BytesIO()
     figure.savefig(out, format='png')

@@ -110,7 +110,7 @@ def make_report(
     Example:
         >>> from socialcircle_ros import CircleSettings, make_report
         >>> from socialcircle_ros.settings import PipelineSettings
-        >>> settings = PipelineSettings(circle=CircleSettings(radius_scale=1.5))
+        >>> settings = PipelineSettings(circle=CircleSettings(mode='paper', radius_scale=1.5))
         >>> report = make_report('bags/parts.mcap', 'out/parts.html', settings)
         >>> [entry.scores.recall for entry in report.entries]
     """

@@ -11,6 +11,7 @@ from .documents import (
 )
 from .groups import (
     GROUPS,
+    PAPER_ONLY,
     PARAMETERS,
     VOTERS,
     CircleSettings,
@@ -38,6 +39,7 @@ from .schema import (
 
 __all__ = [
     'GROUPS',
+    'PAPER_ONLY',
     'PARAMETERS',
     'VOTERS',
     'CircleSettings',

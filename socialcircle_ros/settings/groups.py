@@ -20,6 +20,9 @@ VOTERS = 40_000
 
 Mode = Literal['paper', 'adaptive']
 
+PAPER_ONLY = ('window', 'vote_region', 'radius', 'radius_scale')
+"""Parameters of the circle that only the mode 'paper' uses."""
+
 
 @dataclass(frozen=True)
 class CircleSettings(Settings):
@@ -28,9 +31,10 @@ class CircleSettings(Settings):
     group: ClassVar[str] = 'circle'
 
     mode: Mode = setting(
-        'paper',
-        "Method. 'paper': the published method, with one radius and one community. 'adaptive': takes its scales"
-        ' from the surface and keeps every community; of the other circle parameters it uses depth_of_field only.',
+        'adaptive',
+        "Method. 'adaptive': takes its scales from the surface and keeps every community; of the other circle"
+        " parameters it uses depth_of_field and not_measured only. 'paper': the published method, with one radius"
+        ' and one community; it removes nothing where the heights are much smaller than the pitch.',
         choices=('paper', 'adaptive'),
     )
     window: int = setting(
@@ -77,6 +81,15 @@ class CircleSettings(Settings):
         "Which points are not measured, besides NaN: 'auto': many points at exactly one place, such as (0, 0, 0),"
         " or one exact height far from all others; 'nan': none; a number: points of exactly this height.",
     )
+
+    def without_effect(self) -> tuple[str, ...]:
+        """Full names of the parameters that are not at their defaults, but that the mode does not use."""
+        if self.mode != 'adaptive':
+            return ()
+        defaults = CircleSettings()
+        return tuple(
+            f'{self.group}.{name}' for name in PAPER_ONLY if getattr(self, name) != getattr(defaults, name)
+        )
 
     def of_a_stack(self, depth_of_field: float | None) -> 'CircleSettings':
         """These settings for the cloud of a focus stack: its depth of field is used if none is set.

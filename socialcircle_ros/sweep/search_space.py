@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.settings import PARAMETERS, CircleSettings, FocusSettings, Parameter, RosValue
+from socialcircle_ros.settings import PAPER_ONLY, PARAMETERS, CircleSettings, FocusSettings, Parameter, RosValue
 from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
 
 ParameterValues = dict[str, RosValue]
@@ -15,6 +15,9 @@ ParameterValues = dict[str, RosValue]
 
 GROUPS = (FocusSettings, CircleSettings)
 """The groups that can be varied. A change in the first group makes the clouds of all stacks anew."""
+
+_MODE = 'circle.mode'
+_PAPER_ONLY = {f'{CircleSettings.group}.{name}' for name in PAPER_ONLY}
 
 MAX_GRID = 100_000
 """Most settings of a grid."""
@@ -190,6 +193,27 @@ def check_search_space(search_space: Sequence[SearchDimension]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise SettingError(f'{name} is given twice; give all its values with one --param.')
+
+
+def with_mode(search_space: Sequence[SearchDimension], given: Mapping[str, RosValue]) -> Mapping[str, RosValue]:
+    """The given parameters, with the mode 'paper' if a parameter varies that only this mode uses.
+
+    Args:
+        search_space: the parameters to vary.
+        given: parameters with other values than their defaults.
+
+    Raises:
+        SettingError: `circle.mode` is given as another mode, so all trials would have the same result.
+    """
+    names = [dimension.name for dimension in search_space]
+    needing = [name for name in names if name in _PAPER_ONLY]
+    if not needing or _MODE in names:
+        return given
+    if given.get(_MODE, 'paper') != 'paper':
+        raise SettingError(
+            f'{needing[0]} has no effect with circle.mode {given[_MODE]}; set circle.mode to paper.'
+        )
+    return {**given, _MODE: 'paper'}
 
 
 def grid(search_space: Sequence[SearchDimension]) -> list[ParameterValues]:

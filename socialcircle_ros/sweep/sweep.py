@@ -20,7 +20,7 @@ from .clouds import CloudSource, SweptRecording, cached
 from .page import sweep_page, trials_table
 from .result import SweepResult
 from .search import Search
-from .search_space import ParameterValues, SearchDimension, check_search_space, grid
+from .search_space import ParameterValues, SearchDimension, check_search_space, grid, with_mode
 from .trials import Trial, TrialFile, best_of, fingerprint_of, run_trial, untried
 
 PAGE, TABLE, BEST, TRIALS = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl'
@@ -51,7 +51,7 @@ def run_sweep(
 
     Args:
         recording: an MCAP file or a rosbag2 directory.
-        search_space: the parameters to vary, of the groups `circle` and `focus`.
+        search_space: the parameters to vary, of the groups `circle` and `focus`; those of the mode 'paper' set it.
         output: the folder of the results; it is created.
         parameters: parameters with other values than their defaults, by their full names. A value of a varied
             parameter is the one that counts as given.
@@ -77,15 +77,15 @@ def run_sweep(
         >>> result.best.values, result.best.score
         >>> result = run_sweep('bags/parts.mcap', [Range('circle.radius_scale', 0.5, 3)], 'out/search', search=20)
     """
-    recording, output, parameters = Path(recording), Path(output), parameters or {}
+    recording, output = Path(recording), Path(output)
     check_search_space(search_space)
+    parameters = with_mode(search_space, parameters or {})
     base = _all_parameters(parameters)
     as_given = {dimension.name: base[dimension.name] for dimension in search_space}
     others = [] if search else [values for values in grid(search_space) if values != as_given]
     _check_extras(search_space, search)
     prepare(output)
-    recorded = SweptRecording(recording, base, tuple(topics), max_clouds)
-    clouds = cached(recorded.load)
+    clouds = cached((recorded := SweptRecording(recording, base, tuple(topics), max_clouds)).load)
     fixed = {name: value for name, value in base.items() if name not in as_given}
     fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
     with TrialFile(output / TRIALS, fingerprint, restart=restart) as file:

@@ -26,6 +26,7 @@ def recipe_and_settings(draw):
         st.integers(1, 24),
     )
     return recipe, CircleSettings(
+        mode='paper',
         window=draw(st.sampled_from(WINDOWS)),
         vote_region=draw(st.none() | region),
         radius=draw(st.none() | st.sampled_from([1.5, 2.2, 3.0, 5.0, 0.1, 1e300])),
@@ -52,9 +53,11 @@ def assert_as_the_reference(xyz, chosen):
 
 @settings(max_examples=1000, deadline=None)
 @given(recipe_and_settings())
-@example((Recipe(1, 1), CircleSettings(radius=1.0)))
-@example((Recipe(12, 13, 'float32', 'noise'), CircleSettings(radius=0.1, radius_scale=11.0)))
-@example((Recipe(12, 13, 'float32', 'noise', unit='metres'), CircleSettings(window=5, radius_scale=0.7)))
+@example((Recipe(1, 1), CircleSettings(mode='paper', radius=1.0)))
+@example((Recipe(12, 13, 'float32', 'noise'), CircleSettings(mode='paper', radius=0.1, radius_scale=11.0)))
+@example(
+    (Recipe(12, 13, 'float32', 'noise', unit='metres'), CircleSettings(mode='paper', window=5, radius_scale=0.7))
+)
 def test_result_is_that_of_the_reference_bit_for_bit(drawn):
     recipe, chosen = drawn
     assert_as_the_reference(recipe.cloud(), chosen)
@@ -63,7 +66,7 @@ def test_result_is_that_of_the_reference_bit_for_bit(drawn):
 @settings(max_examples=10, deadline=None)
 @given(recipes(3, 130, least_columns=60), st.sampled_from(WINDOWS))
 def test_result_with_a_region_smaller_than_the_cloud_is_that_of_the_reference(recipe, window):
-    assert_as_the_reference(recipe.cloud(), CircleSettings(window=window))
+    assert_as_the_reference(recipe.cloud(), CircleSettings(mode='paper', window=window))
 
 
 @settings(max_examples=200, deadline=None)
@@ -71,7 +74,7 @@ def test_result_with_a_region_smaller_than_the_cloud_is_that_of_the_reference(re
 def test_every_measured_point_is_inlier_or_outlier_and_no_other_point_is(recipe):
     xyz = recipe.cloud()
     try:
-        result = remove_outliers(xyz, CircleSettings(window=3))
+        result = remove_outliers(xyz, CircleSettings(mode='paper', window=3))
     except CloudError:
         return
     measured = np.isfinite(xyz).all(axis=2)
@@ -84,10 +87,10 @@ def test_every_measured_point_is_inlier_or_outlier_and_no_other_point_is(recipe)
 @pytest.mark.parametrize('dtype', ['float32', 'float64'])
 def test_the_layout_in_memory_does_not_matter_and_the_cloud_stays_as_it_was(layout, dtype):
     contiguous = Recipe(13, 11, dtype, 'noise', clusters=2, missing=0.1, random=5).cloud()
-    expected = remove_outliers(contiguous, CircleSettings(window=5))
+    expected = remove_outliers(contiguous, CircleSettings(mode='paper', window=5))
     xyz = laid_out(contiguous, layout)
 
-    result = remove_outliers(xyz, CircleSettings(window=5))
+    result = remove_outliers(xyz, CircleSettings(mode='paper', window=5))
 
     np.testing.assert_array_equal(result.inliers, expected.inliers)
     np.testing.assert_array_equal(result.outliers, expected.outliers)
@@ -98,8 +101,8 @@ def test_the_layout_in_memory_does_not_matter_and_the_cloud_stays_as_it_was(layo
 def test_the_same_cloud_gives_the_same_result():
     xyz = Recipe(20, 24, 'float32', 'noise', clusters=3, spikes=0.1).cloud()
 
-    first = remove_outliers(xyz, CircleSettings(window=5))
-    second = remove_outliers(xyz, CircleSettings(window=5))
+    first = remove_outliers(xyz, CircleSettings(mode='paper', window=5))
+    second = remove_outliers(xyz, CircleSettings(mode='paper', window=5))
 
     np.testing.assert_array_equal(first.inliers, second.inliers)
     assert (first.seed, first.radius) == (second.seed, second.radius)
@@ -110,7 +113,7 @@ def test_the_same_cloud_gives_the_same_result():
 
 @pytest.mark.parametrize('window', WINDOWS)
 def test_all_points_of_a_flat_grid_are_kept_with_radius_root_5_pitches(window):
-    result = remove_outliers(flat(24, 25, 0.5), CircleSettings(window=window))
+    result = remove_outliers(flat(24, 25, 0.5), CircleSettings(mode='paper', window=window))
 
     k = window // 2
     assert result.inliers.all()
@@ -120,7 +123,7 @@ def test_all_points_of_a_flat_grid_are_kept_with_radius_root_5_pitches(window):
 
 @pytest.mark.parametrize('height', [0.0, -4.0])
 def test_points_at_or_below_height_0_are_kept(height):
-    assert remove_outliers(grid(np.full((9, 8), height)), CircleSettings()).inliers.all()
+    assert remove_outliers(grid(np.full((9, 8), height)), CircleSettings(mode='paper')).inliers.all()
 
 
 def test_a_cluster_apart_from_the_surface_is_removed():
@@ -128,7 +131,7 @@ def test_a_cluster_apart_from_the_surface_is_removed():
     heights[4:7, 5:9] = 10.0
     heights[12, 20] = -30.0
 
-    result = remove_outliers(grid(heights), CircleSettings())
+    result = remove_outliers(grid(heights), CircleSettings(mode='paper'))
 
     np.testing.assert_array_equal(result.outliers, heights != 0.0)
     np.testing.assert_array_equal(result.inliers, heights == 0.0)
@@ -138,7 +141,7 @@ def test_a_second_surface_beyond_a_steep_step_is_removed():
     heights = np.zeros((10, 20))
     heights[:, 12:] = 2.0  # two pitches, a slope of 63°: not inside the circle
 
-    result = remove_outliers(grid(heights), CircleSettings(vote_region=(0, 0, 10, 10)))
+    result = remove_outliers(grid(heights), CircleSettings(mode='paper', vote_region=(0, 0, 10, 10)))
 
     np.testing.assert_array_equal(result.inliers, heights == 0.0)
 
@@ -147,7 +150,7 @@ def test_points_that_are_not_measured_are_neither_kept_nor_removed():
     xyz = flat(8, 8)
     xyz[0, 0, 0], xyz[1, 1, 1], xyz[2, 2, 2] = np.nan, np.inf, -np.inf
 
-    result = remove_outliers(xyz, CircleSettings())
+    result = remove_outliers(xyz, CircleSettings(mode='paper'))
 
     for place in ((0, 0), (1, 1), (2, 2)):
         assert not result.inliers[place]
@@ -159,8 +162,8 @@ def test_seed_comes_from_the_vote_region():
     heights = np.zeros((12, 20))
     heights[:, 10:] = 50.0
 
-    low = remove_outliers(grid(heights), CircleSettings(vote_region=(0, 0, 12, 8)))
-    high = remove_outliers(grid(heights), CircleSettings(vote_region=(0, 12, 12, 8)))
+    low = remove_outliers(grid(heights), CircleSettings(mode='paper', vote_region=(0, 0, 12, 8)))
+    high = remove_outliers(grid(heights), CircleSettings(mode='paper', vote_region=(0, 12, 12, 8)))
 
     np.testing.assert_array_equal(low.inliers, heights == 0.0)
     np.testing.assert_array_equal(high.inliers, heights == 50.0)
@@ -171,8 +174,8 @@ def test_seed_comes_from_the_vote_region():
 def test_vote_region_is_clipped_to_the_cloud():
     xyz = Recipe(12, 14, surface='noise').cloud()
 
-    clipped = remove_outliers(xyz, CircleSettings(vote_region=(5, 6, 60, 60)))
-    inside = remove_outliers(xyz, CircleSettings(vote_region=(5, 6, 7, 8)))
+    clipped = remove_outliers(xyz, CircleSettings(mode='paper', vote_region=(5, 6, 60, 60)))
+    inside = remove_outliers(xyz, CircleSettings(mode='paper', vote_region=(5, 6, 7, 8)))
 
     assert clipped.seed == inside.seed
 
@@ -181,8 +184,8 @@ def test_a_given_radius_takes_the_place_of_the_ring():
     heights = np.zeros((8, 8))
     heights[:, 4:] = 3.0
 
-    narrow = remove_outliers(grid(heights), CircleSettings(vote_region=(0, 0, 8, 4), radius=3.0))
-    wide = remove_outliers(grid(heights), CircleSettings(vote_region=(0, 0, 8, 4), radius=3.2))
+    narrow = remove_outliers(grid(heights), CircleSettings(mode='paper', vote_region=(0, 0, 8, 4), radius=3.0))
+    wide = remove_outliers(grid(heights), CircleSettings(mode='paper', vote_region=(0, 0, 8, 4), radius=3.2))
 
     assert narrow.radius == 3.0
     np.testing.assert_array_equal(narrow.inliers, heights == 0.0)
@@ -190,13 +193,13 @@ def test_a_given_radius_takes_the_place_of_the_ring():
 
 
 def test_a_given_radius_needs_no_ring():
-    result = remove_outliers(flat(1, 2), CircleSettings(radius=1.5))
+    result = remove_outliers(flat(1, 2), CircleSettings(mode='paper', radius=1.5))
 
     assert result.inliers.all()
 
 
 def test_a_given_radius_is_taken_in_the_cloud_s_own_dtype():
-    result = remove_outliers(flat(4, 4, dtype='float32'), CircleSettings(radius=1.1))
+    result = remove_outliers(flat(4, 4, dtype='float32'), CircleSettings(mode='paper', radius=1.1))
 
     assert result.radius == float(np.sqrt(np.float32(1.1) * np.float32(1.1)))
 
@@ -204,15 +207,15 @@ def test_a_given_radius_is_taken_in_the_cloud_s_own_dtype():
 @pytest.mark.parametrize('radius', [None, 1.5])
 def test_radius_scale_multiplies_the_radius_given_or_found(radius):
     xyz = flat(12, 12)
-    plain = remove_outliers(xyz, CircleSettings(radius=radius)).radius
+    plain = remove_outliers(xyz, CircleSettings(mode='paper', radius=radius)).radius
 
-    halved = remove_outliers(xyz, CircleSettings(radius=radius, radius_scale=0.5)).radius
+    halved = remove_outliers(xyz, CircleSettings(mode='paper', radius=radius, radius_scale=0.5)).radius
 
     assert halved == plain / 2
 
 
 def test_a_radius_below_the_pitch_keeps_only_the_seed():
-    result = remove_outliers(flat(12, 12), CircleSettings(radius_scale=0.1))
+    result = remove_outliers(flat(12, 12), CircleSettings(mode='paper', radius_scale=0.1))
 
     assert result.inliers.sum() == 1
     assert result.inliers[result.seed]
@@ -222,7 +225,7 @@ def test_a_single_measured_point_is_the_seed():
     heights = np.full((5, 6), np.nan)
     heights[3, 4] = 1.0
 
-    result = remove_outliers(grid(heights), CircleSettings(radius=1.0))
+    result = remove_outliers(grid(heights), CircleSettings(mode='paper', radius=1.0))
 
     assert result.seed == (3, 4)
     np.testing.assert_array_equal(result.inliers, heights == 1.0)
@@ -230,7 +233,7 @@ def test_a_single_measured_point_is_the_seed():
 
 
 def test_result_has_plain_python_types():
-    result = remove_outliers(flat(9, 8, dtype='float32'), CircleSettings())
+    result = remove_outliers(flat(9, 8, dtype='float32'), CircleSettings(mode='paper'))
 
     assert result.inliers.dtype == result.outliers.dtype == bool
     assert result.inliers.shape == result.outliers.shape == (9, 8)
@@ -244,26 +247,26 @@ def test_result_has_plain_python_types():
 @pytest.mark.parametrize('shape', [(4, 5), (20,), (4, 5, 2), (4, 5, 4), (1, 4, 5, 3), (0, 5, 3), (4, 0, 3)])
 def test_a_cloud_of_another_shape_is_refused_and_the_shape_is_named(shape):
     with pytest.raises(CloudError, match=', '.join(map(str, shape))):
-        remove_outliers(np.zeros(shape), CircleSettings())
+        remove_outliers(np.zeros(shape), CircleSettings(mode='paper'))
 
 
 @pytest.mark.parametrize('dtype', ['float16', 'int32', 'uint8', 'complex64', 'bool'])
 def test_a_cloud_of_another_data_type_is_refused_and_the_type_is_named(dtype):
     with pytest.raises(CloudError, match=dtype):
-        remove_outliers(np.zeros((4, 5, 3), dtype=dtype), CircleSettings())
+        remove_outliers(np.zeros((4, 5, 3), dtype=dtype), CircleSettings(mode='paper'))
 
 
 @pytest.mark.parametrize('region', [None, (0, 0, 2, 2)])
 @pytest.mark.parametrize('value', [np.nan, np.inf, -np.inf])
 def test_a_cloud_without_a_measured_point_has_no_seed(value, region):
     with pytest.raises(NoSeedError, match='measured'):
-        remove_outliers(np.full((4, 5, 3), value), CircleSettings(vote_region=region))
+        remove_outliers(np.full((4, 5, 3), value), CircleSettings(mode='paper', vote_region=region))
 
 
 @pytest.mark.parametrize('region', [(4, 0, 2, 2), (0, 5, 2, 2), (90, 90, 60, 60)])
 def test_a_vote_region_outside_the_cloud_has_no_seed(region):
     with pytest.raises(NoSeedError, match='region'):
-        remove_outliers(flat(4, 5), CircleSettings(vote_region=region))
+        remove_outliers(flat(4, 5), CircleSettings(mode='paper', vote_region=region))
 
 
 def test_a_vote_region_without_a_measured_point_has_no_seed():
@@ -271,12 +274,12 @@ def test_a_vote_region_without_a_measured_point_has_no_seed():
     xyz[:4, :4] = np.nan
 
     with pytest.raises(NoSeedError, match='region'):
-        remove_outliers(xyz, CircleSettings(vote_region=(0, 0, 4, 4)))
+        remove_outliers(xyz, CircleSettings(mode='paper', vote_region=(0, 0, 4, 4)))
 
 
 def test_a_seed_without_a_ring_has_no_radius():
     with pytest.raises(NoRadiusError, match='ring'):
-        remove_outliers(flat(2, 2), CircleSettings())
+        remove_outliers(flat(2, 2), CircleSettings(mode='paper'))
 
 
 # The adaptive mode
@@ -384,8 +387,8 @@ def test_islands_of_one_height_are_kept_with_a_warning():
     assert remove_outliers(grid(rough()), ADAPTIVE).warnings == ()
 
 
-def test_the_paper_s_mode_has_neither_score_nor_warnings():
-    result = remove_outliers(flat(9, 8), CircleSettings())
+def test_the_paper_s_mode_has_no_score_and_warns_of_nothing_on_a_plane():
+    result = remove_outliers(flat(9, 8), CircleSettings(mode='paper'))
 
     assert result.score is None
     assert result.warnings == ()

@@ -125,7 +125,7 @@ def test_a_cloud_of_zeros_is_refused():
 def test_radius_zero_is_refused_with_what_to_do():
     xyz = surface()
     xyz[:, :60] = 0
-    settings = CircleSettings(not_measured='nan', vote_region=(0, 0, 60, 50))
+    settings = CircleSettings(mode='paper', not_measured='nan', vote_region=(0, 0, 60, 50))
     with pytest.raises(NoRadiusError, match='the radius 0.*circle.not_measured'):
         remove_outliers(xyz, settings)
 

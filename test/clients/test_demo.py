@@ -18,6 +18,7 @@ from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
+from socialcircle_ros.settings import CircleSettings, PipelineSettings
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 
@@ -25,10 +26,18 @@ BAGS = Path(__file__).resolve().parents[2] / 'bags'
 class StandIn:
     """A client with the offline filter in place of a node."""
 
+    mode = 'adaptive'
+
     def clean(self, message):
-        found = filter_cloud(message)
+        self.last = message
+        found = filter_cloud(message, PipelineSettings(circle=CircleSettings(mode=self.mode)))
         status = found.measurement.status(timed=True)
         return Response(found.messages[FILTERED], found.messages[MASK], status, 250.0, None, None)
+
+    def change(self, name, value, _timeout_s=1.0):
+        assert name == 'circle.mode'
+        self.mode = value
+        return self.clean(self.last)
 
 
 def played(recording, output):
@@ -39,13 +48,26 @@ def played(recording, output):
 
 def test_each_cloud_is_described_and_compared_with_the_truth(tmp_path):
     demo = played(BAGS / 'padded.mcap', tmp_path)
-    assert [found.name for found in demo.clouds] == ['padded 0', 'padded 1']
+    assert [found.name for found in demo.clouds] == ['padded 0', 'padded 0', 'padded 1']
+    assert [found.mode for found in demo.clouds] == ['adaptive', 'paper', 'adaptive']
     for found in demo.clouds:
         assert isinstance(found, DemoCloud)
         assert found.measurement.points == 10800
         assert found.latency_ms == 250.0
-        assert set(found.times_ms) == {'vote', 'radius', 'expansion', 'total'}
-        assert found.scores.recall > 0.99
+        assert found.total_ms > 0
+        assert found.scores.recall > {'adaptive': 0.5, 'paper': 0.99}[found.mode]
+
+
+def test_a_measurement_shows_both_modes_and_why_the_paper_s_removes_nothing(tmp_path):
+    heights = 0.01 * np.random.default_rng(0).normal(0, 1, (60, 70))
+    heights[20:24, 30:35] += 0.4
+    np.savez(tmp_path / 'part.npz', z=heights, dx=1.0, dy=1.5)
+    adaptive, paper = played(_as_recording(tmp_path / 'part.npz', tmp_path), tmp_path).clouds
+    assert adaptive.measurement.outliers >= 20
+    assert adaptive.warning == ''
+    assert paper.measurement.outliers == 0
+    assert 'no point can be an outlier' in paper.warning.lower()
+    assert (tmp_path / 'part.png').exists()
 
 
 def test_the_results_are_written_and_the_first_cloud_is_drawn(tmp_path):
@@ -63,7 +85,7 @@ def test_a_refused_cloud_is_named_with_the_reason_and_the_next_one_is_drawn(tmp_
         writer.add_topic(ros_topic('/points', CLOUD))
         writer.write('/points', cloud(1, 9), 1)
         writer.write('/points', cloud(), 2)
-    refused, found = played(tmp_path / 'mixed.mcap', tmp_path).clouds
+    refused, found, _ = played(tmp_path / 'mixed.mcap', tmp_path).clouds
     assert isinstance(refused, RefusedCloud)
     assert 'not organized' in refused.reason
     assert found.scores is None

@@ -115,9 +115,9 @@ def test_after_a_change_the_cloud_is_filtered_again(pair):
     pair.until_active()
     pair.link.publish(cloud())
     pair.until(lambda snapshot: snapshot.shown_cloud)
-    assert pair.link.change({SCALE: 100, 'circle.window': 5}) == ''
+    assert pair.link.change({'circle.mode': 'paper', SCALE: 100, 'circle.window': 5}) == ''
     snapshot = pair.until(
-        lambda snapshot: snapshot.shown_cloud.measurement.values[SCALE] == '100.0' and len(texts(snapshot)) >= 3
+        lambda snapshot: snapshot.shown_cloud.measurement.values[SCALE] == '100.0' and len(texts(snapshot)) >= 4
     )
     assert (
         (snapshot.shown_cloud.mask == OUTLIER).sum()

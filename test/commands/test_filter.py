@@ -29,7 +29,9 @@ def test_it_filters_and_prints_the_counts(run, tmp_path):
 
 
 def test_parameters_come_from_a_file_and_from_the_command_line(run, tmp_path):
-    (tmp_path / 'wide.yaml').write_text('/**:\n  ros__parameters:\n    circle:\n      radius_scale: 100\n')
+    (tmp_path / 'wide.yaml').write_text(
+        '/**:\n  ros__parameters:\n    circle:\n      mode: paper\n      radius_scale: 100\n'
+    )
     wide = run('filter', BAGS / 'parts.mcap', '-o', 'wide.mcap', '--params-file', 'wide.yaml')
     assert ' 0 of 153600' in wide.out
     both = run(
@@ -94,13 +96,17 @@ def test_a_recording_without_a_usable_cloud_is_an_error(run):
 
 
 def test_more_than_half_outliers_is_a_warning(run):
-    done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.radius_scale:=0.4')
+    done = run(
+        'filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.mode:=paper', '-p', 'circle.radius_scale:=0.4'
+    )
     assert done.code == 0
     assert 'more than half of the points' in done.err
 
 
 def test_a_number_may_have_an_exponent(run):
-    done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.radius:=1e2')
+    done = run(
+        'filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.mode:=paper', '-p', 'circle.radius:=1e2'
+    )
     assert done.code == 0, done.err
     assert ' 0 of 153600' in done.out
 

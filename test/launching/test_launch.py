@@ -97,7 +97,7 @@ class TestStarted:
 
     def test_several_cells_filter_each_with_its_own_parameters(self, tmp_path):
         left, right = f'left{os.getpid()}', f'right{os.getpid()}'
-        wide = '/**:\n  ros__parameters:\n    circle.radius_scale: 100.0\n'
+        wide = '/**:\n  ros__parameters:\n    circle.mode: paper\n    circle.radius_scale: 100.0\n'
         (tmp_path / f'{left}.yaml').write_text(wide)
         with launched(tmp_path, 'cells.launch.py', cells=f'{left},{right}', params_folder=tmp_path) as launch:
             assert (self.outliers(left, launch), self.outliers(right, launch)) == ('0', '26')

@@ -11,6 +11,7 @@ pytestmark = pytest.mark.live
 
 
 def test_a_change_filters_the_last_cloud_again(cell):
+    cell.set(circle__mode='paper')
     _, _, before = cell.clean(cloud())
     (result,) = cell.set(circle__radius_scale=100.0)
     assert result.successful
@@ -22,6 +23,7 @@ def test_a_change_filters_the_last_cloud_again(cell):
 
 
 def test_without_reprocess_last_a_change_waits_for_the_next_cloud(cell):
+    cell.set(circle__mode='paper')
     cell.clean(cloud())
     cell.set(reprocess_last=False)
     cell.set(circle__radius_scale=100.0)

@@ -13,7 +13,8 @@ DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
 
 
 def test_the_two_results_and_their_difference():
-    found = compare(cloud(), ('strict', DEFAULTS), ('gentle', DEFAULTS | {'circle.radius_scale': 100.0}))
+    strict = DEFAULTS | {'circle.mode': 'paper'}
+    found = compare(cloud(), ('strict', strict), ('gentle', strict | {'circle.radius_scale': 100.0}))
     assert found.a.measurement.values.outliers == 26
     assert found.b.measurement.values.outliers == 0
     assert found.counts == (0, 26, 0)

@@ -108,3 +108,15 @@ def test_any_heights_can_be_drawn(heights, unit, removed):
     pictures = drawn.before(), drawn.difference(), drawn.histogram()
     assert len({pixels(png).shape for png in pictures}) == 1
     assert pixels(drawn.profile()).std() > 0
+
+
+def test_two_modes_are_drawn_side_by_side_with_what_the_truth_leaves_undecided(tmp_path):
+    xyz, outliers = spiked()
+    undecided = np.zeros_like(outliers)
+    undecided[30:40, 20:30] = True
+    by_mode = {'adaptive': outliers, 'paper': np.zeros_like(outliers)}
+    counts = []
+    for name, truth in (('plain.png', None), ('truth.png', undecided)):
+        before_and_after(tmp_path / name, xyz, outliers, 'a title', 'um', by_mode, truth)
+        counts.append(count((tmp_path / name).read_bytes(), VIOLET))
+    assert counts[0] < counts[1] > 500

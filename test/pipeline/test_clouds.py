@@ -130,7 +130,7 @@ def test_counts_add_up():
 
 def test_the_measurement_tells_seed_radius_times_and_settings():
     xyz = surface()
-    circle = CircleSettings(radius=3, radius_scale=0.5, vote_region=(0, 0, 70, 70))
+    circle = CircleSettings(mode='paper', radius=3, radius_scale=0.5, vote_region=(0, 0, 70, 70))
     found = remove_outliers(xyz, circle)
     values = outputs(xyz, circle).measurement.status(timed=True).values
     assert (int(values['seed_row']), int(values['seed_column'])) == found.seed
@@ -154,14 +154,14 @@ def test_a_mask_that_is_not_wanted_is_not_made():
 def test_a_circle_that_stayed_on_a_minority_warns():
     xyz = surface()
     xyz[:, 30:, 2] += 500
-    result = outputs(xyz, CircleSettings(vote_region=(0, 0, 70, 30)))
+    result = outputs(xyz, CircleSettings(mode='paper', vote_region=(0, 0, 70, 30)))
     assert result.measurement.level == diagnostics.WARN
     assert 'more than half' in result.measurement.message
 
 
 def test_a_cloud_without_any_measured_point_is_refused():
     with pytest.raises(SocialCircleError, match='Nothing is measured in this cloud'):
-        outputs(np.full((70, 80, 3), np.nan, np.float32))
+        outputs(np.full((70, 80, 3), np.nan, np.float32), CircleSettings(mode='paper'))
 
 
 def test_a_repaired_cloud_differs_from_the_input_only_where_outliers_were():
@@ -228,7 +228,7 @@ def test_the_score_is_the_adaptive_mode_s_as_an_image_with_the_cloud_s_header():
 
 def test_a_score_that_is_not_wanted_is_not_made_nor_one_in_the_paper_s_mode():
     assert SCORE not in outputs(rough(), ADAPTIVE).messages
-    assert SCORE not in outputs(surface(), output=OutputSettings(score=True)).messages
+    assert SCORE not in outputs(surface(), CircleSettings(mode='paper'), OutputSettings(score=True)).messages
 
 
 def test_what_the_method_could_not_decide_is_a_warning_of_the_measurement():

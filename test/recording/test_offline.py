@@ -60,7 +60,7 @@ def test_what_the_recording_had_is_kept_byte_for_byte_with_its_times(tmp_path):
 
 def test_results_are_the_pipeline_s_under_the_node_s_names_at_the_cloud_s_times(tmp_path):
     source, target = night(tmp_path / 'night.mcap'), tmp_path / 'cleaned.mcap'
-    circle = CircleSettings(radius_scale=1.5)
+    circle = CircleSettings(mode='paper', radius_scale=1.5)
     run(source, target, circle)
     topics, messages = contents(target)
     names = {
@@ -92,7 +92,7 @@ def test_there_is_no_score_of_the_paper_s_mode_and_an_earlier_one_gives_way(tmp_
     source = night(tmp_path / 'night.mcap')
     output = OutputSettings(score=True)
     run(source, tmp_path / 'once.mcap', CircleSettings(mode='adaptive'), output)
-    summary = run(tmp_path / 'once.mcap', tmp_path / 'twice.mcap', CircleSettings(), output)
+    summary = run(tmp_path / 'once.mcap', tmp_path / 'twice.mcap', CircleSettings(mode='paper'), output)
     assert '/cell/outlier_score' in summary.replaced
     assert '/cell/outlier_score' not in contents(tmp_path / 'twice.mcap')[0]
 
@@ -115,7 +115,7 @@ def test_a_rosbag2_directory_goes_in_and_out(tmp_path):
 def test_results_of_an_earlier_run_give_way(tmp_path):
     source = night(tmp_path / 'night.mcap')
     run(source, tmp_path / 'once.mcap')
-    summary = run(tmp_path / 'once.mcap', tmp_path / 'twice.mcap', CircleSettings(radius_scale=100))
+    summary = run(tmp_path / 'once.mcap', tmp_path / 'twice.mcap', CircleSettings(mode='paper', radius_scale=100))
     assert summary.replaced == ['/cell/outlier_mask', '/cell/points_filtered', '/cell/social_circle/measurement']
     _, messages = contents(tmp_path / 'twice.mcap')
     masks = [decode_mono8(message.data) for message in messages if message.topic == '/cell/outlier_mask']

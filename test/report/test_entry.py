@@ -85,7 +85,10 @@ def test_a_verdict_stands_at_the_top():
 
 
 def test_warnings_of_the_filter_are_shown():
-    assert any('more than half' in warning for warning in entry(circle=CircleSettings(radius_scale=0.3)).warnings)
+    assert any(
+        'more than half' in warning
+        for warning in entry(circle=CircleSettings(mode='paper', radius_scale=0.3)).warnings
+    )
     assert not entry().warnings
 
 

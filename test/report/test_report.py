@@ -27,7 +27,7 @@ def recording(tmp_path):
 
 
 def test_a_notebook_gets_the_numbers_and_the_page(recording, tmp_path):
-    settings = PipelineSettings(circle=CircleSettings(radius_scale=1.5))
+    settings = PipelineSettings(circle=CircleSettings(mode='paper', radius_scale=1.5))
     report = socialcircle_ros.make_report(recording, tmp_path / 'new/report.html', settings)
     assert [entry.name for entry in report.entries] == ['/points 0', '/points 2']
     assert [entry.measurement.outliers for entry in report.entries] == [26, 26]

@@ -28,10 +28,17 @@ def test_the_parameters_that_users_rely_on_exist():
     assert {'reprocess_last', 'autostart'} <= set(PARAMETERS)
 
 
-def test_the_defaults_are_those_of_the_paper():
+def test_the_mode_is_adaptive_and_the_other_defaults_are_those_of_the_paper():
     assert CircleSettings() == CircleSettings(
-        mode='paper', window=3, vote_region=None, radius=None, radius_scale=1.0
+        mode='adaptive', window=3, vote_region=None, radius=None, radius_scale=1.0
     )
+
+
+def test_parameters_that_the_mode_does_not_use_are_named():
+    changed = {'window': 5, 'radius': 2.0, 'radius_scale': 1.5, 'depth_of_field': 3.0}
+    assert CircleSettings(**changed).without_effect() == ('circle.window', 'circle.radius', 'circle.radius_scale')
+    assert CircleSettings(mode='paper', **changed).without_effect() == ()
+    assert CircleSettings(depth_of_field=3.0, not_measured='nan').without_effect() == ()
 
 
 def test_settings_are_frozen():

@@ -7,7 +7,7 @@ from socialcircle_ros import CircleSettings, FocusSettings
 from socialcircle_ros.sweep.clouds import sweep_cloud
 from socialcircle_ros.sweep.trials import Trial
 
-BASE = {**FocusSettings().to_ros(), **CircleSettings().to_ros()}
+BASE = {**FocusSettings().to_ros(), **CircleSettings(mode='paper').to_ros()}
 
 
 def truth():

@@ -5,7 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.sweep.search_space import Choice, Range, contains, described, grid, parse_dimension
+from socialcircle_ros.sweep.search_space import (
+    Choice,
+    Range,
+    contains,
+    described,
+    grid,
+    parse_dimension,
+    with_mode,
+)
 
 
 @pytest.mark.parametrize(
@@ -122,3 +130,16 @@ def test_a_search_space_is_described_in_words():
     assert list(described(search_space)) == [
         'circle.radius_scale in 26 steps from 0.5 to 3.0', 'circle.window 3, 5', 'circle.radius from 1 to 2',
     ]  # fmt: skip
+
+
+def test_a_parameter_of_the_paper_s_mode_sets_the_mode():
+    window, modes = Choice('circle.window', [3, 5]), Choice('circle.mode', ['adaptive', 'paper'])
+    focus = Choice('focus.step', [1, 2])
+    assert with_mode([window, focus], {'circle.radius': 1.0}) == {'circle.radius': 1.0, 'circle.mode': 'paper'}
+    assert with_mode([window], {'circle.mode': 'paper'}) == {'circle.mode': 'paper'}
+    for space in ([focus], [window, modes]):
+        assert with_mode(space, {}) == {}
+    with pytest.raises(
+        SettingError, match=r'circle.window has no effect with circle.mode adaptive; set circle.mode'
+    ):
+        with_mode([window], {'circle.mode': 'adaptive'})

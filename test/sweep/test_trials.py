@@ -19,7 +19,7 @@ from socialcircle_ros.sweep.trials import TrialFile, best_of, fingerprint_of, ru
 
 def test_a_trial_is_scored_over_all_clouds_together():
     clouds = [labelled(), labelled(seed=1)]
-    found = [remove_outliers(each.xyz, CircleSettings(radius_scale=0.6)).outliers for each in clouds]
+    found = [remove_outliers(each.xyz, CircleSettings(mode='paper', radius_scale=0.6)).outliers for each in clouds]
     counts = sum((tally(mask, *truth()) for mask in found), Tally())
     tried = run_trial(BASE, scale(0.6), lambda _: clouds)
     assert (tried.score, tried.precision, tried.recall) == (

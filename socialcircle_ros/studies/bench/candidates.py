@@ -9,7 +9,7 @@ import importlib.util
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -106,13 +106,14 @@ def _filter_runs(xyz: Cloud) -> dict[str, Callable[[], float]]:
     seed = elect_seed(xyz, None)
     region = choose_region(xyz)
     large = (min(region[0], ROWS - 200), min(region[1], COLUMNS - 200), 200, 200)
+    exact = CircleSettings(mode='paper')
     calls: dict[str, Callable[[], object]] = {
         EXPANSION: partial(_expand, xyz, seed),
         VOTE: partial(elect_seed, xyz, region),
         LARGE_VOTE: partial(elect_seed, xyz, large),
-        EXACT: partial(remove_outliers, xyz),
+        EXACT: partial(remove_outliers, xyz, exact),
         **{
-            f'{EXACT}, window {window}': partial(remove_outliers, xyz, CircleSettings(window=window))
+            f'{EXACT}, window {window}': partial(remove_outliers, xyz, replace(exact, window=window))
             for window in (5, 7)
         },
         ADAPTIVE: partial(remove_outliers, xyz, CircleSettings(mode='adaptive')),
@@ -131,9 +132,10 @@ def _recording_runs(xyz: Cloud, folder: Path) -> dict[str, Callable[[], float]]:
     """Copying and filtering a recording."""
     source, target = folder / 'source.mcap', folder / 'target.mcap'
     _record(source, xyz)
+    exact = PipelineSettings(circle=CircleSettings(mode='paper'))
     return {
         COPY: partial(_into_new, target, partial(_copy, source, target)),
-        FILTER: partial(_into_new, target, partial(filter_recording, source, target, PipelineSettings())),
+        FILTER: partial(_into_new, target, partial(filter_recording, source, target, exact)),
     }
 
 

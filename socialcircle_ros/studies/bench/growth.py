@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.simulation import make_scene
 from socialcircle_ros.storage import write_file
 
@@ -51,7 +52,7 @@ class GrowthPoint:
 
 
 def time_growth(repeats: int) -> Iterator[GrowthPoint]:
-    """Time the filter on clouds of increasing size.
+    """Time the exact mode on clouds of increasing size.
 
     Args:
         repeats: timed runs for each size, after one warm-up run.
@@ -59,7 +60,7 @@ def time_growth(repeats: int) -> Iterator[GrowthPoint]:
     for points in POINTS:
         rows = round((points * 3 / 4) ** 0.5)
         xyz = large_cloud(rows, round(points / rows))
-        steps = [remove_outliers(xyz).times_ms for _ in range(repeats + 1)][1:]
+        steps = [remove_outliers(xyz, CircleSettings(mode='paper')).times_ms for _ in range(repeats + 1)][1:]
         yield GrowthPoint(
             xyz.shape[0],
             xyz.shape[1],

@@ -40,6 +40,7 @@ SIDE_RATE = 5.0
 """Clouds per second that are filtered while the frames of stacks come."""
 
 _NODE, _RELAY = '/socialcircle_bench', '/socialcircle_relay'
+_EXACT = {'circle.mode': 'paper'}
 _RELAY_MODULE = 'socialcircle_ros.studies.bench.relay'
 _RELAYED = NodeTopic(RELAYED, point_cloud.TYPE, 'out', 1, 'per cloud', 'The cloud, byte for byte.')
 _WARM_UP_CLOUDS = 8  # the node loads rarely needed code for some seconds
@@ -116,6 +117,7 @@ def time_stacks(
         'stack.pitch_x': '1.0e-6',
         'stack.z_step': '1.0e-6',
         'stack.timeout': '0.0',
+        **_EXACT,
     }
     with (
         NodeProcess(_NODE, folder / 'node.log', parameters) as node,
@@ -151,7 +153,7 @@ def time_clouds(folder: Path, repeats: int, shape: tuple[int, int] = SHAPE) -> t
     filtered: list[float] = []
     relayed: list[float] = []
     with (
-        NodeProcess(_NODE, folder / 'node.log') as node,
+        NodeProcess(_NODE, folder / 'node.log', _EXACT) as node,
         NodeProcess(_RELAY, folder / 'relay.log', module=_RELAY_MODULE) as relay,
         _round_trip(_NODE, interface.POINTS, 1, interface.FILTERED) as through_node,
         _round_trip(_RELAY, interface.POINTS, 1, _RELAYED) as through_relay,
@@ -180,7 +182,7 @@ def endure(folder: Path, seconds: float, shape: tuple[int, int] = SHAPE, rate: f
     # Two clouds take turns, so that a late answer does not count as that of the next cloud.
     clouds = _clouds(shape, 2)
     with (
-        NodeProcess(_NODE, folder / 'node.log') as node,
+        NodeProcess(_NODE, folder / 'node.log', _EXACT) as node,
         _round_trip(_NODE, interface.POINTS, 1, interface.FILTERED) as trip,
     ):
         trip.wait_for_node(node)

@@ -11,6 +11,7 @@ from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
+from socialcircle_ros.settings import CircleSettings, PipelineSettings
 from socialcircle_ros.simulation import make_scene
 from socialcircle_ros.studies.timing import repeated_ms
 
@@ -50,20 +51,22 @@ class SizeTimes:
 
 
 def time_sizes(repeats: int) -> Iterator[SizeTimes]:
-    """Time the filter on a simulated metal groove of each size.
+    """Time the exact mode on a simulated metal groove of each size.
 
     Args:
         repeats: timed runs of each step, after one warm-up run.
     """
+    circle = CircleSettings(mode='paper')
+    settings = PipelineSettings(circle=circle)
     for rows, columns in SIZES:
         xyz = make_scene('metal_groove', rows, columns).points
         message = encode_point_cloud(Header(), xyz, {'intensity': xyz[..., 2]})
-        steps = [remove_outliers(xyz).times_ms for _ in range(repeats + 1)][1:]
+        steps = [remove_outliers(xyz, circle).times_ms for _ in range(repeats + 1)][1:]
         yield SizeTimes(
             rows,
             columns,
             vote_ms=statistics.median(step['vote'] for step in steps),
             circle_ms=statistics.median(step['radius'] + step['expansion'] for step in steps),
-            pipeline_ms=statistics.median(repeated_ms(partial(filter_cloud, message), repeats)),
+            pipeline_ms=statistics.median(repeated_ms(partial(filter_cloud, message, settings), repeats)),
             copy_ms=statistics.median(repeated_ms(np.frombuffer(message, np.uint8).copy, repeats)),
         )

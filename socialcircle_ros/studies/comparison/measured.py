@@ -14,7 +14,7 @@ from socialcircle_ros.report.content import Cell, Column, Picture, Section, Tabl
 from socialcircle_ros.settings import CircleSettings
 
 from . import drawings
-from .methods import SETTINGS_TYPES, method
+from .methods import SETTINGS_TYPES, default_settings, method
 from .study import Study
 
 
@@ -85,9 +85,9 @@ def with_z_scaled(points: Cloud) -> Cloud:
 
 def _found_by_filter(cloud: MeasuredCloud) -> list[tuple[str, Mask]]:
     """The outliers that each filter finds, by name; the social circle on scaled heights comes second."""
-    methods = [method(settings_type(), '') for settings_type in SETTINGS_TYPES]
+    methods = [method(default_settings(settings_type), '') for settings_type in SETTINGS_TYPES]
     found = [(each.name, each(cloud.points).outliers) for each in methods]
-    circle = method(CircleSettings(), '')
+    circle = method(default_settings(CircleSettings), '')
     found.insert(1, (f'{circle.name}, z scaled', circle(with_z_scaled(cloud.points)).outliers))
     return found
 

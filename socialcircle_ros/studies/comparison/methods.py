@@ -95,6 +95,11 @@ def name_of(settings_type: type[FilterSettings]) -> str:
     return _NAMES[settings_type]
 
 
+def default_settings(settings_type: type[FilterSettings]) -> FilterSettings:
+    """A filter's settings by default; those of the social circle are of the paper's method."""
+    return CircleSettings(mode='paper') if settings_type is CircleSettings else settings_type()
+
+
 def method(settings: FilterSettings, variant: str) -> Method:
     """This package's filter with the given settings."""
     return Method(_NAMES[type(settings)], variant, settings, _filter_with(settings))

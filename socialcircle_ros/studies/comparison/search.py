@@ -160,7 +160,8 @@ def _best_circle(clouds: Sequence[LabelledCloud]) -> CircleSettings:
             f1.append(cloud.score(found).f1)
         return float(np.mean(f1))
 
-    trials = [CircleSettings(window=window, radius_scale=scale) for window in (3, 5) for scale in _SCALES]
+    base = CircleSettings(mode='paper')
+    trials = [replace(base, window=window, radius_scale=scale) for window in (3, 5) for scale in _SCALES]
     with ThreadPoolExecutor(usable_cores()) as pool:
         evaluated = list(zip(pool.map(mean_f1, trials), trials, strict=True))
     return max(evaluated, key=lambda each: each[0])[1]

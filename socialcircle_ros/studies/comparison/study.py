@@ -16,7 +16,7 @@ from .labelled_clouds import (
     scanned_cloud,
     synthetic_cloud,
 )
-from .methods import SETTINGS_TYPES, FilterSettings, Method, method, name_of
+from .methods import SETTINGS_TYPES, FilterSettings, Method, default_settings, method, name_of
 from .search import best_settings
 
 
@@ -118,7 +118,7 @@ class Study:
         return [
             each
             for settings_type, best in pairs
-            for each in (method(settings_type(), 'default'), method(best, 'best'))
+            for each in (method(default_settings(settings_type), 'default'), method(best, 'best'))
         ]
 
     def _search(

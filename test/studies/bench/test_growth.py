@@ -5,6 +5,7 @@ import pytest
 
 from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.studies.bench import growth
 from socialcircle_ros.studies.bench.growth import draw_growth, large_cloud, time_growth
 
@@ -17,7 +18,7 @@ def test_a_large_cloud_is_the_scene_and_its_mirror_images():
     np.testing.assert_array_equal(xyz[:4, 5, 1], [0, 1, 2, 3])
     np.testing.assert_array_equal(xyz[960:, :, 2], xyz[950:960, :, 2][::-1])
     np.testing.assert_array_equal(xyz[:, 1280:, 2], xyz[:, 1260:1280, 2][:, ::-1])
-    assert 0.05 < np.mean(remove_outliers(xyz).outliers) < 0.2
+    assert 0.05 < np.mean(remove_outliers(xyz, CircleSettings(mode='paper')).outliers) < 0.2
 
 
 def test_growth_is_measured_and_drawn(monkeypatch, tmp_path):

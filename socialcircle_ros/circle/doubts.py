@@ -1,0 +1,117 @@
+"""What a result says of itself: settings without effect, a circle that is too large, and too many outliers."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.cloud import HeightMap
+from socialcircle_ros.settings import CircleSettings
+
+_TOO_MANY = 0.3
+"""Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
+_FAR_TOO_LARGE = 10.0
+"""A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
+about 5 of them."""
+_HARDLY_ANY = 1e-3
+"""Share of neighbours that may differ by more than the circle where hardly a point can be an outlier."""
+_SAMPLED_ROWS = 64
+_ROWS = 256
+"""Rows that are compared at once, so that memory does not grow with the cloud."""
+
+
+class _LargeCircle(NamedTuple):
+    """A radius that is far larger than the differences in height between neighbours in a row or column.
+
+    Attributes:
+        differences: their number.
+        beyond: number of those that the radius does not exceed.
+        ratio: the radius relative to their median; inf where that is 0.
+    """
+
+    differences: int
+    beyond: int
+    ratio: float
+
+
+def doubts_of(
+    heights: HeightMap, kept: int, removed: int, radius: float, settings: CircleSettings
+) -> tuple[str, ...]:
+    """Say what may be wrong with a result, in sentences.
+
+    Args:
+        heights: (H, W), NaN or infinite where not measured.
+        kept: number of inliers.
+        removed: number of outliers.
+        radius: in force, in the unit of the heights.
+        settings: in force.
+    """
+    adaptive = settings.mode == 'adaptive'
+    doubts = [
+        f'{name} has no effect in the adaptive mode; set circle.mode to paper to use it.'
+        for name in settings.without_effect()
+    ]
+    if removed > kept:
+        doubts.append(
+            'the outliers are more than half of the points: '
+            + (
+                'they may be the surface; look at the mask.'
+                if adaptive
+                else 'the circle may have stayed on one part of the surface; raise circle.radius_scale, or move'
+                ' circle.vote_region to the surface.'
+            )
+        )
+    if adaptive and removed > _TOO_MANY * (kept + removed):
+        share = 100 * removed / (kept + removed)
+        doubts.append(f'{share:.0f} % of the points were removed; good points may be among so many.')
+    found = _large_circle(heights, radius) if removed == 0 else None
+    if found is not None and adaptive and found.beyond == 0:
+        doubts.append(
+            'no point can be an outlier: the heights are stored in steps so coarse that neighbours differ by'
+            ' few of them.'
+        )
+    elif found is not None and not adaptive:
+        doubts.append(_too_large(found))
+    return tuple(doubts)
+
+
+def _too_large(found: _LargeCircle) -> str:
+    number, differences = 'no', 'every height difference'
+    if found.beyond:
+        number, differences = 'hardly a', f'all but {found.beyond} of the {found.differences} height differences'
+    median = 'most of these are 0' if math.isinf(found.ratio) else f'their median {found.ratio:.0f} times'
+    return (
+        f'{number} point can be an outlier: the circle exceeds {differences} between'
+        f' neighbours, and {median}; set circle.mode to adaptive, or lower circle.radius_scale.'
+    )
+
+
+def _large_circle(heights: HeightMap, radius: float) -> _LargeCircle | None:
+    """Compare the radius with the differences between neighbours; None unless it is far too large for them."""
+    stride = max(1, len(heights) // _SAMPLED_ROWS)
+    sample = _differences(heights[::stride], 1)
+    median = float(np.median(sample)) if sample.size else math.inf
+    if not radius > _FAR_TOO_LARGE * median:
+        return None
+    number, beyond, largest = 0, 0, 0.0
+    for row in range(0, len(heights), _ROWS):
+        for between in (
+            _differences(heights[row : row + _ROWS], 1),
+            _differences(heights[row : row + _ROWS + 1], 0),
+        ):
+            number += between.size
+            beyond += int(np.count_nonzero(between > radius))
+            largest = max(largest, float(between.max(initial=0)))
+    # A plane has no difference that could tell how large the circle should be.
+    if largest == 0 or beyond > _HARDLY_ANY * number:
+        return None
+    return _LargeCircle(number, beyond, radius / median if median else math.inf)
+
+
+def _differences(heights: HeightMap, axis: int) -> npt.NDArray[np.floating]:
+    """The absolute differences between measured neighbours along an axis, (n,)."""
+    with np.errstate(invalid='ignore', over='ignore'):
+        between = np.abs(np.diff(heights, axis=axis))
+    known: npt.NDArray[np.floating] = between[np.isfinite(between)]
+    return known

@@ -1,0 +1,85 @@
+"""What a result says of itself."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros import CircleSettings, remove_outliers
+from socialcircle_ros.circle.doubts import doubts_of
+
+PAPER, ADAPTIVE = CircleSettings(mode='paper'), CircleSettings()
+
+
+def smooth(rows=90, columns=110, height=0.02):
+    """A rough surface whose heights are far smaller than the pitch of 1."""
+    return height * np.random.default_rng(5).normal(0, 1, (rows, columns))
+
+
+def test_a_circle_that_exceeds_every_difference_is_named_with_what_helps():
+    heights = smooth()
+    heights[40:44, 50:54] += 1
+
+    result = remove_outliers(heights, PAPER, pitch=(1.0, 1.0))
+
+    assert not result.outliers.any()
+    (warning,) = result.warnings
+    assert warning.startswith('no point can be an outlier: the circle exceeds every height difference between')
+    assert 'set circle.mode to adaptive, or lower circle.radius_scale' in warning
+    assert remove_outliers(heights, pitch=(1.0, 1.0)).outliers[40:44, 50:54].all()
+
+
+def test_a_few_larger_differences_do_not_hide_that_the_circle_is_too_large():
+    heights = smooth(200, 210)
+    heights[100, 60] = 2.5  # still within the radius of a diagonal neighbour
+    found = doubts_of(heights, heights.size, 0, 2.4, PAPER)
+    assert 'hardly a point can be an outlier' in found[0]
+    assert 'exceeds all but 4 of the 83590 height differences' in found[0]
+
+
+@pytest.mark.parametrize(('radius', 'warns'), [(0.1, False), (0.15, False), (1.0, True)])
+def test_a_circle_of_the_size_of_the_roughness_gives_no_warning(radius, warns):
+    assert bool(doubts_of(smooth(), 9900, 0, radius, PAPER)) == warns
+
+
+def test_surfaces_with_holes_steps_and_planes():
+    heights = smooth()
+    heights[::2, ::3] = np.nan
+    assert len(doubts_of(heights, 4000, 0, 1.0, PAPER)) == 1
+    stairs = np.repeat(np.arange(60.0), 3)[:, None] + np.zeros((1, 90))
+    assert doubts_of(stairs, stairs.size, 0, 0.5, PAPER) == ()
+    assert doubts_of(np.full((30, 40), 7.0), 1200, 0, 1.0, PAPER) == ()
+    assert doubts_of(np.full((1, 1), 7.0), 1, 0, 1.0, PAPER) == ()
+    assert doubts_of(np.full((30, 40), np.nan), 0, 0, 1.0, PAPER) == ()
+
+
+def test_coarse_steps_blind_the_adaptive_mode_with_a_warning():
+    row, column = np.mgrid[:120, :150]
+    heights = np.round(2 * np.sin(row / 15) * np.cos(column / 20))
+
+    result = remove_outliers(heights, pitch=(1.0, 1.0))
+
+    assert not result.outliers.any()
+    assert 'no point can be an outlier: the heights are stored in steps' in result.warnings[0]
+    assert remove_outliers(smooth(), pitch=(1.0, 1.0)).warnings == ()
+
+
+def test_settings_without_effect_are_named():
+    settings = CircleSettings(radius_scale=2.0, window=5)
+    assert remove_outliers(smooth(), settings, pitch=(1.0, 1.0)).warnings == tuple(
+        f'circle.{name} has no effect in the adaptive mode; set circle.mode to paper to use it.'
+        for name in ('window', 'radius_scale')
+    )
+
+
+@pytest.mark.parametrize(
+    ('settings', 'removed', 'sentences'),
+    [
+        (PAPER, 60, ['more than half of the points: the circle may have stayed']),
+        (ADAPTIVE, 60, ['more than half of the points: they may be the surface', '60 % of the points']),
+        (ADAPTIVE, 35, ['35 % of the points were removed']),
+        (PAPER, 35, []),
+    ],
+)
+def test_many_outliers_are_named(settings, removed, sentences):
+    found = doubts_of(smooth(), 100 - removed, removed, 0.1, settings)
+    assert len(found) == len(sentences)
+    assert all(sentence in doubt for sentence, doubt in zip(sentences, found, strict=True))
