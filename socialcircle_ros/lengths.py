@@ -172,6 +172,14 @@ def length_text(value: float, unit: str | None, *, digits: int = 3) -> str:
     return f'{number} {_after_number(scale.name)}'
 
 
+def range_text(low: float, high: float, unit: str | None, *, digits: int = 6) -> str:
+    """A range of lengths for a person, with one prefix, such as −482.018 to 347.481 nm; without trailing zeros."""
+    scale = length_scale((_rounded(low, digits), _rounded(high, digits)), unit, digits=digits)
+    texts = (scale.number(_rounded(each, digits)) for each in (low, high))
+    numbers = (text.rstrip('0').rstrip('.') if '.' in text else text for text in texts)
+    return f'{" to ".join(numbers)} {_after_number(scale.name)}'
+
+
 def _after_number(name: str) -> str:
     return f'({name})' if name.endswith(NOT_KNOWN) else name
 

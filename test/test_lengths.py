@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.lengths import METRES, length_scale, length_text, metres_per
+from socialcircle_ros.lengths import METRES, length_scale, length_text, metres_per, range_text
 
 WORTH = {'m': 1.0, 'mm': 1e-3, 'µm': 1e-6, 'nm': 1e-9, 'pm': 1e-12}
 
@@ -70,6 +70,19 @@ def test_without_a_unit_it_is_said_and_a_power_of_ten_keeps_the_numbers_short():
     small = length_scale([0, 2e-5], None)
     assert (small.label('x'), small.number(2e-5)) == ('x [10⁻⁶; unit not known]', '20.00')
     assert length_scale([2e-5], 'px').label('x') == 'x [10⁻⁶ px]'
+
+
+@pytest.mark.parametrize(
+    ('low', 'high', 'unit', 'text'),
+    [
+        (-4.82018e-7, 3.4748e-7, 'm', '−482.018 to 347.48 nm'),
+        (0, 400, 'um', '0 to 400 µm'),
+        (1, 1.1, None, '1 to 1.1 (unit not known)'),
+        (-9.999999e-4, 0.5e-3, 'm', '−1 to 0.5 mm'),
+    ],
+)
+def test_a_range_has_one_prefix(low, high, unit, text):
+    assert range_text(low, high, unit) == text
 
 
 def test_a_unit_that_is_not_known_has_no_size():

@@ -147,16 +147,17 @@ def command(
 def _print_cloud(path: Path, cloud: 'ImportedCloud', origin: 'FileOrigin') -> None:
     import numpy as np
 
-    from socialcircle_ros.lengths import length_text
+    from socialcircle_ros.lengths import range_text
 
     rows, columns = cloud.points.shape[:2]
     fields = f', fields {", ".join(cloud.fields)}' if cloud.fields else ''
     z = cloud.points[..., 2]
     measured = np.isfinite(cloud.points).all(axis=-1)
-    low, high = (length_text(float(each), cloud.unit, digits=6) for each in (z[measured].min(), z[measured].max()))
+    heights = range_text(float(z[measured].min()), float(z[measured].max()), cloud.unit)
+    written = ', written in m' if origin.converted else ''
     click.echo(
-        f'{path.name} ({origin.unit_text()}): {rows}×{columns} points, {measured.sum()} measured, z {low} to'
-        f' {high}{fields}{", written in m" if origin.converted else ""}'
+        f'{path.name} ({origin.unit_text()}): {rows}×{columns} points, {measured.sum()} measured, z'
+        f' {heights}{fields}{written}'
     )
     for note in (cloud.unit_note, *cloud.notes) if cloud.unit_note else cloud.notes:
         click.echo(f'Note: {path.name}: {note}.', err=True)

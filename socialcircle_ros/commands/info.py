@@ -28,8 +28,6 @@ def command(files: tuple[Path, ...]) -> None:
         for name, text in found.facts.items():
             click.echo(f'  {name.ljust(width)}  {text}')
         for topic in found.topics:
-            unit = f', in {topic.unit}' if topic.unit else ''
-            size = f', {topic.size}' if topic.size else ''
-            click.echo(f'  {topic.name}  {topic.type}  {topic.messages}{size}{unit}')
+            click.echo(f'  {topic.text()}')
         if found.damage:
             click.echo(f'Warning: {found.damage}', err=True)

@@ -14,7 +14,7 @@ from socialcircle_ros.cloud import measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.formats import OrganizedCloud, format_of, surface_of
 from socialcircle_ros.interface import POINTS
-from socialcircle_ros.lengths import length_text
+from socialcircle_ros.lengths import NOT_KNOWN, range_text
 from socialcircle_ros.messages import image
 from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.point_cloud import PointCloud
@@ -22,7 +22,7 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 from . import reader
 from .any_file import is_measurement_file
 from .importers import ImportedCloud, import_cloud
-from .origins import FileOrigin, origins_of
+from .origins import OWN_RECORDS, FileOrigin, origins_of
 from .stacks import ImportedStack, import_stack, is_stack
 from .topics import Message, Topic
 from .units import unit_of
@@ -50,6 +50,12 @@ class TopicDescription(NamedTuple):
     messages: int
     size: str
     unit: str | None
+
+    def text(self) -> str:
+        """All of it in one line."""
+        unit = f'in {self.unit}' if self.unit else NOT_KNOWN
+        parts = [self.size] * bool(self.size) + [unit] * (self.type == POINTS.type)
+        return '  '.join((self.name, self.type, ', '.join((str(self.messages), *parts))))
 
 
 @dataclass(frozen=True)
@@ -115,6 +121,8 @@ def _recording(path: Path) -> Description:
             for name, topic in sorted(opened.topics.items())
         ]
         origins = list(origins_of(opened).values())
+        extras = [f'attachment {each.name}' for each in opened.attachments()]
+        extras += [f'metadata {each.name}' for each in opened.metadata() if each.name not in OWN_RECORDS]
         damage = opened.damage
     files = [path] if path.is_file() else [each for each in path.iterdir() if each.is_file()]
     facts = {
@@ -126,6 +134,8 @@ def _recording(path: Path) -> Description:
         start = datetime.fromtimestamp(seen.first / 1e9, tz=timezone.utc)
         facts['start'] = f'{start:%Y-%m-%d %H:%M:%S} UTC' if seen.first >= _OLDEST else 'no time'
     facts |= _imported(origins)
+    if extras:
+        facts['also'] = ', '.join(extras)
     return Description(path, 'MCAP file' if path.is_file() else 'rosbag2 directory', facts, rows, damage)
 
 
@@ -152,11 +162,10 @@ def _measurement_file(path: Path) -> Description:
     }
     try:
         dx, dy = surface_of(OrganizedCloud(cloud.points, cloud.unit)).surface.pitch
-        facts['pitch'] = f'{length_text(dx, cloud.unit, digits=6)} × {length_text(dy, cloud.unit, digits=6)}'
+        facts['pitch'] = range_text(dx, dy, cloud.unit).replace(' to ', ' × ')
     except CloudError as reason:
         facts['pitch'] = f'none: {reason}'
-    low, high = (length_text(float(each), cloud.unit, digits=6) for each in (heights.min(), heights.max()))
-    facts['heights'] = f'{low} to {high}'
+    facts['heights'] = range_text(float(heights.min()), float(heights.max()), cloud.unit)
     if cloud.fields:
         facts['fields'] = ', '.join(f'{name} ({values.dtype})' for name, values in cloud.fields.items())
     return Description(path, f'{form.name if form else "measurement"} file', facts)
@@ -183,7 +192,7 @@ def _stack(path: Path) -> Description:
 def _z_text(stack: ImportedStack) -> str:
     low, high = float(stack.z.min()), float(stack.z.max())
     if stack.in_metres:
-        return f'{length_text(low, "m", digits=6)} to {length_text(high, "m", digits=6)}'
+        return range_text(low, high, 'm')
     return f'{low:g} to {high:g} in its own unit, which is not stated'.replace('-', '−')
 
 

@@ -23,6 +23,9 @@ from .topics import MetadataRecord
 _IMPORT, _ROUNDING = 'socialcircle_import', 'socialcircle_rounding'
 _STATED, _GIVEN, _TAKEN = 'stated in the file', 'given', 'taken, because the file does not state it'
 
+OWN_RECORDS = (_IMPORT, _ROUNDING)
+"""The names of the metadata records."""
+
 Steps = NDArray[np.int8]
 """(rows, columns, 3): −1, 0 or 1 unit in the last place, from the converted number to that of the file."""
 
@@ -116,7 +119,7 @@ def origins_of(reader: RecordingReader) -> dict[tuple[str, int], FileOrigin]:
     found: dict[tuple[str, int], FileOrigin] = {}
     steps: dict[tuple[str, int], bytes] = {}
     for record in reader.metadata():
-        if record.name not in (_IMPORT, _ROUNDING):
+        if record.name not in OWN_RECORDS:
             continue
         entries = record.entries
         try:

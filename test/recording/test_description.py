@@ -5,8 +5,10 @@ import pytest
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.formats import MeasuredSurface, write_cloud_file, write_surface
+from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
 from socialcircle_ros.recording.create import record_clouds, record_stack
 from socialcircle_ros.recording.description import TopicDescription, describe
+from socialcircle_ros.recording.topics import Attachment, MetadataRecord
 
 HEIGHTS = np.array([[1e-6, 2e-6, np.nan], [3e-6, 4e-6, 5e-6]])
 CLOUD = 'sensor_msgs/msg/PointCloud2'
@@ -24,8 +26,8 @@ def test_a_measurement_file(tmp_path):
         'points': '2 × 3, float64',
         'measured': '5 of 6',
         'unit': 'm',
-        'pitch': '500 nm × 250 nm',
-        'heights': '1 µm to 5 µm',
+        'pitch': '500 × 250 nm',
+        'heights': '1 to 5 µm',
         'fields': 'quality (uint8)',
     }
 
@@ -40,6 +42,19 @@ def test_a_recording(tmp_path, target):
     assert found.facts['imported'] == '; '.join(['a.x3p (m, stated in the file)'] * 3)
     assert found.topics == [TopicDescription('/points', CLOUD, 3, '2 × 3 (x, y, z)', 'm')]
     assert found.damage is None
+
+
+def test_units_attachments_and_records_are_listed(tmp_path):
+    record_clouds([surface(tmp_path / 'a.x3p')], tmp_path / 'a.mcap')
+    with open_recording(tmp_path / 'a.mcap') as reader, RecordingWriter(tmp_path / 'b.mcap') as writer:
+        writer.add_attachment(Attachment('calibration.yaml', 'text/yaml', b'1', 0, 0))
+        writer.add_metadata(MetadataRecord('site', {'a': 'b'}))
+        for topic in ('/points', '/other'):
+            writer.add_topic(ros_topic(topic, CLOUD))
+            writer.write(topic, next(iter(reader.messages())).data, 1)
+    found = describe(tmp_path / 'b.mcap')
+    assert found.facts['also'] == 'attachment calibration.yaml, metadata site'
+    assert found.topics[0].text() == f'/other  {CLOUD}  1, 2 × 3 (x, y, z), unit not known'
 
 
 def test_a_damaged_recording(tmp_path):
