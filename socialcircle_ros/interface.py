@@ -359,6 +359,13 @@ class HealthValues(StatusValues):
     stack_latency_ms: float | None = field(
         default=None, metadata=_key('Time from the last frame of the last stack to its cloud.', 'ms')
     )
+    stack_flicker: float | None = field(
+        default=None,
+        metadata=_key(
+            'Standard deviation of the mean light of the frames of the last stack, as a share of the mean; it is'
+            ' divided out if focus.normalize is true.'
+        ),
+    )
     publishers: int | None = field(
         default=None, metadata=_key('Publishers on points; present while the node is active.')
     )

@@ -311,6 +311,7 @@ def _depth() -> None:
     from rich.table import Table
 
     from socialcircle_ros.studies.bench.depth_error import SEEDS, depth_errors, quality_shares
+    from socialcircle_ros.studies.bench.depth_trust import trust_rows
 
     console = Console()
     table = Table(title='Depth from focus: errors in z-steps over good pixels', box=None, padding=(0, 2, 0, 0))
@@ -337,3 +338,9 @@ def _depth() -> None:
     console.print(
         f'seeds {SEEDS[0]} to {SEEDS[-1]}; good: within a quarter of the depth of field (DOF)', highlight=False
     )
+    trust = _table('Order, losses, light, drift, blank areas; 8 bits, 10 000 e-, step DOF/4', '', '', 'value')
+    with console.status('simulating stacks whose frames are out of order, lost, dark, moved or blank ...'):
+        for figure in trust_rows():
+            value = f'{100 * figure.value:.2f} %' if figure.share else f'{figure.value:.3f} steps'
+            trust.add_row(figure.name, figure.figure, value)
+    console.print(trust)

@@ -1,47 +1,62 @@
 """What is kept of the focus curve of each pixel while the frames of a stack arrive, in any order.
 
 A focus curve is F of one pixel over z. Each frame has a place, an integer that is its order in z: neighbours in
-z are neighbours in place, in whichever order they arrive. Of each curve three things are kept:
+z are neighbours in place, in whichever order they arrive. Of each curve four things are kept:
 
-- the frames within REACH places of the sharpest one (the centre), in a ring of SLOTS slots;
+- the frames that are held back, see `order`;
+- the released frames within REACH places of the sharpest one (the centre), in a ring of SLOTS slots;
 - the lowest value of all frames;
-- the highest value of the frames outside the ring.
+- the highest value of the released frames outside the ring.
 
 F is kept as its logarithm, on which the fit works, in 16 bits.
 
-When the centre moves, the slots stay as they are, and the arrays `valid_from` and `valid_to` say which of them
-still hold what they should. Clearing slots would take longer than everything else: before the peak, noise moves
-the centres of many pixels over long distances.
+A frame comes into the ring when it is released. While the stage moves in one direction, the centre is then
+either the final one or at least as far away as a later one, so that the ring of the final centre is complete.
+Slots are not cleared when the centre moves: a slot of a place that is not released yet may hold a frame of an
+older centre, which counts as outside once it is displaced, or at the end.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
 from .curve_rows import (
-    FROM_LOWEST,
+    CODES_PER_OCTAVE,
+    NO_FRAME,
     REACH,
     SLOTS,
-    TO_HIGHEST,
     CurveArrays,
+    count_beyond_as_outside,
     encode,
-    extend_validity,
-    keep_beside_centre,
+    forget_lost,
+    hold_back,
+    insert_late,
     mark_sharper,
     move_centre,
-    move_validity,
+    open_place,
+    release,
+    row_buffers,
     row_of,
-    update_extremes,
-    update_outside,
+    shift_centres,
+    take_brighter,
+    update_lowest,
 )
 from .measure import Frame, MeasureParameters, measure_buffers, measure_row
+from .order import NOWHERE, RECENT, Arrival
+
+_LEAST_BAND = 1_500_000
+"""Pixels of a frame for each core: a smaller frame is done before another core would be of use."""
 
 
 @dataclass(frozen=True)
 class Curves:
-    """The focus curves of all pixels, 46 bytes each, and the all-in-focus image.
+    """The focus curves of all pixels, 58 bytes each, and the all-in-focus image.
 
     Attributes:
         arrays: what is kept of the curves.
@@ -58,9 +73,8 @@ class Curves:
         return cls(
             CurveArrays(
                 slots=np.empty((height, SLOTS, width), np.uint16),
+                recent=np.empty((height, RECENT, width), np.uint16),
                 centre=np.empty((height, width), np.int16),
-                valid_from=np.empty((height, width), np.int16),
-                valid_to=np.empty((height, width), np.int16),
                 peak=np.empty((height, width), np.uint16),
                 lowest=np.empty((height, width), np.uint16),
                 outside=np.empty((height, width), np.uint16),
@@ -69,110 +83,186 @@ class Curves:
         )
 
     def begin(self, frame: Frame) -> None:
-        """Forget all frames, and center all pixels on place 0, the place of this first frame.
-
-        The slots keep their old contents: no slot is read before a frame has been written to it.
-        """
+        """Forget all frames, and center all pixels on place 0, the place of this first frame."""
         arrays = self.arrays
         arrays.centre[:] = 0
-        arrays.valid_from[:] = FROM_LOWEST
-        arrays.valid_to[:] = TO_HIGHEST
         arrays.peak[:] = 0
         arrays.lowest[:] = np.iinfo(np.uint16).max
         arrays.outside[:] = 0
         self.image[:] = frame
 
-    def add(
-        self, frame: Frame, place: int, places: range, parameters: MeasureParameters, *, is_known: bool
-    ) -> None:
+    def clear_slots(self, part: int) -> None:
+        """Clear a part of the slots; the parts 0 to RECENT - 1 are all. To clear all at once would cost frames."""
+        size = -(-SLOTS // RECENT)
+        self.arrays.slots[:, part * size : (part + 1) * size] = NO_FRAME
+
+    def add(self, frame: Frame, arrival: Arrival, scale: float, parameters: MeasureParameters) -> None:
         """Add a frame.
 
         Args:
             frame: (H, W), like the others.
-            place: of this frame.
-            places: of all frames, with this one.
+            arrival: what it means for the curves.
+            scale: factor of F, for frames that are not equally bright.
             parameters: of the focus measure.
-            is_known: whether there is a frame at this place already; each pixel then keeps the larger F.
         """
-        _add(frame, place, places[0], places[-1], is_known, parameters, self.arrays, self.image)
+        offset = np.float32(CODES_PER_OCTAVE * math.log2(scale))
+        near = range(
+            max(arrival.released.start, arrival.place - REACH),
+            min(arrival.released.stop, arrival.place + REACH + 1),
+        )
+        if arrival.is_late:
+            first, last = arrival.released[0], arrival.released[-1]
+            _add_late(
+                frame, arrival.place, arrival.is_known, first, last, offset, parameters, self.arrays, self.image
+            )
+            return
+        if arrival.shift:
+            shift_centres(arrival.shift_from, arrival.shift, self.arrays.centre.reshape(-1))
 
-    def make_room(self, place: int, places: range) -> None:
-        """Move the frames at this place and above up by one, for a new frame in between.
+        def add(rows: slice) -> None:
+            _add(
+                frame,
+                rows.start,
+                rows.stop,
+                arrival.place,
+                arrival.is_known,
+                arrival.row,
+                arrival.leaving_row,
+                arrival.leaving is not None,
+                arrival.leaving or 0,
+                near.start,
+                near.stop,
+                offset,
+                parameters,
+                self.arrays,
+                self.image,
+            )
 
-        The frame that leaves the ring is lost before it is known whether the new frame is the sharpest one, and
-        the ring of the new frame reaches less far. The outermost places may therefore be missing in one order of
-        the frames and not in another. The fit does not use them.
+        height, width = frame.shape
+        in_bands(add, height, width, least=_LEAST_BAND)
+
+    def release_all(self, rows: Sequence[int], recent: range, places: range) -> None:
+        """Release the frames that are held back, and count what is left of older centres as outside.
 
         Args:
-            place: of the new frame.
-            places: of all frames so far.
+            rows: where they are held back.
+            recent: their places.
+            places: of all frames.
         """
-        _make_room(place, places[0], places[-1], self.arrays)
+        _release_all(np.array(rows, np.int64), recent.start, places[0], places[-1], self.arrays)
 
 
 @kernel
 def _add(
     frame: Frame,
-    place: int,
     first: int,
-    last: int,
+    end: int,
+    place: int,
     is_known: bool,
+    row_held: int,
+    row_leaving: int,
+    any_leaves: bool,
+    leaving: int,
+    lost_from: int,
+    lost_end: int,
+    offset: np.float32,
     parameters: MeasureParameters,
     curves: CurveArrays,
     image: Frame,
 ) -> None:
-    """`Curves.add` in one pass: each row is measured, encoded and added to its curves while it is in the cache."""
+    """`Curves.add` for some rows: each is measured, encoded and added to its curves while it is in the cache."""
+    width = frame.shape[1]
+    buffers = measure_buffers(width, parameters.half_window)
+    measure = np.empty(width, np.int32)
+    rounded = np.empty(width, np.float32)
+    codes, sharper, displaced = row_buffers(width)
+    for row in range(first, end):
+        measure_row(frame, row, first, parameters, buffers, measure)
+        encode(measure, offset, rounded, rounded.view(np.int32), codes)
+        curve = row_of(curves, row)
+        update_lowest(codes, curve)
+        if mark_sharper(codes, place, curve, sharper):
+            for other in range(lost_from, lost_end):
+                forget_lost(other, curve, sharper, displaced)
+            move_centre(codes, frame[row], place, curve, image[row], sharper)
+        if is_known:
+            take_brighter(codes, frame[row], place, curve, image[row])
+        if any_leaves:
+            released = codes if row_leaving == NOWHERE else curve.recent[row_leaving]
+            release(released, leaving, curve.centre, curve.slots[leaving % SLOTS], curve.outside, displaced)
+        if row_held != NOWHERE:
+            hold_back(codes, curve.recent[row_held], is_known)
+
+
+@kernel
+def _add_late(
+    frame: Frame,
+    place: int,
+    is_known: bool,
+    first: int,
+    last: int,
+    offset: np.float32,
+    parameters: MeasureParameters,
+    curves: CurveArrays,
+    image: Frame,
+) -> None:
+    """`Curves.add` of a frame that comes too late to be held back; `first` to `last` were released before."""
     height, width = frame.shape
     buffers = measure_buffers(width, parameters.half_window)
     measure = np.empty(width, np.int32)
     rounded = np.empty(width, np.float32)
-    codes = np.empty(width, np.uint16)
-    sharper = np.empty(width, np.bool_)
-    kept = np.empty(width, np.bool_)
+    codes, sharper, displaced = row_buffers(width)
+    old = np.empty(SLOTS, np.uint16)
+    end = last + 1 if is_known else last + 2
     for row in range(height):
-        measure_row(frame, row, parameters, buffers, measure)
-        encode(measure, rounded, rounded.view(np.int32), codes)
+        measure_row(frame, row, 0, parameters, buffers, measure)
+        encode(measure, offset, rounded, rounded.view(np.int32), codes)
         curve = row_of(curves, row)
-        low, high = mark_sharper(codes, place, curve, sharper)
-        keep_beside_centre(codes, place, is_known, curve, sharper, kept)
-        if first < place < last and not is_known:
-            extend_validity(place, curve, kept)
-        update_extremes(codes, curve, sharper, kept)
-        if low > high:
-            continue
-        if low < place and place - 1 - REACH >= first:
-            update_outside(place - 1, place - 1 - REACH, curve, sharper)
-        if high > place and place + 1 + REACH <= last:
-            update_outside(place + 1, place + 1 + REACH, curve, sharper)
-        move_validity(place, first, last, curve, sharper, kept)
-        move_centre(codes, frame[row], place, curve, image[row], sharper)
+        update_lowest(codes, curve)
+        if not is_known:
+            open_place(place, first, last, curve, old)
+        is_sharper = mark_sharper(codes, place, curve, sharper)
+        if is_sharper:
+            for other in range(max(first, place - REACH), min(end, place + REACH + 1)):
+                if other != place:
+                    forget_lost(other, curve, sharper, displaced)
+        insert_late(codes, place, is_known, curve, sharper)
+        if is_sharper:
+            move_centre(codes, frame[row], place, curve, image[row], sharper)
+        if is_known:
+            take_brighter(codes, frame[row], place, curve, image[row])
 
 
 @kernel
-def _make_room(place: int, first: int, last: int, curves: CurveArrays) -> None:
-    """`Curves.make_room`: the codes move with their places, and one of them leaves the ring."""
+def _release_all(rows: NDArray[np.int64], recent: int, first: int, last: int, curves: CurveArrays) -> None:
+    """`Curves.release_all`; `recent` is the place of the first of the rows."""
     height, _, width = curves.slots.shape
-    old = np.empty(SLOTS, np.uint16)
+    displaced = row_buffers(width).displaced
     for row in range(height):
-        slots, centre, valid_from, valid_to, _, _, outside = row_of(curves, row)
-        for x in range(width):
-            before = centre[x]
-            if before + REACH < place:
-                continue
-            after = before + 1 if before >= place else before
-            for slot in range(SLOTS):
-                old[slot] = slots[slot, x]
-            for now in range(after - REACH, after + REACH + 1):
-                if now == place:
-                    slots[now % SLOTS, x] = 0
-                else:
-                    slots[now % SLOTS, x] = old[(now if now < place else now - 1) % SLOTS]
-            leaving = before - REACH if before >= place else before + REACH
-            is_there = max(first, valid_from[x]) <= leaving <= min(last, valid_to[x])
-            if is_there and (leaving < place) == (before >= place):
-                outside[x] = max(outside[x], old[leaving % SLOTS])
-            centre[x] = after
-            if valid_from[x] >= place:
-                valid_from[x] += 1
-            if place <= valid_to[x] < TO_HIGHEST:
-                valid_to[x] += 1
+        curve = row_of(curves, row)
+        release_recent(rows, recent, curve, curve.slots, curve.outside, displaced)
+        count_beyond_as_outside(first, last, curve.centre, curve.slots, curve.outside)
+
+
+@kernel
+def release_recent(
+    rows: NDArray[np.int64],
+    recent: int,
+    curve: CurveArrays,
+    slots: NDArray[np.uint16],
+    outside: NDArray[np.uint16],
+    displaced: NDArray[np.uint16],
+) -> None:
+    """Release the frames of a row of pixels that are held back into these slots.
+
+    Args:
+        rows: where they are held back, in order of z.
+        recent: place of the first of them.
+        curve: of the row.
+        slots: (SLOTS, W), updated; of the curve or a copy.
+        outside: (W,), likewise.
+        displaced: (W,), a work array.
+    """
+    for k in range(rows.size):
+        slot = slots[(recent + k) % SLOTS]
+        release(curve.recent[rows[k]], recent + k, curve.centre, slot, outside, displaced)

@@ -2,7 +2,8 @@
 
 Each function works on whole rows in plain loops over few arrays, and reads both sides of a choice before it
 chooses. The compiler then vectorises each loop. It would not if it had to prove that many arrays do not
-overlap, or that a value may be read although it is not chosen.
+overlap, or that a value may be read although it is not chosen. What only frames out of order need works pixel by
+pixel.
 """
 
 from typing import NamedTuple
@@ -24,11 +25,11 @@ SLOTS = 2 * REACH + 1
 CODES_PER_OCTAVE = 2048
 """Codes per doubling of F: half a code is 0.017 % of F, far below the noise of any camera."""
 
-FROM_LOWEST, TO_HIGHEST = -32768, 32767
-"""Values of `valid_from` and `valid_to` where nothing is missing at that end of the scan."""
+NO_FRAME = 0
+"""Code in a slot without a frame."""
 
 Codes = NDArray[np.uint16]
-"""Values of F on a logarithmic scale: 0 where F is 0 or there is no frame, else 1 + CODES_PER_OCTAVE log2 F."""
+"""Values of F on a logarithmic scale: 1 + CODES_PER_OCTAVE log2 F, 1 where F is 0; NO_FRAME: there is no frame."""
 
 Places = NDArray[np.int16]
 """Places of frames: their order in z, see `curve`."""
@@ -38,16 +39,13 @@ class CurveArrays(NamedTuple):
     """What is kept of the curves of all pixels, or, without the leading axis, of one row of pixels."""
 
     slots: Codes
-    """(H, SLOTS, W): the codes of the frames next to the sharpest one."""
+    """(H, SLOTS, W): the codes of the released frames next to the sharpest one."""
+
+    recent: Codes
+    """(H, RECENT, W): the codes of the frames that are held back."""
 
     centre: Places
     """(H, W): the place of the sharpest frame."""
-
-    valid_from: Places
-    """(H, W): the slots are valid from this place on; FROM_LOWEST: from the lowest frame on."""
-
-    valid_to: Places
-    """(H, W): the slots are valid up to this place; TO_HIGHEST: up to the highest frame."""
 
     peak: Codes
     """(H, W): the code of the sharpest frame."""
@@ -56,11 +54,30 @@ class CurveArrays(NamedTuple):
     """(H, W): the lowest code of all frames."""
 
     outside: Codes
-    """(H, W): the highest code of the frames that are not in the slots."""
+    """(H, W): the highest code of the released frames that are not in the slots."""
 
     def band(self, rows: slice) -> 'CurveArrays':
         """The curves of some rows of pixels, as views."""
         return CurveArrays._make(array[rows] for array in self)
+
+
+class RowBuffers(NamedTuple):
+    """Work arrays for one row of pixels; `row_buffers` makes them."""
+
+    codes: Codes
+    """(W,): of the new frame."""
+
+    sharper: Mask
+    """(W,): where the new frame is the sharpest one."""
+
+    displaced: Codes
+    """(W,): codes that leave the slots, or never come into them."""
+
+
+@kernel
+def row_buffers(width: int) -> RowBuffers:
+    """Return the work arrays for rows of `width` pixels."""
+    return RowBuffers(np.empty(width, np.uint16), np.empty(width, np.bool_), np.empty(width, np.uint16))
 
 
 @kernel
@@ -68,9 +85,8 @@ def row_of(curves: CurveArrays, row: int) -> CurveArrays:
     """Return the curves of one row of pixels, as views."""
     return CurveArrays(
         curves.slots[row],
+        curves.recent[row],
         curves.centre[row],
-        curves.valid_from[row],
-        curves.valid_to[row],
         curves.peak[row],
         curves.lowest[row],
         curves.outside[row],
@@ -79,9 +95,13 @@ def row_of(curves: CurveArrays, row: int) -> CurveArrays:
 
 @kernel
 def encode(
-    measure: NDArray[np.int32], rounded: NDArray[np.float32], bits: NDArray[np.int32], codes: Codes
+    measure: NDArray[np.int32],
+    offset: np.float32,
+    rounded: NDArray[np.float32],
+    bits: NDArray[np.int32],
+    codes: Codes,
 ) -> None:
-    """Write the codes of a row of F; `rounded` is a work array and `bits` is a view of its bits.
+    """Write the codes of a row of F plus an offset; `rounded` is a work array and `bits` is a view of its bits.
 
     A float32 is 2^e (1 + t), and log2(1 + t) = t + t (1 - t) q(t). This is exact at t = 0 and t = 1, so that
     codes rise with F. The cubic q is a least-squares fit over [0, 1]; its error is 2e-5 octaves, a twentieth of
@@ -96,153 +116,42 @@ def encode(
         q = q * t + np.float32(-0.26602988)
         q = q * t + np.float32(0.4417403)
         octaves = np.float32(exponent) + (t + t * (np.float32(1) - t) * q)
-        code = np.int32(octaves * np.float32(CODES_PER_OCTAVE) + np.float32(1.5))
-        codes[x] = max(code, np.int32(0))
+        code = np.int32(octaves * np.float32(CODES_PER_OCTAVE) + (offset + np.float32(1.5)))
+        codes[x] = min(max(code, np.int32(1)), np.int32(65535))
 
 
 @kernel
-def mark_sharper(codes: Codes, place: int, curve: CurveArrays, sharper: Mask) -> tuple[int, int]:
+def mark_sharper(codes: Codes, place: int, curve: CurveArrays, sharper: Mask) -> bool:
     """Mark in `sharper` the pixels of a row that have their sharpest frame so far in this one.
 
     Of two equally sharp frames the lower one wins, in whichever order they come.
 
     Returns:
-        The lowest and the highest centre that these pixels have so far; the lowest is above the highest if there
-        is no such pixel.
+        Whether there is such a pixel.
     """
     centre, peak = curve.centre, curve.peak
     here = np.int16(place)
-    lowest, highest = np.int16(32767), np.int16(-32768)
+    count = np.int32(0)
     for x in range(codes.size):
         marked = (codes[x] > peak[x]) | ((codes[x] == peak[x]) & (here < centre[x]))
         sharper[x] = marked
-        lowest = min(lowest, centre[x] if marked else np.int16(32767))
-        highest = max(highest, centre[x] if marked else np.int16(-32768))
-    return int(lowest), int(highest)
+        count = np.int32(count + np.int32(marked))
+    return bool(count > 0)
 
 
 @kernel
-def keep_beside_centre(
-    codes: Codes, place: int, is_known: bool, curve: CurveArrays, sharper: Mask, kept: Mask
-) -> None:
-    """Keep the codes of a row in their slot where the frame is near the sharpest one, but is not sharper.
-
-    `kept` marks these pixels. A new frame may also be the neighbour of those that the slots hold. A frame at a
-    known place must be one of them, so that a frame that comes twice changes nothing.
-    """
-    slot, centre = curve.slots[place % SLOTS], curve.centre
-    valid_from, valid_to = curve.valid_from, curve.valid_to
-    first, last = np.int16(place - REACH), np.int16(place + REACH)
-    beside = 0 if is_known else 1
-    before, after = np.int16(place - beside), np.int16(place + beside)
-    for x in range(codes.size):
-        kept[x] = (centre[x] >= first) & (centre[x] <= last) & ~sharper[x]
-    for x in range(codes.size):
-        kept[x] &= (valid_from[x] <= after) & (valid_to[x] >= before)
-    if is_known:
-        for x in range(codes.size):
-            code, held = codes[x], slot[x]
-            slot[x] = max(held, code) if kept[x] else held
-    else:
-        for x in range(codes.size):
-            code, held = codes[x], slot[x]
-            slot[x] = code if kept[x] else held
-
-
-@kernel
-def extend_validity(place: int, curve: CurveArrays, kept: Mask) -> None:
-    """Extend the valid places of the kept pixels to the place of the frame."""
-    valid_from, valid_to = curve.valid_from, curve.valid_to
-    here = np.int16(place)
-    for x in range(kept.size):
-        valid_from[x] = min(valid_from[x], here) if kept[x] else valid_from[x]
-    for x in range(kept.size):
-        valid_to[x] = max(valid_to[x], here) if kept[x] else valid_to[x]
-
-
-@kernel
-def update_extremes(codes: Codes, curve: CurveArrays, sharper: Mask, kept: Mask) -> None:
-    """Update the lowest code, and the highest code outside the slots where the frame is not in them."""
-    lowest, outside = curve.lowest, curve.outside
+def update_lowest(codes: Codes, curve: CurveArrays) -> None:
+    """Update the lowest code."""
+    lowest = curve.lowest
     for x in range(codes.size):
         lowest[x] = min(lowest[x], codes[x])
-    for x in range(codes.size):
-        code = codes[x]
-        outside[x] = max(outside[x], np.uint16(0) if kept[x] | sharper[x] else code)
-
-
-@kernel
-def update_outside(neighbour: int, left: int, curve: CurveArrays, sharper: Mask) -> None:
-    """Update the highest code outside the slots where the centre moves by one place.
-
-    Args:
-        neighbour: the centre so far.
-        left: the place that the slots no longer hold once the centre has moved.
-        curve: of the row.
-        sharper: the pixels with a centre that moves, from `neighbour` or from elsewhere.
-
-    A longer move needs no update: what it leaves behind is the flank of an old centre. That centre is still in
-    the slots, or `move_validity` counts it.
-    """
-    slot, centre, outside = curve.slots[left % SLOTS], curve.centre, curve.outside
-    valid_from, valid_to = curve.valid_from, curve.valid_to
-    before, behind = np.int16(neighbour), np.int16(left)
-    for x in range(slot.size):
-        moves = sharper[x] & (centre[x] == before) & (valid_from[x] <= behind) & (valid_to[x] >= behind)
-        held = slot[x]
-        outside[x] = max(outside[x], held if moves else np.uint16(0))
-
-
-@kernel
-def move_validity(place: int, first: int, last: int, curve: CurveArrays, sharper: Mask, joined: Mask) -> None:
-    """Set the places at which the slots are valid once the centre has moved to `place`.
-
-    Where the centre moves farther than the slots reach, only the new centre is valid, and the old peak is now
-    outside. `joined` is a work array: it marks the pixels where the old slots are still of use.
-
-    Args:
-        place: the new centre.
-        first: the lowest place of all frames.
-        last: the highest place of all frames.
-        curve: of the row.
-        sharper: the pixels with a centre that moves.
-        joined: overwritten.
-    """
-    centre, peak, outside = curve.centre, curve.peak, curve.outside
-    valid_from, valid_to = curve.valid_from, curve.valid_to
-    here, before, after = np.int16(place), np.int16(place - 1), np.int16(place + 1)
-    nearest, farthest = np.int16(place - REACH - 1), np.int16(place + REACH + 1)
-    for x in range(sharper.size):
-        joined[x] = (centre[x] >= nearest) & (centre[x] <= farthest)
-    for x in range(sharper.size):
-        joined[x] &= (valid_from[x] <= after) & (valid_to[x] >= before)
-    for x in range(sharper.size):
-        old_peak = peak[x]
-        outside[x] = max(outside[x], old_peak if sharper[x] & ~joined[x] else np.uint16(0))
-    for x in range(sharper.size):
-        moved = min(max(valid_from[x], np.int16(centre[x] - REACH)), here) if centre[x] > here else valid_from[x]
-        moved = moved if joined[x] else here
-        valid_from[x] = moved if sharper[x] else valid_from[x]
-    for x in range(sharper.size):
-        moved = max(min(valid_to[x], np.int16(centre[x] + REACH)), here) if centre[x] < here else valid_to[x]
-        moved = moved if joined[x] else here
-        valid_to[x] = moved if sharper[x] else valid_to[x]
-    if place == first:  # no frame below this one can be missing
-        for x in range(sharper.size):
-            valid_from[x] = np.int16(FROM_LOWEST) if sharper[x] else valid_from[x]
-    if place == last:
-        for x in range(sharper.size):
-            valid_to[x] = np.int16(TO_HIGHEST) if sharper[x] else valid_to[x]
 
 
 @kernel
 def move_centre(codes: Codes, pixels: Frame, place: int, curve: CurveArrays, image: Frame, sharper: Mask) -> None:
     """Make this frame the centre of the sharper pixels, and copy these pixels to the all-in-focus image."""
-    slot, centre, peak = curve.slots[place % SLOTS], curve.centre, curve.peak
+    centre, peak = curve.centre, curve.peak
     here = np.int16(place)
-    for x in range(codes.size):
-        code, held = codes[x], slot[x]
-        slot[x] = code if sharper[x] else held
     for x in range(codes.size):
         peak[x] = max(peak[x], codes[x])
     for x in range(codes.size):
@@ -251,3 +160,160 @@ def move_centre(codes: Codes, pixels: Frame, place: int, curve: CurveArrays, ima
     for x in range(codes.size):
         pixel, held = pixels[x], image[x]
         image[x] = pixel if sharper[x] else held
+
+
+@kernel
+def take_brighter(codes: Codes, pixels: Frame, place: int, curve: CurveArrays, image: Frame) -> None:
+    """Of two equally sharp frames at the same z, show the brighter pixel, in whichever order they come."""
+    centre, peak = curve.centre, curve.peak
+    here = np.int16(place)
+    for x in range(codes.size):
+        pixel, shown = pixels[x], image[x]
+        image[x] = max(pixel, shown) if (codes[x] == peak[x]) & (centre[x] == here) else shown
+
+
+@kernel
+def hold_back(codes: Codes, held: Codes, is_known: bool) -> None:
+    """Write the codes of a frame to where they are held back; of two frames at the same z, the larger codes."""
+    if is_known:
+        for x in range(codes.size):
+            held[x] = max(held[x], codes[x])
+    else:
+        for x in range(codes.size):
+            held[x] = codes[x]
+
+
+@kernel
+def release(codes: Codes, place: int, centre: Places, slot: Codes, outside: Codes, displaced: Codes) -> None:
+    """Put the codes of a frame into its slot where it is near the sharpest one; elsewhere it is outside.
+
+    What was in the slot is outside from now on: it is SLOTS places or more away.
+
+    Args:
+        codes: (W,), of the frame.
+        place: of the frame.
+        centre: (W,), of the sharpest frames.
+        slot: (W,), updated.
+        outside: (W,), updated.
+        displaced: (W,), a work array.
+    """
+    first, last = np.int16(place - REACH), np.int16(place + REACH)
+    for x in range(codes.size):
+        code, held = codes[x], slot[x]
+        near = (centre[x] >= first) & (centre[x] <= last)
+        slot[x] = code if near else held
+        displaced[x] = held if near else code
+    for x in range(codes.size):
+        outside[x] = max(outside[x], displaced[x])
+
+
+@kernel
+def forget_lost(place: int, curve: CurveArrays, sharper: Mask, displaced: Codes) -> None:
+    """Empty the slot of a released frame where the centre will move, and was too far from it to keep it."""
+    slot, centre, outside = curve.slots[place % SLOTS], curve.centre, curve.outside
+    first, last = np.int16(place - REACH), np.int16(place + REACH)
+    for x in range(slot.size):
+        held = slot[x]
+        lost = ((centre[x] < first) | (centre[x] > last)) & sharper[x]
+        slot[x] = np.uint16(NO_FRAME) if lost else held
+        displaced[x] = held if lost else np.uint16(NO_FRAME)
+    for x in range(slot.size):
+        outside[x] = max(outside[x], displaced[x])
+
+
+@kernel
+def open_place(place: int, first: int, last: int, curve: CurveArrays, old: Codes) -> None:
+    """Move the released frames at this place and above up by one, for a late frame in between.
+
+    The frame that leaves the ring is lost before it is known whether the late frame is the sharpest one, and the
+    ring of a late frame reaches less far. The fit therefore does not use the outermost places.
+
+    Args:
+        place: of the late frame.
+        first: place of the lowest released frame so far.
+        last: place of the highest one.
+        curve: of the row.
+        old: (SLOTS,), a work array.
+    """
+    slots, centre, outside = curve.slots, curve.centre, curve.outside
+    for x in range(centre.size):
+        before = np.int64(centre[x])
+        if before + REACH < place:
+            continue
+        after = before + 1 if before >= place else before
+        for slot in range(SLOTS):
+            old[slot] = slots[slot, x]
+            slots[slot, x] = NO_FRAME
+        for was in range(before - REACH, before + REACH + 1):
+            now = was + 1 if was >= place else was
+            if first <= was <= last and abs(now - after) <= REACH:
+                slots[now % SLOTS, x] = old[was % SLOTS]
+            else:
+                outside[x] = max(outside[x], old[was % SLOTS])
+        centre[x] = after
+
+
+@kernel
+def insert_late(codes: Codes, place: int, is_known: bool, curve: CurveArrays, sharper: Mask) -> None:
+    """Put the codes of a late frame into the slots, before the centre of the sharper pixels moves to it."""
+    slot, centre, outside = curve.slots[place % SLOTS], curve.centre, curve.outside
+    for x in range(codes.size):
+        near = abs(np.int64(centre[x]) - place) <= REACH
+        if sharper[x]:
+            outside[x] = max(outside[x], np.uint16(NO_FRAME) if near else slot[x])
+            slot[x] = codes[x]
+        elif not near:
+            outside[x] = max(outside[x], codes[x])
+        elif not is_known or slot[x] != NO_FRAME:
+            slot[x] = max(slot[x], codes[x])
+
+
+@kernel
+def shift_centres(from_place: int, shift: int, centre: Places) -> None:
+    """Move the centres at this place and above up by one; below and at it down by one where `shift` is -1."""
+    bound = np.int16(from_place)
+    if shift > 0:
+        for x in range(centre.size):
+            centre[x] += np.int16(centre[x] >= bound)
+    else:
+        for x in range(centre.size):
+            centre[x] -= np.int16(centre[x] <= bound)
+
+
+@kernel
+def count_beyond_as_outside(first: int, last: int, centre: Places, slots: Codes, outside: Codes) -> None:
+    """Count what is in the slots of places beyond the scan as outside: it is left of an older centre.
+
+    Args:
+        first: place of the lowest frame of all.
+        last: place of the highest one.
+        centre: (W,).
+        slots: (SLOTS, W).
+        outside: (W,), updated.
+    """
+    least, most = np.int16(first + REACH), np.int16(last - REACH)
+    for x in range(centre.size):
+        if least <= centre[x] <= most:
+            continue
+        for place in range(centre[x] - REACH, centre[x] + REACH + 1):
+            if not first <= place <= last:
+                outside[x] = max(outside[x], slots[place % SLOTS, x])
+
+
+@kernel
+def mark_incomplete(first: int, last: int, reach: int, centre: Places, slots: Codes, incomplete: Mask) -> None:
+    """Mark the pixels that lack a frame of the scan within `reach` places of their sharpest one.
+
+    Args:
+        first: place of the lowest frame of all.
+        last: place of the highest one.
+        reach: in places.
+        centre: (W,).
+        slots: (SLOTS, W).
+        incomplete: (W,), written.
+    """
+    for x in range(centre.size):
+        lacks = False
+        for place in range(max(centre[x] - reach, first), min(centre[x] + reach, last) + 1):
+            lacks |= slots[place % SLOTS, x] == NO_FRAME
+        incomplete[x] = lacks

@@ -9,8 +9,9 @@ Source: S. K. Nayar, Y. Nakagawa, Shape from focus, IEEE Trans. Pattern Anal. Ma
 DOI 10.1109/34.308479.
 
 Quality is the probability that the error of the depth is at most a quarter of the depth of field, as measured on
-simulated stacks. Its odds are 0.125 (c - 0.3)^1.5 v^-0.75. Here c = ln(F_peak / F_lowest) is the contrast of the
-curve, and v is the variance of the fitted peak divided by the squared width of the curve.
+simulated stacks. Its odds are 0.125 (c - 0.3)^1.5 v^-0.75. Here v is the variance of the fitted peak divided by
+the squared width of the curve, and c is the contrast of the curve: ln(F_peak / F_lowest), or ln(F_peak / F_floor)
+if that is less, where F_floor is what noise and rounding give, see `noise`.
 """
 
 from dataclasses import dataclass
@@ -19,11 +20,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .curve import Curves
-from .curve_rows import REACH, SLOTS, Codes, CurveArrays, row_of
+from .curve import Curves, release_recent
+from .curve_rows import (
+    REACH,
+    SLOTS,
+    Codes,
+    CurveArrays,
+    count_beyond_as_outside,
+    mark_incomplete,
+    row_of,
+)
+from .measure import Frame
+from .noise import TABLE, Floor
+from .order import FrameOrder
 from .parabola import (
     BATCH,
     NATURAL_LOG_PER_CODE,
@@ -41,7 +54,7 @@ from .parabola import (
     solve,
     weigh,
 )
-from .reasons import LOW_CONTRAST, NO_PEAK, SCAN_END, TWO_PEAKS
+from .reasons import INCOMPLETE, LOW_CONTRAST, NO_PEAK, SCAN_END, TWO_PEAKS
 
 _ODDS = 0.125
 _NOISE_CONTRAST = 0.3
@@ -49,6 +62,9 @@ _NOISE_CONTRAST = 0.3
 
 _LEAST_QUALITY = 0.1
 _LEAST_CONTRAST = 0.5
+_INCOMPLETE_QUALITY = 0.5
+"""Highest quality of a pixel that lacks frames next to the sharpest one."""
+
 _TRUSTED = 0.9
 _HALF = float(np.log(0.5))
 
@@ -89,6 +105,15 @@ class Scan(NamedTuple):
     first: int
     """The place of z[0]."""
 
+    recent: int
+    """The place of the lowest frame that is held back."""
+
+    rows: NDArray[np.int64]
+    """Where the frames that are held back are, in order of z."""
+
+    complete: bool
+    """Whether no pixel can lack a frame."""
+
 
 class PeakMaps(NamedTuple):
     """What the fit gives, all pixels or a band of rows."""
@@ -114,14 +139,15 @@ class PeakMaps(NamedTuple):
 
 
 def fit_peaks(
-    curves: Curves, z: NDArray[np.float64], first: int, *, three_point: bool
+    curves: Curves, order: FrameOrder, z: NDArray[np.float64], floor: Floor, *, three_point: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8], CurveWidths]:
     """Find depth, quality and reasons of all pixels, and the widths of some of their curves.
 
     Args:
         curves: what was kept of the focus curves.
+        order: of the frames in z.
         z: (n,) of the frames, ascending, in any unit.
-        first: place of z[0].
+        floor: of the focus measure.
         three_point: whether only the sharpest frame and its two neighbours are used, with equal weights.
 
     Returns:
@@ -139,10 +165,12 @@ def fit_peaks(
     )
     step = float(np.median(np.diff(z)))
     # Relative to the first frame, float32 resolves 1e-4 of a step over a thousand frames.
-    scan = Scan(z, np.pad((z - z[0]) / step, REACH).astype(np.float32), step, first)
+    steps = np.pad((z - z[0]) / step, REACH).astype(np.float32)
+    rows = np.array(order.rows, np.int64)
+    scan = Scan(z, steps, step, order.first, order.recent.start, rows, order.complete)
 
     def fit(rows: slice) -> None:
-        _fit(curves.arrays.band(rows), scan, three_point, maps.band(rows))
+        _fit(curves.arrays.band(rows), curves.image[rows], floor.band(rows), scan, three_point, maps.band(rows))
 
     in_bands(fit, *shape)
     maps.widths[:] *= step
@@ -150,7 +178,7 @@ def fit_peaks(
 
 
 @kernel
-def _fit(curves: CurveArrays, scan: Scan, three_point: bool, maps: PeakMaps) -> None:
+def _fit(curves: CurveArrays, image: Frame, floors: Floor, scan: Scan, three_point: bool, maps: PeakMaps) -> None:
     """`fit_peaks`, tile by tile: the weights of each slot, their sums, and the peaks from these."""
     height, _, width = curves.slots.shape
     z, steps, first = scan.z, scan.steps, scan.first
@@ -164,16 +192,25 @@ def _fit(curves: CurveArrays, scan: Scan, three_point: bool, maps: PeakMaps) -> 
     weights = np.empty(BATCH * TILE, np.float32)
     sums = np.empty(SUMS * TILE, np.float32)
     bends = np.empty(TILE, np.float32)
+    slots, outside = np.empty((SLOTS, width), np.uint16), np.empty(width, np.uint16)
+    displaced, incomplete = np.empty(width, np.uint16), np.zeros(width, np.bool_)
+    lowest = np.empty(width, np.uint16)
+    last = first + z.size - 1
     for row in range(height):
         curve = row_of(curves, row)
         quality = maps.quality[row]
+        slots[:] = curve.slots
+        outside[:] = curve.outside
+        release_recent(scan.rows, scan.recent, curve, slots, outside, displaced)
+        count_beyond_as_outside(first, last, curve.centre, slots, outside)
+        _raise_to_floor(curve.lowest, image[row], floors, row, lowest)
+        if not scan.complete:
+            mark_incomplete(first, last, 1 if three_point else USED_REACH, curve.centre, slots, incomplete)
         for start in range(0, width, TILE):
             columns = slice(start, min(start + TILE, width))
             peaks = curve.peak[columns]
             low, high = locate(
                 curve.centre[columns],
-                curve.valid_from[columns],
-                curve.valid_to[columns],
                 first,
                 z.size,
                 three_point,
@@ -186,7 +223,7 @@ def _fit(curves: CurveArrays, scan: Scan, three_point: bool, maps: PeakMaps) -> 
             batched = 0
             # In the order of the places, so that rounding does not depend on the order in which frames came.
             for turn in range(SLOTS):
-                codes = curve.slots[(first + turn) % SLOTS, columns]
+                codes = slots[(first + turn) % SLOTS, columns]
                 if not can_weigh(turn, codes, floor, low, high):
                     continue
                 part = slice(batched * TILE, (batched + 1) * TILE)
@@ -202,12 +239,21 @@ def _fit(curves: CurveArrays, scan: Scan, three_point: bool, maps: PeakMaps) -> 
                 accumulate(t, weights, logs, sums)
             solve(sums)
             bends[:] = sums[2 * TILE : 3 * TILE]
-            _judge(sums, peaks, curve.lowest[columns], curve.outside[columns])
+            _judge(sums, peaks, lowest[columns], outside[columns], incomplete[columns])
             _store(sums, centre, scan, maps.depth[row, columns], quality[columns], maps.reasons[row, columns])
             best = _best(quality[columns])
             maps.width_columns[row, start // TILE] = start + best
             # From ln F = -z² / (2 width²).
             maps.widths[row, start // TILE] = np.sqrt(np.divide(np.float32(-0.5), bends[best]))
+
+
+@kernel
+def _raise_to_floor(lowest: Codes, pixels: Frame, floors: Floor, row: int, raised: Codes) -> None:
+    """Write the lowest codes of a row, or the floor where they are below it."""
+    table, fewer, columns = floors.table, floors.rows[row], floors.columns
+    for x in range(lowest.size):
+        entry = min(np.int64(np.int64(pixels[x]) >> floors.shift), np.int64(TABLE - 1))
+        raised[x] = max(np.int32(lowest[x]), table[np.uintp(entry)] + fewer + columns[x])
 
 
 @kernel
@@ -220,7 +266,7 @@ def _best(quality: NDArray[np.float32]) -> int:
 
 
 @kernel
-def _judge(sums: NDArray[np.float32], peaks: Codes, lowest: Codes, outside: Codes) -> None:
+def _judge(sums: NDArray[np.float32], peaks: Codes, lowest: Codes, outside: Codes, incomplete: Mask) -> None:
     """Replace variance and second coefficient, the result of `solve`, by the quality and the reasons."""
     for x in range(peaks.size):
         peak, bend = sums[x], sums[2 * TILE + x]
@@ -238,7 +284,8 @@ def _judge(sums: NDArray[np.float32], peaks: Codes, lowest: Codes, outside: Code
         reason = np.int32(0) if is_peak else np.int32(NO_PEAK)
         reason |= np.int32(TWO_PEAKS) if two_peaks else np.int32(0)
         reason |= np.int32(LOW_CONTRAST) if contrast < np.float32(_LEAST_CONTRAST) else np.int32(0)
-        sums[TILE + x] = quality
+        reason |= np.int32(INCOMPLETE) if incomplete[x] else np.int32(0)
+        sums[TILE + x] = min(quality, np.float32(_INCOMPLETE_QUALITY)) if incomplete[x] else quality
         sums[2 * TILE + x] = np.float32(reason)
 
 

@@ -36,6 +36,13 @@ class MeasureParameters(NamedTuple):
         return cls(settings.step, settings.half_window, settings.threshold)
 
 
+REFERENCE = {np.dtype(np.uint8): 64.0, np.dtype(np.uint16): 16384.0}
+"""Mean gray level to which F of a frame is scaled, by data type: a quarter of the range."""
+
+_LIGHT_ROWS = 4
+"""One row in this many is read for the mean gray level of a frame."""
+
+
 class MeasureBuffers(NamedTuple):
     """Work arrays of `measure_row`; `measure_buffers` makes them."""
 
@@ -69,6 +76,23 @@ def focus_measure(frame: Frame, settings: FocusSettings | None = None) -> NDArra
     return _measure(checked_frame(frame), MeasureParameters.of(settings or FocusSettings()))
 
 
+def scale_of(frame: Frame) -> float:
+    """The factor to make a frame as bright as the reference. A frame darker than one gray level counts as 1."""
+    return REFERENCE[frame.dtype] / max(float(_light(frame)), 1.0)
+
+
+@kernel
+def _light(frame: Frame) -> float:
+    """Mean gray level of some rows."""
+    height, width = frame.shape
+    total = np.int64(0)
+    for row in range(0, height, _LIGHT_ROWS):
+        pixels = frame[row]
+        for x in range(width):
+            total += np.int64(pixels[x])
+    return float(total / (width * (1 + (height - 1) // _LIGHT_ROWS)))
+
+
 def checked_frame(frame: object) -> Frame:
     """Return `frame` as a C-contiguous, writable array, as the kernels take it.
 
@@ -93,7 +117,7 @@ def _measure(frame: Frame, parameters: MeasureParameters) -> NDArray[np.int32]:
     measure = np.empty((height, width), np.int32)
     buffers = measure_buffers(width, parameters.half_window)
     for row in range(height):
-        measure_row(frame, row, parameters, buffers, measure[row])
+        measure_row(frame, row, 0, parameters, buffers, measure[row])
     return measure
 
 
@@ -109,21 +133,22 @@ def measure_buffers(width: int, half_window: int) -> MeasureBuffers:
 def measure_row(
     frame: Frame,
     row: int,
+    first: int,
     parameters: MeasureParameters,
     buffers: MeasureBuffers,
     measure: NDArray[np.int32],
 ) -> None:
     """Write F of one row (eq. 2) to `measure`, (W,).
 
-    Call it for the rows 0, 1, 2, ... in turn with the same buffers. The column sums move down with the window,
-    so that each M_l is computed once, added once and subtracted once.
+    Call it for the rows `first`, `first` + 1, ... in turn with the same new buffers. The column sums move down
+    with the window, so that each M_l is computed once, added once and subtracted once.
     """
     height, width = frame.shape
     half = parameters.half_window
     laplacians, columns = buffers.laplacians, buffers.columns
     side = 2 * half + 1
     inner = columns[half : half + width]
-    for entering in range(0 if row == 0 else row + half, row + half + 1):
+    for entering in range(max(row - half, 0) if row == first else row + half, row + half + 1):
         laplacian = laplacians[entering % side]  # still holds the row that leaves the window
         for x in range(width):
             inner[x] -= laplacian[x]

@@ -15,7 +15,7 @@ from socialcircle_ros.kernels.compiled import kernel
 from .curve_rows import CODES_PER_OCTAVE, REACH, SLOTS, Codes, Places
 
 USED_REACH = REACH - 1
-"""Frames used on either side of the sharpest one: one fewer than are kept, see `Curves.make_room`."""
+"""Frames used on either side of the sharpest one: one fewer than are kept, see `open_place`."""
 
 TILE = 256
 """Pixels fitted side by side. Their sums stay in the first-level cache, at offsets that the compiler knows."""
@@ -58,15 +58,11 @@ class Tile(NamedTuple):
 
 
 @kernel
-def locate(
-    centre: Places, valid_from: Places, valid_to: Places, first: int, count: int, three_point: bool, tile: Tile
-) -> tuple[int, int]:
+def locate(centre: Places, first: int, count: int, three_point: bool, tile: Tile) -> tuple[int, int]:
     """Find the index of each centre in z, and how far below and above it there are frames to use.
 
     Args:
         centre: (n,) of the pixels of the tile, n ≤ TILE.
-        valid_from: likewise.
-        valid_to: likewise.
         first: place of the lowest frame.
         count: number of frames.
         three_point: whether only the neighbours of the centre are used.
@@ -85,9 +81,9 @@ def locate(
     for x in range(index.size):
         residue[x] = np.uint32(index[x]) % np.uint32(SLOTS)
     for x in range(centre.size):
-        nearest[x] = max(np.int32(max(np.int32(valid_from[x]), lowest) - centre[x]), below)
+        nearest[x] = max(np.int32(lowest - centre[x]), below)
     for x in range(centre.size):
-        farthest[x] = min(np.int32(min(np.int32(valid_to[x]), highest) - centre[x]), reach)
+        farthest[x] = min(np.int32(highest - centre[x]), reach)
     low, high = index[0], index[0]
     for x in range(index.size):
         low = min(low, index[x])

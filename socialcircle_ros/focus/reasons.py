@@ -22,7 +22,10 @@ class Reason(IntFlag):
     """A frame away from the peak is at least half as sharp: another surface, or its reflection."""
 
     LOW_CONTRAST = 16
-    """The sharpest frame is less than e^0.5 = 1.65 times as sharp as the least sharp one."""
+    """The sharpest frame is less than e^0.5 = 1.65 times as sharp as the least sharp one, or as the noise."""
+
+    INCOMPLETE = 32
+    """Frames near the sharpest one came too far out of order to be kept: the fit has fewer frames."""
 
 
 def count_reasons(reasons: NDArray[np.uint8]) -> dict[str, int]:
@@ -36,4 +39,4 @@ def count_reasons(reasons: NDArray[np.uint8]) -> dict[str, int]:
 
 # Kernels know plain integers only.
 NO_PEAK, SCAN_END, SATURATED = int(Reason.NO_PEAK), int(Reason.SCAN_END), int(Reason.SATURATED)
-TWO_PEAKS, LOW_CONTRAST = int(Reason.TWO_PEAKS), int(Reason.LOW_CONTRAST)
+TWO_PEAKS, LOW_CONTRAST, INCOMPLETE = int(Reason.TWO_PEAKS), int(Reason.LOW_CONTRAST), int(Reason.INCOMPLETE)

@@ -1,7 +1,6 @@
 """Depth from a focus stack (section 3.1), one frame at a time or all frames at once."""
 
 import math
-from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,9 @@ from .centroid import correct_for_centroid
 from .curve import Curves
 from .curve_rows import REACH
 from .fit import fit_peaks
-from .measure import Frame, MeasureParameters, checked_frame
+from .measure import REFERENCE, Frame, MeasureParameters, checked_frame, scale_of
+from .noise import NoiseSampler
+from .order import RECENT, FrameOrder
 from .reasons import SATURATED
 
 _MOST_PLACES = 32_767 - REACH
@@ -52,18 +53,21 @@ class FocusResult:
     depth_of_field: float | None
     """Estimate from the width of the focus curves, in the unit of z; None where no curve is trusted."""
 
+    flicker: float
+    """Standard deviation of the mean light of the frames, as a share; it is divided out with `focus.normalize`."""
+
 
 class FocusStack:
     """Takes the frames of a focus stack one at a time, in constant memory, and measures the depth.
 
-    A pixel takes 46 bytes, and 1 or 2 bytes of the all-in-focus image, however many frames there are. Frames may
+    A pixel takes 58 bytes, and 1 or 2 bytes of the all-in-focus image, however many frames there are. Frames may
     come in any order. Of two frames at the same z each pixel keeps the larger F, so that a frame that comes twice
     changes nothing.
 
-    The fit uses the sharpest frame of each pixel and seven frames on either side of it. Where the curve rises to
-    a single peak these frames are always kept, and the result does not depend on the order of the frames, bit for
-    bit. Elsewhere a frame is missing if it was too far from the frame that was the sharpest when it came. The fit
-    then has fewer frames, but never wrong ones.
+    The fit uses the sharpest frame of each pixel and seven frames on either side of it. While the stage moves in
+    one direction, upward or downward, these frames are always kept, and the result is that of `depth_from_focus`,
+    bit for bit. In another order a frame that comes late may be missing next to the sharpest frame of a pixel; that
+    pixel has `Reason.INCOMPLETE` and a quality of 0.5 at most.
 
     Example:
         >>> stack = FocusStack()
@@ -75,18 +79,15 @@ class FocusStack:
     def __init__(self, settings: FocusSettings | None = None) -> None:
         self._settings = settings or FocusSettings()
         self._parameters = MeasureParameters.of(self._settings)
-        self._z: list[float] = []  # ascending: z of the places from self._first on
-        self._first = 0
+        self._order = FrameOrder()
         self._curves: Curves | None = None
-
-    @property
-    def _places(self) -> range:
-        return range(self._first, self._first + len(self._z))
+        self._noise: NoiseSampler | None = None
+        self._lights: list[float] = []
 
     @property
     def places(self) -> int:
         """The number of different z so far."""
-        return len(self._z)
+        return len(self._order.z)
 
     def add(self, frame: Frame, z: float) -> None:
         """Add a frame.
@@ -101,52 +102,68 @@ class FocusStack:
         frame = checked_frame(frame)
         if not math.isfinite(z):
             raise StackError(f'A frame needs a finite z, not {z}.')
-        curves = self._curves
-        if curves is None or (not self._z and _kind(frame) != _kind(curves.image)):
+        curves, order = self._curves, self._order
+        if curves is None or (not order.z and _kind(frame) != _kind(curves.image)):
             curves = Curves.like(frame)
         if _kind(frame) != _kind(curves.image):
             raise StackError(
                 f'A frame of {frame.shape} {frame.dtype} cannot join a stack of {curves.image.shape}'
                 f' {curves.image.dtype}: start a new stack.'
             )
-        index = bisect_left(self._z, z)
-        is_known = index < len(self._z) and self._z[index] == z
-        if not is_known and len(self._z) == _MOST_PLACES:
+        if len(order.z) == _MOST_PLACES and not order.knows(z):
             raise StackError(f'A stack holds at most {_MOST_PLACES} frames: finish it and start another.')
-        if not is_known:
-            if not self._z:
-                curves.begin(frame)
-            elif index == 0:
-                self._first -= 1
-            elif index < len(self._z):
-                curves.make_room(self._first + index, self._places)
-            self._z.insert(index, float(z))
-        curves.add(frame, self._places[index], self._places, self._parameters, is_known=is_known)
+        if self._noise is None or not order.z:
+            curves.begin(frame)
+            self._noise, self._lights = NoiseSampler(frame, self._parameters), []
+        if len(order.z) < RECENT:
+            curves.clear_slots(len(order.z))
+        rows, recent, places = list(order.rows), order.recent, order.places
+        arrival = order.add(float(z))
+        if arrival.turns:
+            curves.release_all(rows, recent, places)
+        to_reference = scale_of(frame)
+        scale = to_reference if self._settings.normalize else 1.0
+        if not arrival.is_known:  # the same frame again would show no noise
+            self._noise.add(frame, scale)
+            self._lights.append(REFERENCE[frame.dtype] / to_reference)
+        curves.add(frame, arrival, scale, self._parameters)
         self._curves = curves
 
     def reset(self) -> None:
         """Forget all frames. The memory is kept, so that the next stack need not allocate it."""
-        self._z = []
-        self._first = 0
+        self._order = FrameOrder()
 
-    def finish(self) -> FocusResult:
+    def finish(self, z: NDArray[np.float64] | None = None) -> FocusResult:
         """Measure the depth from the frames so far. More frames may follow.
 
+        Args:
+            z: (n,) of the different z that were given, in ascending order, where they are known better by now;
+                None: as they were given.
+
         Raises:
-            StackError: there are frames at fewer than three different z.
+            StackError: there are frames at fewer than three different z, or `z` does not ascend or does not fit
+                their number.
         """
-        if self._curves is None or len(self._z) < 3:
-            raise StackError(f'A peak needs frames at three different z at least; the stack has {len(self._z)}.')
-        settings, z = self._settings, np.array(self._z)
+        order = self._order
+        if self._curves is None or self._noise is None or len(order.z) < 3:
+            raise StackError(f'A peak needs frames at three different z at least; the stack has {len(order.z)}.')
+        for part in range(len(order.z), RECENT):
+            self._curves.clear_slots(part)
+        settings, z = self._settings, np.array(order.z) if z is None else z
+        if len(z) != len(order.z) or not np.all(np.diff(z) > 0):
+            raise StackError(f'The z of a stack must ascend, one for each of its {len(order.z)} different z.')
         three_point = settings.fit == 'gauss3'
-        depth, quality, reasons, widths = fit_peaks(self._curves, z, self._first, three_point=three_point)
         image = self._curves.image.copy()
+        light = float(np.mean(self._lights))
+        floor = self._noise.floor(image, REFERENCE[image.dtype] / light if settings.normalize else 1.0)
+        depth, quality, reasons, widths = fit_peaks(self._curves, order, z, floor, three_point=three_point)
         if not three_point:
             depth = correct_for_centroid(depth, quality, image, z, self._parameters)
         level = settings.saturation or np.iinfo(image.dtype).max
         _mark_saturated(image, level, settings.half_window, reasons, quality)
         width = widths.median(quality)
-        return FocusResult(depth, quality, image, reasons, width and width / _WIDTH)
+        flicker = float(np.std(self._lights)) / light
+        return FocusResult(depth, quality, image, reasons, width and width / _WIDTH, flicker)
 
 
 def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[np.uint8] | np.dtype[np.uint16]]:
@@ -160,7 +177,8 @@ def depth_from_focus(
 ) -> FocusResult:
     """Measure the depth of each pixel from a whole focus stack.
 
-    The result is that of a `FocusStack` to which the frames are added in the same order, bit for bit.
+    The result does not depend on the order of the frames, and is that of a `FocusStack` that takes them while the
+    stage moves in one direction, bit for bit.
 
     Args:
         frames: (N, H, W), uint8 or uint16.
@@ -173,9 +191,11 @@ def depth_from_focus(
     frames = list(frames)
     if len(frames) != len(z):
         raise StackError(f'Each frame needs its z, but there are {len(frames)} frames and {len(z)} z.')
+    positions = [float(position) for position in z]
     stack = FocusStack(settings)
-    for frame, position in zip(frames, z, strict=True):
-        stack.add(frame, float(position))
+    # A z that is not finite has no order; the stack refuses it.
+    for index in sorted(range(len(positions)), key=lambda k: (math.isfinite(positions[k]), positions[k])):
+        stack.add(frames[index], positions[index])
     return stack.finish()
 
 

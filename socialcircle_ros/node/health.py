@@ -46,6 +46,7 @@ class Health:
     _last_was_refused: bool = False
     _failed_limits: str = ''
     _stack_latency_s: float | None = None
+    _stack_flicker: float | None = None
     _bad_pixels: Mapping[str, int] = field(default_factory=dict)
 
     def received(self) -> None:
@@ -116,11 +117,11 @@ class Health:
             self.counts.stack_refusals += 1
             self._trouble(reason)
 
-    def stack_finished(self, latency: float) -> None:
-        """A stack became a cloud, `latency` seconds after its last frame had arrived."""
+    def stack_finished(self, latency: float, flicker: float) -> None:
+        """A stack became a cloud, `latency` seconds after its last frame had arrived; `flicker`: of its light."""
         with self._lock:
             self.counts.stacks += 1
-            self._stack_latency_s = latency
+            self._stack_latency_s, self._stack_flicker = latency, flicker
             self._last_was_refused = False
 
     def pixels_judged(self, bad: Mapping[str, int]) -> None:
@@ -140,7 +141,7 @@ class Health:
             self.last_reason = ''
             self._arrivals_s.clear()
             self._latencies_s.clear()
-            self._stack_latency_s = None
+            self._stack_latency_s = self._stack_flicker = None
             self._bad_pixels = {}
             self._failed_limits = ''
             self._trouble_at_s = float('-inf')
@@ -197,6 +198,7 @@ class Health:
                 latency_median_ms=latencies_ms[len(latencies_ms) // 2] if latencies_ms else None,
                 latency_max_ms=latencies_ms[-1] if latencies_ms else None,
                 stack_latency_ms=None if self._stack_latency_s is None else 1e3 * self._stack_latency_s,
+                stack_flicker=self._stack_flicker and round(self._stack_flicker, 5),
                 publishers=publishers,
                 connections=connections,
                 differences=differences,

@@ -25,7 +25,8 @@ from socialcircle_ros.interface import (
     RESET,
     SAVE_PARAMETERS,
 )
-from socialcircle_ros.pipeline.stacks import Refusal, StackCloud
+from socialcircle_ros.pipeline.stack_cloud import StackCloud
+from socialcircle_ros.pipeline.stacks import Refusal
 
 from . import rclpy_internals
 from .cloud_filter import LOG_PERIOD_S, CloudFilter

@@ -23,7 +23,8 @@ from socialcircle_ros.interface import (
     STACK_PREVIEW,
 )
 from socialcircle_ros.kernels.memory import reserve_memory
-from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackCloud, StackEvent
+from socialcircle_ros.pipeline.stack_cloud import StackCloud
+from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
 
 from .health import Health
 from .parameters import Configuration
@@ -215,7 +216,7 @@ class StackInput:
         if cloud.warning:
             self._node.get_logger().warning(cloud.warning, throttle_duration_sec=_LOG_PERIOD_S)
         self._publishers.publish(STACK_POINTS, cloud.points)
-        self._health.stack_finished(time.monotonic() - self._closing_arrival_s)
+        self._health.stack_finished(time.monotonic() - self._closing_arrival_s, cloud.flicker)
         self._filter_cloud(cloud.points, cloud.depth_of_field)
         self._publishers.publish(STACK_IMAGE, cloud.image)
         self._health.pixels_judged(count_reasons(cloud.reasons))

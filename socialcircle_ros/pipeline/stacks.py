@@ -4,24 +4,21 @@ A stack is closed at its end, or given up where a frame cannot belong to it. In 
 the next stack.
 """
 
+import contextlib
 import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from socialcircle_ros.errors import MessageError, SocialCircleError, StackError, printable
 from socialcircle_ros.focus import FocusStack
-from socialcircle_ros.kernels.bands import in_bands
-from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.memory import give_back_freed_memory
-from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.image import Image, encode_image
+from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.joint_state import JointState
-from socialcircle_ros.messages.point_cloud import write_float_cloud
 from socialcircle_ros.settings import FocusSettings, StackSettings
+
+from .running_stack import RunningStack
+from .stack_cloud import FIELDS, StackCloud
 
 MOST_WAITING = 64
 """Frames that may wait for a joint state; when more wait, the first one is refused."""
@@ -29,39 +26,13 @@ MOST_WAITING = 64
 MOST_STATES = 10_000
 """Joint states that are kept; frames before the oldest one are refused."""
 
-BYTES_PER_PIXEL = 62
-"""Memory that a stack needs for each of its pixels, the cloud not counted."""
-
-FIELDS = ('x', 'y', 'z', 'intensity', 'quality')
-"""Fields of the cloud of a stack."""
+BYTES_PER_PIXEL = 81
+"""Memory that a stack needs for each of its pixels: 60 for the curves, 21 for the results; not the cloud."""
 
 GAP_NS = 500_000_000
 """Joint states that are further apart than this are not interpolated."""
 
 _NEVER = -(2**63)  # before every stamp
-
-
-@dataclass(frozen=True)
-class StackCloud:
-    """The cloud of a stack, or of the part of a running stack that has come.
-
-    Attributes:
-        points: serialized PointCloud2 in m: x, y, z, intensity, quality.
-        image: serialized Image: every pixel from its sharpest frame.
-        frames: how many frames were measured.
-        preview: whether the stack is still running.
-        reasons: (H, W) uint8, the objections to each point: bits of `focus.Reason`.
-        depth_of_field: of the optics in m; None: no focus curve is reliable enough.
-        warning: why the cloud may be wrong; '': there is no sign of it.
-    """
-
-    points: bytes
-    image: bytes
-    frames: int
-    preview: bool
-    reasons: npt.NDArray[np.uint8]
-    depth_of_field: float | None
-    warning: str = ''
 
 
 @dataclass(frozen=True)
@@ -78,21 +49,6 @@ class Refusal:
 StackEvent = StackCloud | Refusal
 
 
-@dataclass
-class _Stack:
-    """The running stack, with the settings that were in force when it began."""
-
-    focus: FocusStack
-    settings: StackSettings
-    shape: tuple[int, ...]
-    encoding: str
-    header: Header
-    frames: int = 0
-    offered: int = 0
-    first_z: float = math.nan
-    furthest_z: float = math.nan
-
-
 class StackAssembler:
     """Makes clouds from serialized frames and joint states, one stack after the other.
 
@@ -102,7 +58,7 @@ class StackAssembler:
 
     def __init__(self) -> None:
         self._focus, self._settings = FocusSettings(), StackSettings()
-        self._stack: _Stack | None = None
+        self._stack: RunningStack | None = None
         # The memory of the last stack is reused for the next one of its kind: a new allocation of 50 MB costs
         # frames.
         self._memory: tuple[tuple[FocusSettings, tuple[int, ...], str], FocusStack] | None = None
@@ -175,7 +131,7 @@ class StackAssembler:
         # needs none.
         oldest = stamp - 10 * GAP_NS
         if self._waiting:
-            oldest = min(oldest, self._waiting[0].header.stamp)
+            oldest = min(oldest, self._time_of(self._waiting[0]))
         while len(self._track) > 2 and self._track[1][0] < oldest:
             self._track.popleft()
         yield from self._place_waiting()
@@ -197,7 +153,7 @@ class StackAssembler:
         if stack is None:
             return
         try:
-            yield _cloud(stack, preview=False)
+            yield stack.cloud(preview=False)
         except StackError as error:
             yield Refusal(f'A stack of {_frames(stack.frames)} broke off: {error}')
 
@@ -236,12 +192,16 @@ class StackAssembler:
             ahead_s = (self._waiting.pop().header.stamp - stamp) / 1e9
             yield Refusal(f'A frame was refused: its stamp is {ahead_s:.3f} s after that of the frame behind it.')
 
+    def _time_of(self, frame: Image) -> int:
+        """When the stage was where the frame shows the part, in ns."""
+        return frame.header.stamp - round(1e9 * self._settings_now.latency)
+
     def _place_waiting(self) -> Iterator[StackEvent]:
         """Take the frames with stamps that joint states cover."""
-        while self._waiting and self._track and self._track[-1][0] >= self._waiting[0].header.stamp:
+        while self._waiting and self._track and self._track[-1][0] >= self._time_of(self._waiting[0]):
             frame = self._waiting.popleft()
             try:
-                z = _interpolated(self._track, frame.header.stamp)
+                z = _interpolated(self._track, self._time_of(frame))
             except StackError as error:
                 yield Refusal(str(error))
             else:
@@ -263,27 +223,22 @@ class StackAssembler:
                 f' after {stack.shape} {stack.encoding}.'
             )
             stack = self._stack = None
-        if stack is not None and z is not None and _turned(stack, z):
+        if stack is not None and stack.ends_before(frame.header.stamp, z):
             yield from self._close()
             stack = None
         if stack is None:
             stack = self._begin(frame, pixels.shape)
-        settings = stack.settings
-        if z is None:
-            z = settings.z_start + settings.z_step * stack.offered
-        stack.offered += 1
         try:
-            stack.focus.add(pixels, z)
+            stack.add(pixels, frame.header, z)
         except StackError as error:
             yield Refusal(f'A frame was refused: {error}')
             return
-        stack.header = frame.header
-        stack.frames += 1
-        _note_direction(stack, z)
-        if settings.frames and stack.frames >= settings.frames:
+        settings = stack.settings
+        if stack.is_whole:
             yield from self._close()
         elif settings.preview and stack.frames % settings.preview == 0 and stack.focus.places >= 3:
-            yield _cloud(stack, preview=True)
+            with contextlib.suppress(StackError):  # the end of the stack tells it
+                yield stack.cloud(preview=True)
 
     def _check(self, frame: Image) -> None:
         """Check that a frame can join the running stack or begin one. A refused frame changes nothing.
@@ -310,14 +265,14 @@ class StackAssembler:
         if settings.z_source == 'step' and settings.z_step == 0:
             raise StackError('stack.z_step is not set; set it to the distance of two frames, in metres.')
 
-    def _begin(self, frame: Image, shape: tuple[int, ...]) -> _Stack:
+    def _begin(self, frame: Image, shape: tuple[int, ...]) -> RunningStack:
         kind = self._focus, shape, frame.encoding
         if self._memory is None or self._memory[0] != kind:
             self.release_memory()
             self._memory = kind, FocusStack(self._focus)
         _, focus = self._memory
         focus.reset()
-        self._stack = _Stack(focus, self._settings, shape, frame.encoding, frame.header)
+        self._stack = RunningStack(focus, self._settings, shape, frame.encoding, frame.header)
         return self._stack
 
     def release_memory(self) -> None:
@@ -368,82 +323,3 @@ def _interpolated(track: deque[tuple[int, float]], stamp: int) -> float:
         raise StackError(f'A frame was refused: the joint states around its stamp are {gap_s:.1f} s apart.')
     share = (stamp - before[0]) / (after[0] - before[0])
     return before[1] + share * (after[1] - before[1])
-
-
-def _turned(stack: _Stack, z: float) -> bool:
-    """Whether the stage turned: z moved back by more than half of the mean step, which jitter does not reach."""
-    if not stack.settings.end_at_turn or stack.frames < 3 or stack.furthest_z == stack.first_z:
-        return False
-    step = (stack.furthest_z - stack.first_z) / (stack.frames - 1)
-    return (stack.furthest_z - z) / step > 0.5
-
-
-def _note_direction(stack: _Stack, z: float) -> None:
-    if stack.frames == 1:
-        stack.first_z = stack.furthest_z = z
-    elif abs(z - stack.first_z) > abs(stack.furthest_z - stack.first_z):
-        stack.furthest_z = z
-
-
-def _cloud(stack: _Stack, *, preview: bool) -> StackCloud:
-    """The cloud and the image of a stack so far.
-
-    Raises:
-        StackError: there are too few different z.
-    """
-    result = stack.focus.finish()
-    height, width = result.depth.shape
-    pitch_x = stack.settings.pitch_x
-    pitch_y = stack.settings.pitch_y or pitch_x
-    x = (np.arange(width) * pitch_x).astype(np.float32)
-    y = (np.arange(height) * pitch_y).astype(np.float32)
-
-    def write(points: npt.NDArray[np.float32]) -> bool:
-        def write_band(band: slice) -> bool:
-            depth, image, quality = result.depth[band], result.image[band], result.quality[band]
-            return _write_points(x, y[band], depth, image, quality, points[band])
-
-        return all(in_bands(write_band, height, width))
-
-    return StackCloud(
-        points=write_float_cloud(stack.header, (height, width), FIELDS, write),
-        image=encode_image(stack.header, result.image),
-        frames=stack.frames,
-        preview=preview,
-        reasons=result.reasons,
-        depth_of_field=result.depth_of_field,
-        warning='' if preview else _cut_short(stack),
-    )
-
-
-def _cut_short(stack: _Stack) -> str:
-    wanted = stack.settings.frames
-    if stack.frames >= wanted:
-        return ''
-    return (
-        f'A stack ended after {_frames(stack.frames)}, where stack.frames says {wanted}: heights that the stage'
-        ' did not reach are missing or wrong.'
-    )
-
-
-@kernel
-def _write_points(
-    x: npt.NDArray[np.float32],
-    y: npt.NDArray[np.float32],
-    depth: npt.NDArray[np.float64],
-    image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16],
-    quality: npt.NDArray[np.float32],
-    points: npt.NDArray[np.float32],
-) -> bool:
-    """Write x, y, z, intensity and quality of each point, (H, W, 5); returns whether each z is a number."""
-    dense = True
-    for row in range(points.shape[0]):
-        for column in range(points.shape[1]):
-            z = np.float32(depth[row, column])
-            dense &= not np.isnan(z)
-            points[row, column, 0] = x[column]
-            points[row, column, 1] = y[row]
-            points[row, column, 2] = z
-            points[row, column, 3] = np.float32(image[row, column])
-            points[row, column, 4] = quality[row, column]
-    return dense

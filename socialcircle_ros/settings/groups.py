@@ -172,6 +172,11 @@ class FocusSettings(Settings):
         " Nayar's fit through three frames.",
         choices=('gauss', 'gauss3'),
     )
+    normalize: bool = setting(
+        True,
+        'Whether the focus measure of each frame is divided by the mean light of the frame, so that a lamp that'
+        ' flickers or an exposure that changes moves no peak.',
+    )
     saturation: int | None = setting(
         None,
         'Gray level from which a pixel counts as saturated. 0: the largest value of the data type. A 12-bit camera'
@@ -224,13 +229,27 @@ class StackSettings(Settings):
         'Change of z from frame to frame, negative for a downward scan. It must be set with z_source step.',
         unit='m',
     )
+    check_stamps: bool = setting(
+        True,
+        'Whether z is counted by the stamps of the frames, with z_source step: a gap of whole periods counts as'
+        ' lost frames, and a stack whose stamps fit no steady period is refused. false: each frame counts as one'
+        ' step, whatever its stamp, as for a stage that stops for each frame.',
+    )
     joint: str = setting('', 'Name of the joint that gives z, with z_source joint_states. Empty: the first joint.')
+    latency: float = setting(
+        0.0,
+        'Time from the position of the stage to the stamp of the frame that shows it, with z_source joint_states;'
+        ' negative if the stamp comes first. socialcircle calibrate latency measures it.',
+        unit='s',
+        minimum=-1.0,
+        maximum=1.0,
+    )
     frames: int = setting(
         0, 'Number of frames after which a stack ends. 0: no limit.', unit='frames', minimum=0, maximum=30000
     )
     max_pixels: int = setting(
         25_000_000,
-        'Largest frame. A larger one is refused: a stack needs 62 bytes per pixel.',
+        'Largest frame. A larger one is refused: a stack needs 81 bytes per pixel.',
         unit='pixels',
         minimum=1,
         maximum=1_000_000_000,

@@ -25,7 +25,8 @@ from socialcircle_ros.interface import FILTERED, MASK
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
-from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackCloud
+from socialcircle_ros.pipeline.stack_cloud import StackCloud
+from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.offline import clouds_of, filter_recording
 from socialcircle_ros.settings import (

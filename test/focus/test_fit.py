@@ -15,7 +15,7 @@ def test_peak_equals_the_reference(noisy, fit, monkeypatch):
     monkeypatch.setattr('socialcircle_ros.focus.stack.correct_for_centroid', lambda depth, *_: depth)
     settings = FocusSettings(fit=fit)
     result = depth_from_focus(noisy.frames, noisy.z, settings)
-    curves = np.stack([focus_measure(frame, settings) for frame in noisy.frames])
+    curves = np.stack([focus_measure(frame, settings) * naive.scale_of(frame) for frame in noisy.frames])
     for row, column in np.random.default_rng(0).integers(10, 86, (60, 2)):
         curve = curves[:, row, column]
         best = int(np.argmax(curve))

@@ -90,3 +90,35 @@ def slopes(depth, quality, middle, half):
     if max(abs((top + bottom) / 2 - values[half, half]), abs((left + right) / 2 - values[half, half])) > 0.5:
         return 0.0, 0.0
     return (bottom - top) / (half + 1), (right - left) / (half + 1)
+
+
+def codes_of(measure, scale=1.0):
+    """Codes of F times a scale as the kernel rounds them: 1 + 2048 log2 F, all steps in single precision."""
+    f32 = np.float32
+    rounded = np.asarray(measure, np.int32).astype(f32)
+    bits = rounded.view(np.int32)
+    t = (bits & 0x7FFFFF).astype(f32) * f32(2**-23)
+    q = f32(-0.04400469) * t + f32(0.14631434)
+    q = q * t + f32(-0.26602988)
+    q = q * t + f32(0.4417403)
+    octaves = ((bits >> 23) - 127).astype(f32) + (t + t * (f32(1) - t) * q)
+    offset = f32(2048 * math.log2(scale))
+    return np.clip((octaves * f32(2048) + (offset + f32(1.5))).astype(np.int32), 1, 65535)
+
+
+def kept_of_curve(codes, reach=8):
+    """What is kept of one curve: sharpest frame, codes by their distance from it, lowest, and highest elsewhere.
+
+    Args:
+        codes: (n,) of all frames, in order of z.
+        reach: frames kept on either side of the sharpest one.
+    """
+    centre = int(np.argmax(codes))
+    near = {k: int(code) for k, code in enumerate(codes) if abs(k - centre) <= reach}
+    others = [int(code) for k, code in enumerate(codes) if k not in near]
+    return centre, near, int(min(codes)), max(others, default=0)
+
+
+def scale_of(frame):
+    """What makes the mean of every fourth row a quarter of the range."""
+    return (64 if frame.dtype == np.uint8 else 16384) / max(float(frame[::4].mean(dtype=np.float64)), 1)

@@ -23,7 +23,7 @@ from socialcircle_ros.settings import FocusSettings, PipelineSettings, StackSett
 pytestmark = pytest.mark.live
 
 BAG = Path(__file__).resolve().parents[2] / 'bags' / 'stack.mcap'
-REASONS = ('no_peak', 'scan_end', 'saturated', 'two_peaks', 'low_contrast')
+REASONS = ('no_peak', 'scan_end', 'saturated', 'two_peaks', 'low_contrast', 'incomplete')
 INPUTS = ('/stack/image', '/stack/joint_states')
 
 
@@ -105,6 +105,7 @@ def test_a_stack_ends_at_the_given_number_of_frames(microscope):
     found = scope.cell.diagnosis(lambda found: found.values['stacks_finished'] == '1')
     assert found.values['frames_received'] == '9'
     assert float(found.values['stack_latency_ms']) > 0
+    assert 0 <= float(found.values['stack_flicker']) < 1
 
 
 def test_diagnostics_count_the_bad_pixels_of_the_last_stack_by_reason(microscope):

@@ -10,7 +10,8 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, encode_image
 from socialcircle_ros.messages.joint_state import JointState
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.pipeline.stacks import MOST_STATES, MOST_WAITING, Refusal, StackAssembler, StackCloud
+from socialcircle_ros.pipeline.stack_cloud import StackCloud
+from socialcircle_ros.pipeline.stacks import MOST_STATES, MOST_WAITING, Refusal, StackAssembler
 from socialcircle_ros.settings import StackSettings
 
 PERIOD = 20_000_000  # ns between frames
@@ -18,14 +19,14 @@ STEP = 1e-6
 
 
 def frames(count=9, shape=(24, 30), seed=0, dtype=np.uint8):
-    """A textured plane that is sharpest in the middle."""
+    """A textured plane that is sharpest in the middle; the mean light is that of all frames."""
     texture = np.random.default_rng(seed).integers(0, 200, shape)
     sharpness = np.exp(-(((np.arange(count) - (count - 1) / 2) / 2) ** 2))
-    return [(texture * share).astype(dtype) for share in sharpness]
+    return [(100 + (texture - 100) * share).astype(dtype) for share in sharpness]
 
 
 def image(pixels, number):
-    return encode_image(Header.at((number + 1) * PERIOD, 'camera'), pixels)
+    return encode_image(Header.at(int((number + 1) * PERIOD), 'camera'), pixels)
 
 
 def joint(stamp, z, names=('stage',)):
@@ -302,6 +303,92 @@ def test_the_size_of_the_cloud_is_known_while_the_stack_runs():
     assert made.cloud_size == 24 * 30 * 20
     (cloud,) = clouds(made.finish())
     assert PointCloud.decode(cloud.points).data_length == 24 * 30 * 20
+
+
+# Frames that are lost on the way
+
+
+def numbered(pixels, numbers):
+    """Messages of the frames with these numbers."""
+    return [image(pixels[number], number) for number in numbers]
+
+
+def run(made, messages):
+    return [event for message in messages for event in made.add_frame(message)]
+
+
+@pytest.mark.parametrize('z_step', [STEP, -STEP])
+@pytest.mark.parametrize('lost', [[3], [5, 6, 7], [2, 9], [1, 2, 3, 11]])
+@pytest.mark.parametrize('count', [0, 15])
+def test_z_is_counted_with_the_gaps_of_lost_frames(lost, z_step, count):
+    pixels = frames(15)
+    numbers = [number for number in range(15) if number not in lost]
+    made = assembler(frames=count, z_step=z_step)
+    events = [*run(made, numbered(pixels, numbers)), *made.finish()]
+    (cloud,) = clouds(events)
+    expected = depth_from_focus([pixels[number] for number in numbers], z_step * np.array(numbers))
+    np.testing.assert_array_equal(PointCloud.decode(cloud.points).xyz()[..., 2], expected.depth.astype(np.float32))
+    assert 'lost on the way, as the stamps show' in cloud.warning
+    assert 'ended after' not in cloud.warning
+
+
+def test_frames_of_the_next_scan_are_not_taken_for_lost_ones():
+    made = assembler(frames=15)
+    pixels = frames(15)
+    first = [number for number in range(15) if number not in (6, 13, 14)]
+    messages = numbered(pixels, first) + [image(frame, 40 + number) for number, frame in enumerate(pixels)]
+    one, two = clouds(run(made, messages))
+    assert (one.frames, two.frames) == (12, 15)
+    assert 'A stack ended after 12 frames, where stack.frames says 15' in one.warning
+    assert two.warning == ''
+    alone = assembler(frames=15)
+    np.testing.assert_array_equal(
+        PointCloud.decode(two.points).xyz(), PointCloud.decode(clouds(feed(alone, pixels))[0].points).xyz()
+    )
+
+
+def test_a_long_pause_ends_a_stack_of_unknown_length():
+    made = assembler()
+    messages = numbered(frames(), range(9)) + [image(frame, 30 + number) for number, frame in enumerate(frames())]
+    events = [*run(made, messages), *made.finish()]
+    assert [cloud.frames for cloud in clouds(events)] == [9, 9]
+    assert 'before a pause of 22 periods' in clouds(events)[0].warning
+
+
+def test_stamps_that_fit_no_period_refuse_the_stack():
+    made = assembler(frames=9)
+    messages = [image(frame, number + (0.5 if number > 4 else 0)) for number, frame in enumerate(frames())]
+    events = run(made, [message for number, message in enumerate(messages) if number != 4])
+    events += made.finish()
+    assert clouds(events) == []
+    assert 'periods of 20 ms between its frames' in reasons(events)[0]
+    unchecked = assembler(check_stamps=False)
+    (cloud,) = clouds([*run(unchecked, messages), *unchecked.finish()])
+    assert (cloud.frames, cloud.warning) == (9, '')
+
+
+def test_a_jump_back_begins_the_next_stack():
+    made = assembler(z_source='joint_states', frames=15)
+    list(made.add_joint_state(joint(0, 0.0)))
+    heights = STEP * np.r_[np.arange(12), np.arange(15)]
+    events = []
+    for number, (frame, z) in enumerate(zip([*frames(15)[:12], *frames(15)], heights, strict=True)):
+        events += made.add_joint_state(joint((number + 1) * PERIOD, z))
+        events += made.add_frame(image(frame, number))
+    assert [cloud.frames for cloud in clouds(events)] == [12, 15]
+    assert 'and the stage began again' in clouds(events)[0].warning
+
+
+def test_a_scan_from_the_other_end_after_a_pause_begins_the_next_stack():
+    made = assembler(z_source='joint_states', frames=15)
+    list(made.add_joint_state(joint(0, 0.0)))
+    heights = STEP * np.r_[np.arange(12), np.arange(15)[::-1]]
+    numbers = np.r_[np.arange(12), 20 + np.arange(15)]
+    events = []
+    for frame, z, number in zip([*frames(15)[:12], *frames(15)[::-1]], heights, numbers, strict=True):
+        events += made.add_joint_state(joint((number + 1) * PERIOD, z))
+        events += made.add_frame(image(frame, int(number)))
+    assert [cloud.frames for cloud in clouds(events)] == [12, 15]
 
 
 # What is refused leaves no trace

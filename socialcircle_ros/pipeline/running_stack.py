@@ -1,0 +1,202 @@
+"""A focus stack while its frames come: where it ends, and which z its frames have."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.errors import StackError
+from socialcircle_ros.focus import FocusStack, Frame
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.settings import StackSettings
+
+from .frame_stamps import GAP_PERIODS, frame_numbers, period_of
+from .stack_cloud import StackCloud, make_cloud
+
+_PAUSE_PERIODS = 8
+"""Time between two frames, in periods, after which they may be of two scans."""
+
+
+@dataclass
+class RunningStack:
+    """A stack, with the settings that were in force when it began.
+
+    Attributes:
+        focus: measures the frames.
+        settings: in force.
+        shape: of the frames.
+        encoding: of the frames.
+        header: of the last frame.
+        stamps: of the frames that were measured, ns.
+        offered: frames that were offered, with those that could not be measured.
+        ended_by: what ended the stack before its time; '': nothing did.
+    """
+
+    focus: FocusStack
+    settings: StackSettings
+    shape: tuple[int, ...]
+    encoding: str
+    header: Header
+    stamps: list[int] = field(default_factory=list)
+    offered: int = 0
+    ended_by: str = ''
+    _first_z: float = math.nan
+    _last_z: float = math.nan
+    _furthest_z: float = math.nan
+    _steady: bool = True
+    """Whether z never moved back."""
+    _gap: bool = False
+    """Whether there was a gap between two frames."""
+
+    @property
+    def frames(self) -> int:
+        """How many frames were measured."""
+        return len(self.stamps)
+
+    def add(self, pixels: Frame, header: Header, z: float | None) -> None:
+        """Measure a frame.
+
+        Args:
+            pixels: (H, W).
+            header: of the frame.
+            z: position of the stage in m; None: it is counted.
+
+        Raises:
+            StackError: the frame cannot be used.
+        """
+        if z is None:
+            z = self.settings.z_start + self.settings.z_step * self.offered
+        self.offered += 1
+        self.focus.add(pixels, z)
+        self._gap |= self._counts and self._periods_to(header.stamp) >= GAP_PERIODS
+        self.header = header
+        self.stamps.append(header.stamp)
+        if self.frames == 1:
+            self._first_z = self._furthest_z = z
+        else:
+            self._steady &= (z - self._last_z) * (self._last_z - self._first_z) >= 0
+        if abs(z - self._first_z) > abs(self._furthest_z - self._first_z):
+            self._furthest_z = z
+        self._last_z = z
+
+    def ends_before(self, stamp: int, z: float | None) -> bool:
+        """Whether a frame belongs to the next stack, and not to the rest of this one."""
+        if z is not None:
+            if self.settings.end_at_turn and self._turned(z):
+                return True
+            if self._returned(z) or (self.settings.frames and self._resumed_elsewhere(stamp, z)):
+                self.ended_by = ', and the stage began again'
+                return True
+            return False
+        if not self._counts:
+            return False
+        periods = self._periods_to(stamp)
+        if periods < GAP_PERIODS:
+            return False
+        if self.settings.frames:
+            return self._last_number() + round(periods) > self.settings.frames
+        if periods >= _PAUSE_PERIODS:
+            self.ended_by = f', before a pause of {periods:.0f} periods'
+            return True
+        return False
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all frames have come that `stack.frames` asks for, or were lost on the way."""
+        wanted = self.settings.frames
+        return bool(wanted) and (self.frames >= wanted or (self._gap and self._last_number() >= wanted - 1))
+
+    def cloud(self, *, preview: bool) -> StackCloud:
+        """The cloud and the image of the frames so far.
+
+        Raises:
+            StackError: there are too few different z, or the stamps of the frames do not fit.
+        """
+        numbers = frame_numbers(self.stamps) if self._counts else None
+        z = None if numbers is None else self._counted(numbers)
+        lost = 0 if numbers is None else int(numbers[-1]) + 1 - self.frames
+        return make_cloud(
+            self.focus.finish(z),
+            self.settings,
+            self.header,
+            frames=self.frames,
+            preview=preview,
+            warning='' if preview else self._warning(lost),
+            speed=self._speed,
+        )
+
+    @property
+    def _speed(self) -> float:
+        """Of the stage, m/s; 0 where the stamps are equal."""
+        time_ns = self.stamps[-1] - self.stamps[0]
+        return 1e9 * (self._last_z - self._first_z) / time_ns if time_ns else 0.0
+
+    @property
+    def _counts(self) -> bool:
+        """Whether z is counted by the stamps."""
+        return self.settings.z_source == 'step' and self.settings.check_stamps
+
+    def _counted(self, numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.float64] | None:
+        """Z of the frames in ascending order; None: some frame was not measured, or no frame was lost."""
+        if self.offered != self.frames or numbers[-1] + 1 == self.frames:
+            return None
+        z = self.settings.z_start + self.settings.z_step * numbers
+        return np.sort(z)
+
+    def _periods_to(self, stamp: int) -> float:
+        """The periods from the last frame to a stamp; 0: the period is not known yet."""
+        period = period_of(self.stamps)
+        return (stamp - self.stamps[-1]) / period if period > 0 else 0.0
+
+    def _last_number(self) -> int:
+        """The number of the last frame, lost ones counted; without them where the stamps do not fit."""
+        try:
+            numbers = frame_numbers(self.stamps)
+        except StackError:
+            numbers = None
+        return self.frames - 1 if numbers is None else int(numbers[-1])
+
+    def _turned(self, z: float) -> bool:
+        """Whether z moved back by more than half of the mean step, which jitter does not reach."""
+        if self.frames < 3 or self._furthest_z == self._first_z:
+            return False
+        step = (self._furthest_z - self._first_z) / (self.frames - 1)
+        return (self._furthest_z - z) / step > 0.5
+
+    def _returned(self, z: float) -> bool:
+        """Whether z jumped back over more than half of the scan, after it had never moved back."""
+        span = self._furthest_z - self._first_z
+        return self._steady and self.frames > 3 and (self._furthest_z - z) * np.sign(span) > abs(span) / 2 > 0
+
+    def _resumed_elsewhere(self, stamp: int, z: float) -> bool:
+        """Whether z is not one step on after a pause: the stage went to where the next scan begins."""
+        if self.frames < 3 or self._furthest_z == self._first_z or self._periods_to(stamp) < _PAUSE_PERIODS:
+            return False
+        step = (self._furthest_z - self._first_z) / (self.frames - 1)
+        return abs((z - self._last_z) / step - 1) > 0.5
+
+    def _warning(self, lost: int) -> str:
+        """What may be wrong with the cloud; '': there is no sign of it."""
+        sentences = []
+        if lost:
+            sentences.append(
+                f'{_frames(lost)} of a stack {"was" if lost == 1 else "were"} lost on the way, as the stamps show;'
+                ' z is counted with the gaps.'
+            )
+        wanted = self.settings.frames
+        if self.frames + lost < wanted:
+            sentences.append(
+                f'A stack ended after {_frames(self.frames)}, where stack.frames says {wanted}{self.ended_by}:'
+                ' heights that the stage did not reach are missing or wrong.'
+            )
+        elif self.ended_by and not wanted:
+            sentences.append(
+                f'A stack ended after {_frames(self.frames)}{self.ended_by}: if frames were lost in it, the'
+                ' heights of the next stack are wrong.'
+            )
+        return ' '.join(sentences)
+
+
+def _frames(count: int) -> str:
+    return '1 frame' if count == 1 else f'{count} frames'

@@ -1,0 +1,190 @@
+"""What else than noise spoils a focus stack, on simulated stacks: order, losses, flicker, drift, blank areas."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.focus import FocusResult, FocusStack, Frame, Reason, depth_from_focus
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import encode_image
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.pipeline.stack_cloud import FIELDS, StackCloud
+from socialcircle_ros.pipeline.stacks import StackAssembler
+from socialcircle_ros.settings import FocusSettings, StackSettings
+from socialcircle_ros.simulation import Camera, Simulation, Stage, simulate
+
+SEEDS = (30, 31)
+"""Held-out seeds, as those of `depth_error`."""
+
+SHAPE = (176, 224)
+_PERIOD_NS = 20_000_000
+_BLANK_CAMERAS = {
+    '8 bits, 10 000 e-': Camera(),
+    '8 bits, 50 000 e-': Camera(full_well=50_000, read_noise=5),
+    '8 bits, a fifth of the exposure': Camera(exposure=0.12),
+    '12 bits, 100 000 e-': Camera(bits=12, full_well=100_000),
+}
+_STEADY = Stage(jitter=0, encoder_noise=0)
+
+
+@dataclass(frozen=True)
+class TrustRow:
+    """One figure.
+
+    Attributes:
+        name: what was done to the stacks.
+        figure: what was measured.
+        value: the result.
+        share: whether the value is a share of pixels, else it is in z-steps.
+    """
+
+    name: str
+    figure: str
+    value: float
+    share: bool = True
+
+
+def trust_rows(seeds: Sequence[int] = SEEDS) -> Iterator[TrustRow]:
+    """Measure everything.
+
+    Args:
+        seeds: of surface and noise.
+    """
+    yield from _order(seeds)
+    yield from _losses(seeds)
+    yield from _flicker(seeds)
+    yield from _drift(seeds)
+    yield from _blanks(seeds)
+
+
+def _order(seeds: Sequence[int]) -> Iterator[TrustRow]:
+    """The same frames upward, downward and shuffled."""
+    differ, marked = [], []
+    for seed in seeds:
+        scan = simulate('metal_groove', *SHAPE, seed=seed)
+        frames, z = _frames(scan)
+        sorted_once = depth_from_focus(frames, z)
+        downward = _streamed(frames, z, range(len(z))[::-1])
+        upward = _streamed(frames, z, range(len(z)))
+        differ += [_differ(sorted_once, downward), _differ(sorted_once, upward)]
+        shuffled = _streamed(frames, z, np.random.default_rng(seed).permutation(len(z)).tolist())
+        unmarked = shuffled.reasons & Reason.INCOMPLETE == 0
+        marked.append((1 - unmarked.mean(), float(np.mean(shuffled.quality[~unmarked] > 0.5))))
+    yield TrustRow('upward or downward', 'pixels that differ from depth_from_focus', max(differ))
+    yield TrustRow('shuffled', 'pixels marked incomplete', float(np.mean([each[0] for each in marked])))
+    yield TrustRow('shuffled', 'of these, with a quality above 0.5', max(each[1] for each in marked))
+
+
+def _losses(seeds: Sequence[int]) -> Iterator[TrustRow]:
+    """Frames that are lost while z is counted: every seventh, and three in a row."""
+    for name, lost in (('every 7th frame lost, z counted', 7), ('3 frames in a row lost, z counted', 0)):
+        bad = []
+        for seed in seeds:
+            scan = simulate('metal_groove', *SHAPE, seed=seed, stage=_STEADY)
+            images, z = _frames(scan)
+            middle = len(z) // 2
+            came = [k for k in range(len(z)) if (k % lost != 3 if lost else k not in range(middle, middle + 3))]
+            cloud = _assembled([images[k] for k in came], came, float(z[0]), float(np.median(np.diff(z))))
+            verdict = scan.truth.classify(cloud[0])
+            trusted = (cloud[1] >= 0.9) & (verdict.good | verdict.bad)
+            bad.append(float(verdict.bad[trusted].mean()))
+        yield TrustRow(name, 'pixels of quality >= 0.9 that are bad', float(np.mean(bad)))
+
+
+def _flicker(seeds: Sequence[int]) -> Iterator[TrustRow]:
+    """A lamp that flickers by 5 %."""
+    for name, flicker, settings in (
+        ('steady lamp', 0.0, FocusSettings()),
+        ('flicker of 5 %', 0.05, FocusSettings()),
+        ('flicker of 5 %, focus.normalize false', 0.05, FocusSettings(normalize=False)),
+    ):
+        errors = []
+        for seed in seeds:
+            scan = simulate('flat', *SHAPE, seed=seed, stage=_STEADY, flicker=flicker)
+            frames, z = _frames(scan)
+            errors.append(_good_errors(scan, depth_from_focus(frames, z, settings), z))
+        yield TrustRow(name, 'RMS error', _rms(errors), share=False)
+
+
+def _drift(seeds: Sequence[int]) -> Iterator[TrustRow]:
+    """A part that moves sideways during the scan."""
+    for pixels in (1, 5):
+        errors = []
+        for seed in seeds:
+            scan = simulate('flat', SHAPE[0], SHAPE[1] + pixels, seed=seed, stage=_STEADY)
+            frames, z = _frames(scan)
+            starts = np.rint(np.linspace(0, pixels, len(z))).astype(int)
+            moved = [frame[:, start : start + SHAPE[1]] for frame, start in zip(frames, starts, strict=True)]
+            found = np.full(scan.truth.depth.shape, np.nan)
+            middle = pixels // 2
+            found[:, middle : middle + SHAPE[1]] = depth_from_focus(moved, z).depth
+            verdict = scan.truth.classify(found)
+            errors.append(verdict.error[verdict.good] / np.median(np.diff(z)))
+        yield TrustRow(f'drift of {pixels} px', 'RMS error', _rms(errors), share=False)
+
+
+def _blanks(seeds: Sequence[int]) -> Iterator[TrustRow]:
+    """Areas without texture, from black to bright."""
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]] / np.array(SHAPE)[:, None, None]
+    light = ((0.01 + 1.1 * rows**2) * (1 - 0.15 * columns)).astype(np.float32)
+    for name, camera in _BLANK_CAMERAS.items():
+        found, trusted = [], []
+        for seed in seeds:
+            rng = np.random.default_rng(seed)
+            sensor = camera.sensor(SHAPE, rng)
+            stack = FocusStack()
+            for k in range(40):
+                stack.add(sensor.expose(light * np.float32(1 + 0.005 * rng.standard_normal()), rng), k)
+            result = stack.finish()
+            found.append(float(np.isfinite(result.depth).mean()))
+            trusted.append(float(np.mean(result.quality >= 0.9)))
+        yield TrustRow(f'blank, {name}', 'pixels with a depth', float(np.mean(found)))
+        yield TrustRow(f'blank, {name}', 'pixels of quality >= 0.9', float(np.mean(trusted)))
+
+
+def _frames(scan: Simulation) -> tuple[list[Frame], npt.NDArray[np.float64]]:
+    frames = list(scan.frames())
+    return [frame.image for frame in frames], np.array([frame.z for frame in frames])
+
+
+def _streamed(frames: Sequence[Frame], z: npt.NDArray[np.float64], order: Sequence[int]) -> FocusResult:
+    stack = FocusStack()
+    for index in order:
+        stack.add(frames[index], float(z[index]))
+    return stack.finish()
+
+
+def _differ(one: FocusResult, other: FocusResult) -> float:
+    """Share of the pixels whose depth or quality differs in any bit."""
+    same = (one.depth == other.depth) | (np.isnan(one.depth) & np.isnan(other.depth))
+    return float(1 - np.mean(same & (one.quality == other.quality)))
+
+
+def _good_errors(scan: Simulation, result: FocusResult, z: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    verdict = scan.truth.classify(result.depth)
+    errors: npt.NDArray[np.float64] = verdict.error[verdict.good] / np.median(np.diff(z))
+    return errors
+
+
+def _rms(errors: Sequence[npt.NDArray[np.float64]]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def _assembled(
+    frames: Sequence[Frame], numbers: Sequence[int], start: float, step: float
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Heights and quality of frames whose z is counted, as the node makes them; 1 µm is a metre here."""
+    assembler = StackAssembler()
+    assembler.configure(FocusSettings(), StackSettings(pitch_x=1e-6, z_start=start, z_step=step))
+    for number, frame in zip(numbers, frames, strict=True):
+        for _ in assembler.add_frame(encode_image(Header.at(number * _PERIOD_NS, ''), frame)):
+            pass
+    (event,) = assembler.finish()
+    if not isinstance(event, StackCloud):
+        raise TypeError(event)
+    cloud = PointCloud.decode(event.points)
+    values = np.frombuffer(cloud.message, '<f4', cloud.data_length // 4, cloud.data_start)
+    values = values.reshape(*frames[0].shape, len(FIELDS))
+    return values[..., FIELDS.index('z')], values[..., FIELDS.index('quality')]
