@@ -25,7 +25,7 @@ GROUPS = {
         'simulate': 'simulate',
     },
     'Look': {'report': 'report', 'measurements': 'measurements', 'trend': 'trend'},
-    'Study': {'sweep': 'sweep', 'bench': 'bench', 'experiment': 'experiment'},
+    'Study': {'calibrate': 'calibrate', 'sweep': 'sweep', 'bench': 'bench', 'experiment': 'experiment'},
 }
 """The commands in the groups of the help: name to module."""
 

@@ -66,8 +66,8 @@ class FocusStack:
 
     The fit uses the sharpest frame of each pixel and seven frames on either side of it. While the stage moves in
     one direction, upward or downward, these frames are always kept, and the result is that of `depth_from_focus`,
-    bit for bit. In another order a frame that comes late may be missing next to the sharpest frame of a pixel; that
-    pixel has `Reason.INCOMPLETE` and a quality of 0.5 at most.
+    bit for bit. In another order a frame that comes late may be missing next to the sharpest frame of a pixel.
+    That pixel then has `Reason.INCOMPLETE` and a quality of 0.5 at most.
 
     Example:
         >>> stack = FocusStack()
