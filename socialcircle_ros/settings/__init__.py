@@ -15,8 +15,6 @@ from .groups import (
     PARAMETERS,
     VOTERS,
     CircleSettings,
-    Fit,
-    FocusSettings,
     LimitSettings,
     Mode,
     NodeSettings,
@@ -24,8 +22,6 @@ from .groups import (
     PipelineSettings,
     RepairMethod,
     RepairSettings,
-    StackSettings,
-    ZSource,
 )
 from .schema import (
     Limits,
@@ -36,6 +32,7 @@ from .schema import (
     sentence_and_unit,
     setting,
 )
+from .stack_groups import Fit, FocusSettings, StackSettings, ZSource
 
 __all__ = [
     'GROUPS',
