@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from datetime import date, datetime, timedelta, timezone
 from typing import Literal
 
+from socialcircle_ros.interface import PASSED
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.metrics.areal import Texture
 from socialcircle_ros.pipeline.clouds import Measurement
@@ -182,8 +183,6 @@ def row_of(
     """
     values = measurement.values
     is_ok = measurement.level == diagnostics.OK
-    text = values.to_text()
-    verdict = text.get('verdict')
     return replace(
         _begun(origin, 'ok' if is_ok else 'warning', values.stamp),
         frame=measurement.frame_id,
@@ -206,8 +205,8 @@ def row_of(
         latency_ms=latency_ms,
         total_ms=measurement.times_ms.get('total'),
         stages_ms={stage: ms for stage, ms in measurement.times_ms.items() if stage != 'total'},
-        limits_passed=None if verdict is None else verdict == 'passed',
-        limits_reason=text.get('verdict_reason'),
+        limits_passed=None if values.verdict is None else values.verdict == PASSED,
+        limits_reason=values.verdict_reason,
     )
 
 

@@ -7,7 +7,8 @@ from hashlib import blake2b
 from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettings
 
 _HASH_BYTES = 8
-_NO_EFFECT = tuple(row.name for row in OutputSettings.parameters())
+# Neither what is published nor what a node does besides has an effect on the numbers of a cloud.
+_WITH_EFFECT = PipelineSettings().to_ros().keys() - OutputSettings().to_ros().keys()
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class SettingsText:
 
     Attributes:
         text: JSON of the parameters with other values than their defaults, by their full names in their order.
-        digest: 16 hexadecimal digits of all parameters with an effect on numbers; those of `output` have none.
+        digest: 16 hexadecimal digits of all parameters with an effect on the numbers of a cloud.
     """
 
     text: str
@@ -25,7 +26,7 @@ class SettingsText:
     @classmethod
     def of(cls, settings: PipelineSettings) -> 'SettingsText':
         """Describe settings."""
-        values = {name: value for name, value in settings.to_ros().items() if name not in _NO_EFFECT}
+        values = {name: value for name, value in settings.to_ros().items() if name in _WITH_EFFECT}
         changed = {name: value for name, value in values.items() if value != PARAMETERS[name].default}
         digest = blake2b(json.dumps(sorted(values.items())).encode(), digest_size=_HASH_BYTES).hexdigest()
         return cls(json.dumps(changed, ensure_ascii=False), digest)

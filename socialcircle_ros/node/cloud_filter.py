@@ -16,6 +16,7 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.pipeline.clouds import MessageBuffer, failure_sentence, process_cloud
 
 from .health import Health
+from .live_rows import LiveRows
 from .lost_messages import LostMessages, lost_sentence
 from .parameters import Configuration
 from .rclpy_internals import MessageInput, listen
@@ -61,6 +62,7 @@ class CloudFilter:
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
         self._buffer = MessageBuffer()
+        self._rows = LiveRows(node, configuration)
         self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
         self._worker = LatestWorker(self._process, self._replaced, self._process_again)
 
@@ -120,6 +122,7 @@ class CloudFilter:
         """Stop the worker and destroy the publishers."""
         self.ignore()
         self._worker.stop()
+        self._rows.close()
         self._publishers.destroy()
 
     def _cloud_arrived(self, message: memoryview) -> None:
@@ -146,11 +149,18 @@ class CloudFilter:
         settings = self._configuration()
         try:
             measurement = process_cloud(
-                cloud.message, self._publishers.publish, settings, cloud.depth_of_field, self._buffer
+                cloud.message,
+                self._publishers.publish,
+                settings,
+                cloud.depth_of_field,
+                self._buffer,
+                self._rows.take_kept,
             )
             self._publishers.publish(MEASUREMENT, measurement.status(timed=True).encode())
         except SocialCircleError as refusal:
             self._health.refused(str(refusal))
+            if not cloud.again:
+                self._rows.put(str(refusal), None)
             self._node.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=LOG_PERIOD_S)
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
@@ -158,7 +168,9 @@ class CloudFilter:
             return
         self._health.judged(measurement.values.verdict_reason or '', again=cloud.again)
         if not cloud.again:
-            self._health.published(time.monotonic() - cloud.arrived_s)
+            latency_s = time.monotonic() - cloud.arrived_s
+            self._health.published(latency_s)
+            self._rows.put(measurement, 1000 * latency_s)
         for topic, failure in measurement.failures.items():
             self._failed(failure_sentence(topic, failure))
         if measurement.level == diagnostics.WARN:

@@ -8,7 +8,14 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.settings import PARAMETERS, NodeSettings, Parameter, PipelineSettings, RosValue
+from socialcircle_ros.settings import (
+    PARAMETERS,
+    MeasurementSettings,
+    NodeSettings,
+    Parameter,
+    PipelineSettings,
+    RosValue,
+)
 
 from .rclpy_internals import given_parameters
 
@@ -17,6 +24,7 @@ from .rclpy_internals import given_parameters
 class Configuration(PipelineSettings):
     """All settings of the node at one moment; a cloud is processed under one of these, never under two."""
 
+    measurements: MeasurementSettings = field(default_factory=MeasurementSettings)
     node: NodeSettings = field(default_factory=NodeSettings)
 
 

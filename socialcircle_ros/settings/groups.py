@@ -250,6 +250,30 @@ class LimitSettings(Settings):
 
 
 @dataclass(frozen=True)
+class MeasurementSettings(Settings):
+    """Settings of the rows of measurements that the node writes."""
+
+    group: ClassVar[str] = 'measurements'
+
+    folder: str = setting(
+        '',
+        'Folder in which the node keeps one row per cloud, in Parquet files. Empty: none are kept.',
+        read_only=True,
+    )
+    cell: str = setting('', 'Name of the cell in the rows. Empty: the namespace of the node.')
+    part: str = setting('', 'Name or number of the part in the rows. Empty: unknown.')
+    period: float = setting(
+        60.0,
+        'Time after which a batch of rows is written; earlier after 1000 rows. A node that is killed loses at most'
+        ' the last batch.',
+        unit='s',
+        minimum=1.0,
+        maximum=3600.0,
+        read_only=True,
+    )
+
+
+@dataclass(frozen=True)
 class NodeSettings(Settings):
     """Settings of the node itself."""
 
@@ -289,6 +313,7 @@ GROUPS: tuple[type[Settings], ...] = (
     RepairSettings,
     OutputSettings,
     LimitSettings,
+    MeasurementSettings,
     NodeSettings,
 )
 """The groups of the node, in the order in which they are shown."""

@@ -2,14 +2,16 @@
 
 import dataclasses
 import json
+from dataclasses import replace
 from datetime import date, datetime, timezone
 
+from examples import cloud
 from measurements.row_examples import NOON, measurement, origin, row
 
 from socialcircle_ros.measurements import MeasurementRow, SettingsText, refused_row, row_of
 from socialcircle_ros.metrics.areal import Texture
-from socialcircle_ros.pipeline.clouds import Measurement
-from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings
+from socialcircle_ros.pipeline.clouds import filter_cloud
+from socialcircle_ros.settings import CircleSettings, LimitSettings, OutputSettings, PipelineSettings
 
 
 def test_a_row_holds_what_the_filter_says_of_the_cloud():
@@ -36,23 +38,20 @@ def test_the_last_time_of_a_recording_is_a_day():
     assert row(stamp=1, time_ns=2**64 - 1).day == date(2554, 7, 21)
 
 
-def test_a_warning_and_limits_are_in_the_row():
-    found = measurement()
-    text = {**found.values.to_text(), 'verdict': 'failed', 'verdict_reason': 'Sa is 2, above 1.'}
-
-    class Judged:
-        def __getattr__(self, name):
-            return getattr(found.values, name)
-
-        def to_text(self):
-            return text
-
-    warned = Measurement(1, 'Look at the mask.', 'm', Judged(), found.settings, found.times_ms)
-    made = row_of(origin(), warned)
-    assert (made.status, made.reason) == ('warning', 'Look at the mask.')
-    assert (made.limits_passed, made.limits_reason) == (False, 'Sa is 2, above 1.')
-    assert made.sa is None
+def test_limits_that_are_not_passed_are_in_the_row():
+    limited = PipelineSettings(limits=LimitSettings(outlier_share_max=1e-6))
+    made = row_of(origin(), filter_cloud(cloud(), limited).measurement)
+    assert (made.status, made.limits_passed) == ('warning', False)
+    assert 'are outliers, more than' in made.limits_reason
+    assert made.limits_reason in made.reason
+    passed = PipelineSettings(limits=LimitSettings(outlier_share_max=0.5))
+    assert row_of(origin(), filter_cloud(cloud(), passed).measurement).limits_passed is True
     assert row().limits_passed is None
+
+
+def test_a_warning_is_told():
+    warned = replace(measurement(), level=1, message='Look at the mask.')
+    assert (row_of(origin(), warned).status, row_of(origin(), warned).reason) == ('warning', 'Look at the mask.')
 
 
 def test_a_texture_that_is_not_known_is_null():

@@ -1,0 +1,84 @@
+"""The node's clouds as rows of measurements, where `measurements.folder` is set."""
+
+import importlib.metadata
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from rclpy.node import Node
+
+from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.errors import printable
+from socialcircle_ros.interface import POINTS
+from socialcircle_ros.measurements import Origin, SettingsText
+from socialcircle_ros.measurements.row_writer import LiveCloud, RowWriter
+from socialcircle_ros.pipeline.clouds import Measurement
+
+from .parameters import Configuration
+
+_LOG_PERIOD_S = 60.0
+
+
+class LiveRows:
+    """Hands a row of each cloud to the writer; does nothing if no folder is set.
+
+    Args:
+        node: names the cell where no parameter does.
+        configuration: gives the settings in force.
+
+    Raises:
+        SocialCircleError: a folder is set, and pyarrow is not installed.
+    """
+
+    def __init__(self, node: Node, configuration: Callable[[], Configuration]) -> None:
+        settings = configuration().measurements
+        self._node = node
+        self._configuration = configuration
+        self._version = importlib.metadata.version('socialcircle_ros')
+        self._number = 0
+        self._kept: tuple[Cloud, Mask] | None = None
+        self._settings: tuple[Configuration, SettingsText] | None = None
+        self._writer: RowWriter | None = None
+        if settings.folder:
+            name = node.get_fully_qualified_name().strip('/').replace('/', '-')
+            self._writer = RowWriter(Path(settings.folder), f'live-{name}', settings.period, self._tell)
+
+    def take_kept(self, xyz: Cloud, kept: Mask) -> None:
+        """Keep the points of the cloud at hand for its texture."""
+        if self._writer is not None:
+            self._kept = xyz, kept
+
+    def put(self, outcome: Measurement | str, latency_ms: float | None) -> None:
+        """Hand over what came of the cloud at hand."""
+        kept, self._kept = self._kept, None
+        if self._writer is None:
+            return
+        xyz, mask = kept if kept is not None and not isinstance(outcome, str) else (None, None)
+        self._writer.put(LiveCloud(self._origin(), outcome, latency_ms, xyz, mask))
+        self._number += 1
+
+    def close(self) -> None:
+        """Write what waits."""
+        if self._writer is not None:
+            self._writer.close()
+
+    def _origin(self) -> Origin:
+        configuration = self._configuration()
+        if self._settings is None or self._settings[0] is not configuration:
+            self._settings = configuration, SettingsText.of(configuration)
+        return Origin(
+            source='node',
+            recording=None,
+            content=None,
+            cell=configuration.measurements.cell or self._node.get_namespace().strip('/'),
+            part=configuration.measurements.part or None,
+            topic=self._node.resolve_topic_name(POINTS.name),
+            number=self._number,
+            time_ns=time.time_ns(),
+            settings=self._settings[1],
+            version=self._version,
+        )
+
+    def _tell(self, sentence: str) -> None:
+        if self._node.context.ok():
+            self._node.get_logger().warning(printable(sentence), throttle_duration_sec=_LOG_PERIOD_S)

@@ -1,0 +1,127 @@
+"""Rows of live clouds, written in batches."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from measurements.row_examples import measurement, origin
+
+from socialcircle_ros.measurements import open_measurements, row_writer
+from socialcircle_ros.measurements.row_writer import LiveCloud, RowWriter
+
+pytest.importorskip('pyarrow')
+pytest.importorskip('duckdb')
+
+
+def refused(number):
+    return LiveCloud(origin(number=number), 'It is not organized.')
+
+
+def numbers(folder):
+    return [
+        row[0] for row in open_measurements(folder).sql('select number from measurements order by all').fetchall()
+    ]
+
+
+def wait_for(condition):
+    until = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_rows_are_written_at_the_end_with_their_texture(tmp_path):
+    found = []
+
+    def keep(xyz, kept):
+        found.append((xyz, kept))
+
+    from examples import cloud
+
+    from socialcircle_ros.pipeline.clouds import filter_cloud
+
+    made = filter_cloud(cloud(), take_kept=keep).measurement
+    writer = RowWriter(tmp_path, 'live', 3600, pytest.fail)
+    writer.put(LiveCloud(origin(number=1), made, 8.5, *found[0]))
+    writer.put(LiveCloud(origin(number=2), measurement(), 7.5))
+    writer.close()
+    writer.close()
+    query = 'select number, outliers, latency_ms, sq from measurements order by all'
+    ((_, _, _, sq), second) = open_measurements(tmp_path).sql(query).fetchall()
+    assert 0.3 < sq < 1
+    assert second == (2, 26, 7.5, None)
+
+
+def test_a_batch_is_written_when_its_time_is_over(tmp_path):
+    writer = RowWriter(tmp_path, 'live', 0.02, pytest.fail)
+    for number in range(2):
+        writer.put(refused(number))
+        wait_for(lambda wanted=number + 1: len(list(tmp_path.rglob('*.parquet'))) == wanted)
+    writer.close()
+    assert numbers(tmp_path) == [0, 1]
+
+
+def test_what_cannot_be_written_waits_and_the_oldest_rows_are_lost(tmp_path, monkeypatch):
+    monkeypatch.setattr(row_writer, 'MOST_WAITING', 3)
+    told = []
+    (tmp_path / 'measurements').write_text('in the way')
+    writer = RowWriter(tmp_path, 'live', 0.02, told.append)
+    for number in range(5):
+        writer.put(refused(number))
+        already = len(told)
+        wait_for(lambda already=already: len(told) > already)
+    assert '3 rows of measurements wait, because: ' in told[-1]
+    assert '2 rows are lost.' in told[-1]
+    (tmp_path / 'measurements').unlink()
+    wait_for(lambda: list(tmp_path.rglob('*.parquet')))
+    writer.close()
+    assert numbers(tmp_path) == [2, 3, 4]
+
+
+def test_a_cloud_never_waits_for_the_disk(tmp_path, monkeypatch):
+    """While the disk hangs, rows are taken, and only the first clouds keep their points in memory."""
+    hangs = threading.Event()
+    real = row_writer.write_rows
+
+    def write_rows(*arguments):
+        hangs.wait(60)
+        return real(*arguments)
+
+    monkeypatch.setattr(row_writer, 'write_rows', write_rows)
+    writer = RowWriter(tmp_path, 'live', 0.01, pytest.fail)
+    for number in range(50):
+        writer.put(LiveCloud(origin(number=number), 'It is not organized.', xyz=number, kept=number))
+    wait_for(lambda: True)
+    assert sum(each.xyz is not None for each in writer._coming) <= row_writer._MOST_CLOUDS
+    hangs.set()
+    writer.close()
+    assert numbers(tmp_path) == list(range(50))
+
+
+def test_a_process_that_is_killed_loses_at_most_the_last_batch(tmp_path):
+    program = f"""
+import time
+from pathlib import Path
+from measurements.row_examples import origin
+from socialcircle_ros.measurements.row_writer import MOST_ROWS, LiveCloud, RowWriter
+writer = RowWriter(Path({str(tmp_path)!r}), 'live', 3600, print)
+number = 0
+while True:
+    writer.put(LiveCloud(origin(number=number), 'It is not organized.'))
+    number += 1
+    time.sleep(0.0005)
+"""
+    here = Path(__file__).resolve().parents[1]
+    path = os.pathsep.join([str(here), os.environ.get('PYTHONPATH', '')])
+    process = subprocess.Popen([sys.executable, '-c', program], env={**os.environ, 'PYTHONPATH': path})
+    wait_for(lambda: list(tmp_path.rglob('*.parquet')) or process.poll() is not None)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    found = numbers(tmp_path)
+    assert len(found) >= row_writer.MOST_ROWS
+    assert found == list(range(len(found)))
