@@ -48,18 +48,20 @@ def command(
     params_file: Path | None,
     parameters: tuple[str, ...],
 ) -> None:
-    """Find the best parameters on the clouds of a RECORDING.
+    """Try many settings on the clouds of a RECORDING.
 
-    Filters the same clouds with many settings and scores each setting. The score is F1 against the truth where
-    the recording holds it, as those of `socialcircle simulate` do. Otherwise it is F1 against a criterion, which
-    the page states.
+    Filters the same clouds with many settings. If the recording holds the truth, as those of `socialcircle
+    simulate` do, the score of a setting is its mean F1 over the clouds, which weigh alike. A setting is called
+    better than the one as given only if its margin is beyond the spread between at least three clouds; the page
+    states the statistic. Otherwise the page shows candidates side by side, and a person decides.
 
     Writes to the folder of the results:
 
     \b
-    sweep.html    page with a chart, a table and pictures
+    sweep.html    page with the decision, the candidates side by side, a chart and a table
     sweep.csv     table of all trials
-    best.yaml     best parameters, for --params-file of the node and of the other commands
+    candidates    parameters of each candidate, 1.yaml and more, for --params-file of all commands
+    best.yaml     the better parameters; only if the margin is beyond the spread
     trials.jsonl  finished trials; after an interruption the same command continues from here
 
     --params-file and -p set the parameters that are not varied. A parameter that only the mode paper uses, such as
@@ -69,7 +71,7 @@ def command(
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.sweep.page import in_words
     from socialcircle_ros.sweep.search_space import parse_dimension
-    from socialcircle_ros.sweep.sweep import BEST, PAGE, TABLE, TRIALS, run_sweep
+    from socialcircle_ros.sweep.sweep import BEST, CANDIDATES, PAGE, TABLE, TRIALS, run_sweep
 
     search_space = [parse_dimension(text) for text in params]
     given = parameter_values(params_file, parameters, recording)
@@ -92,10 +94,19 @@ def command(
         raise
     if result.resumed:
         click.echo(f'{quantity(result.resumed, "trial")} of an earlier run taken from {out / TRIALS}.', err=True)
-    against = 'the truth' if result.has_truth else 'a criterion, because the recording holds no truth'
     trials, clouds = quantity(len(result.trials), 'trial'), quantity(len(result.clouds), 'cloud')
-    click.echo(f'{trials} on {clouds}, scored against {against}.')
-    best, score = in_words(result.best.values), result.score_names[0]
-    click.echo(f'Best: {best}: {score} {result.best.score:.4f}; as given: {result.given.score:.4f}.')
+    click.echo(f'{trials} on {clouds}, {"scored against the truth" if result.has_truth else "without a truth"}.')
+    decision, score = result.decision, result.score_names[0]
+    for number, trial in enumerate(decision.candidates, 1):
+        note = ', as given' if trial is result.given else ''
+        click.echo(
+            f'Candidate {number}{note}: {in_words(trial.values)}: {score} {trial.score:.4f}, removes'
+            f' {trial.removed:.2%}.'
+        )
+    if decision.winner is None:
+        click.echo(f'No verdict. {decision.reason}')
+    else:
+        click.echo(f'Better than as given: {in_words(decision.winner.values)}. {decision.reason}')
     tell_refusals(result.refused, result.damage)
-    click.echo(f'{TABLE}, {BEST} and {TRIALS} are in {out}. Next: open {out / PAGE}')
+    written = [TABLE, CANDIDATES, *([BEST] if decision.winner else []), TRIALS]
+    click.echo(f'Written to {out}: {", ".join(written)}. Next: open {out / PAGE}')

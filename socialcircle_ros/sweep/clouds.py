@@ -18,6 +18,7 @@ from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
 from socialcircle_ros.recording.offline import source_clouds
 from socialcircle_ros.recording.truth import truths_of
+from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import FocusSettings, PipelineSettings, RosValue
 
 Item = TypeVar('Item')
@@ -41,6 +42,7 @@ class SweepCloud:
         counted: (H, W) the points with a certain truth; by `CRITERION`, the measured points.
         has_truth: whether `outlier` is the truth.
         depth_of_field: depth of field of a cloud from a stack, in the unit of the cloud; None if not known.
+        unit: of the cloud; None if not known.
     """
 
     name: str
@@ -49,6 +51,7 @@ class SweepCloud:
     counted: Mask
     has_truth: bool
     depth_of_field: float | None = None
+    unit: str | None = None
 
     @property
     def xyz(self) -> Cloud:
@@ -57,7 +60,11 @@ class SweepCloud:
 
 
 def sweep_cloud(
-    name: str, points: bytes, truth: tuple[Mask, Mask] | None, depth_of_field: float | None = None
+    name: str,
+    points: bytes,
+    truth: tuple[Mask, Mask] | None,
+    depth_of_field: float | None = None,
+    unit: str | None = None,
 ) -> SweepCloud:
     """Make a cloud of a sweep, with `CRITERION` where the truth is not known.
 
@@ -66,15 +73,16 @@ def sweep_cloud(
         points: the serialized PointCloud2.
         truth: (H, W) the outliers, and (H, W) the points with a certain truth; None where not known.
         depth_of_field: depth of field of a cloud from a stack, in the unit of the cloud.
+        unit: of the cloud; None if not known.
 
     Raises:
         MessageError: the message is not an organized cloud.
     """
     if truth is not None:
-        return SweepCloud(name, points, *truth, has_truth=True, depth_of_field=depth_of_field)
+        return SweepCloud(name, points, *truth, has_truth=True, depth_of_field=depth_of_field, unit=unit)
     xyz = PointCloud.decode(points).xyz()
     outlier, counted = median_filter(xyz).outliers, measured_points(xyz)
-    return SweepCloud(name, points, outlier, counted, has_truth=False, depth_of_field=depth_of_field)
+    return SweepCloud(name, points, outlier, counted, has_truth=False, depth_of_field=depth_of_field, unit=unit)
 
 
 CloudSource = Callable[[FocusSettings], Sequence[SweepCloud]]
@@ -119,13 +127,15 @@ class SweptRecording:
             events = named_clouds(source_clouds(reader, settings, topics=self._topics))
             chosen = evenly_spread(self._not_refused(events), self._max_clouds)
             self.damage = reader.damage
+            units = {topic: unit_of(reader, topic) for topic in reader.topics}
 
         def with_truth(item: NamedCloud) -> SweepCloud | Refusal:
             name, cloud = item
             try:
                 truth = truths(cloud.namespace, cloud.points)
                 masks = None if truth is None else (truth.outlier, truth.counted)
-                return sweep_cloud(name, cloud.points, masks, cloud.depth_of_field)
+                unit = 'm' if cloud.image is not None else units[cloud.topic]
+                return sweep_cloud(name, cloud.points, masks, cloud.depth_of_field, unit)
             except SocialCircleError as error:
                 return Refusal(str(error))
 

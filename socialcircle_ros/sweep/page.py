@@ -1,4 +1,4 @@
-"""The results of a sweep for people: the table of all trials, and a page with pictures of the best one."""
+"""The results of a sweep for people: the decision, the candidates side by side, and the table of all trials."""
 
 import io
 from collections.abc import Iterator
@@ -9,51 +9,59 @@ import numpy as np
 from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import CloudError
-from socialcircle_ros.metrics.scores import score
+from socialcircle_ros.lengths import length_scale
 from socialcircle_ros.pictures.drawings import CloudPictures
-from socialcircle_ros.pictures.style import new_figure
-from socialcircle_ros.report.content import Cell, Column, Picture, Pictures, Section, Table
+from socialcircle_ros.pictures.style import OUTLIER, SURFACE, new_figure
+from socialcircle_ros.report.content import Banner, Cell, Column, Picture, Pictures, Section, Table
 from socialcircle_ros.report.page import render
 from socialcircle_ros.settings import PARAMETERS, CircleSettings, RosValue
 
 from .clouds import CRITERION, SweepCloud
+from .decision import STATISTIC
 from .result import SweepResult
 from .search_space import ParameterValues, Range, described
+from .trials import Trial
 
 _TRUTH = (
-    'The recording holds the truth. The score is F1, the harmonic mean of precision and recall. Precision is the'
-    ' share of the removed points that are outliers; recall is the share of the outliers that were removed.'
+    'The recording holds the truth. The score of a cloud is F1, the harmonic mean of precision and recall.'
+    ' Precision is the share of the removed points that are outliers; recall is the share of the outliers that'
+    ' were removed.'
+    ' The score of a setting is the mean over the clouds, which weigh alike.'
 )
 _CRITERION = (
-    f'The recording holds no truth, so a criterion takes its place. {CRITERION} The score, "agreement", is the F1'
-    ' of the removed points against the points that the criterion would remove. The criterion is not the truth:'
-    ' check the pictures.'
+    f'The recording holds no truth. The column "agreement" compares each setting with a criterion. {CRITERION}'
+    ' Agreement is the F1 of the removed points against the points that the criterion would remove, as the mean'
+    ' over the clouds. It says how alike the two are, and not which is right.'
 )
 _MAX_ROWS = 30  # of the table on the page; the CSV file has all rows
 _MAX_CLOUDS = 3  # with pictures
 
 
 def trials_table(result: SweepResult) -> Table:
-    """Tabulate all trials, the best first."""
+    """Tabulate all trials: by score with a truth, else by the share of removed points."""
     names = [dimension.name for dimension in result.search_space]
+    lengths = length_scale(
+        [value for trial in result.trials for value in (trial.sq, trial.sz) if value], result.unit
+    )
+    headings = [lengths.label(name) if result.unit else name for name in ('Sq after', 'Sz after')]
     columns = [
         *(Column(name) for name in names),
         *(Column(name, '.4f') for name in result.score_names),
         Column('removed', '.3%'),
-        Column('Sq after', '.4g'),
-        Column('Sz after', '.4g'),
+        *(Column(heading, f'.{lengths.decimals}f') for heading in headings),
         Column('time [ms]', '.1f'),
         Column('refused', 'd'),
     ]
     rows: list[list[Cell]] = [
         [
             *(_cell(trial.values.get(name)) for name in names), trial.score, trial.precision, trial.recall,
-            trial.removed, trial.sq, trial.sz, trial.milliseconds, trial.refused,
+            trial.removed, *(None if each is None else each * lengths.factor for each in (trial.sq, trial.sz)),
+            trial.milliseconds, trial.refused,
         ]
-        for trial in sorted(result.trials, key=lambda trial: (-trial.score, trial.removed))
+        for trial in _ordered(result)
     ]  # fmt: skip
-    note = 'Scores are over all clouds together; Sq, Sz and the time are means over the clouds.'
-    return Table('sweep', 'All trials, the best first', columns, rows, note)
+    note = 'All columns are means over the clouds, which weigh alike.'
+    return Table('sweep', f'All trials, {_order(result)}', columns, rows, note)
 
 
 def sweep_page(result: SweepResult, made_by: str) -> str:
@@ -67,7 +75,7 @@ def sweep_page(result: SweepResult, made_by: str) -> str:
     count = len(result.trials)
     shown = replace(
         table,
-        title=f'The best {min(_MAX_ROWS, count)} of {count} trials',
+        title=f'{min(_MAX_ROWS, count)} of {count} trials, {_order(result)}',
         rows=table.rows[:_MAX_ROWS],
         note=f'{table.note} The file sweep.csv has all trials.',
     )
@@ -77,16 +85,15 @@ def sweep_page(result: SweepResult, made_by: str) -> str:
         _TRUTH if result.has_truth else _CRITERION,
         f'Made by: {made_by}',
     ]
-    chart = Picture('scores', _chart(result), 'Score of each trial; the best is red.')
+    chart = Picture('scores', _chart(result), 'Score of each trial, with the standard error between the clouds.')
     sections = [
+        Section('Decision', [STATISTIC] if result.has_truth else [], items=[_banner(result)]),
         Section(
-            'Trials', findings=list(_findings(result)), items=[chart, shown], warnings=list(_warnings(result))
+            'Candidates side by side',
+            ['The numbers are those of the files in the folder candidates.'],
+            items=[_candidates_table(result), *_candidate_pictures(result)],
         ),
-        Section(
-            'The best setting',
-            [f'The {min(_MAX_CLOUDS, len(result.clouds))} clouds with the lowest score.'],
-            items=list(_worst_clouds(result)),
-        ),
+        Section('Trials', items=[chart, shown], warnings=list(_warnings(result))),
     ]
     return render(f'Sweep over {result.recording}', introduction, sections)
 
@@ -96,26 +103,73 @@ def in_words(values: ParameterValues) -> str:
     return ', '.join(f'{name} {value}' for name, value in values.items())
 
 
-def _findings(result: SweepResult) -> Iterator[str]:
-    trials, best, given = result.trials, result.best, result.given
-    yield f'Best of {len(trials)} trials: {in_words(best.values)}, with {result.score_names[0]} {best.score:.4f}.'
-    equal = sum(trial.score == best.score for trial in trials)
-    if equal > 1:
-        yield f'{equal} trials reach this score. The one shown removes the fewest points, or was tried first.'
-    if given.values == best.values:
-        yield 'The parameters as given are the best; no other setting scores higher.'
-    else:
-        yield f'The parameters as given ({in_words(given.values)}) score {given.score:.4f}.'
-    if best.refused:
-        yield f'The best setting cannot filter {best.refused} clouds; they count as unfiltered.'
-    yield f'The best setting removes {100 * best.removed:.3g} % of the measured points.'
-    if given.values != best.values:
-        yield f'The parameters as given remove {100 * given.removed:.3g} %.'
+def _banner(result: SweepResult) -> Banner:
+    decision, given = result.decision, result.given
+    if decision.winner is None:
+        return Banner('none', 'No verdict.', [decision.reason, 'best.yaml is not written.'])
+    winner = decision.winner
+    scores = f'{result.score_names[0]} {winner.score:.4f}, as given {given.score:.4f}.'
+    return Banner('passed', f'Better than as given: {in_words(winner.values)}.', [decision.reason, scores])
+
+
+def _candidates_table(result: SweepResult) -> Table:
+    columns = [
+        Column('candidate'), Column('setting'), Column(result.score_names[0], '.4f'),
+        Column('lowest of a cloud', '.4f'), Column('highest of a cloud', '.4f'), Column('removed', '.3%'),
+        Column('refused', 'd'),
+    ]  # fmt: skip
+    rows: list[list[Cell]] = [
+        [
+            str(number), _name(result, trial), trial.score, min(trial.cloud_scores, default=None),
+            max(trial.cloud_scores, default=None), trial.removed, trial.refused,
+        ]
+        for number, trial in enumerate(result.decision.candidates, 1)
+    ]  # fmt: skip
+    return Table('candidates', '', columns, rows)
+
+
+def _name(result: SweepResult, trial: Trial) -> str:
+    given = ' (as given)' if trial.values == result.given.values else ''
+    return f'{in_words(trial.values)}{given}'
+
+
+def _candidate_pictures(result: SweepResult) -> Iterator[Pictures]:
+    """The clouds about which the candidates differ most: before, and after each candidate, in the same colours."""
+    candidates = result.decision.candidates
+    removed = [
+        (cloud, [_removed(cloud, result.base | trial.values) for trial in candidates]) for cloud in result.clouds
+    ]
+    for cloud, masks in sorted(removed, key=lambda pair: -_disagreement(pair[1]))[:_MAX_CLOUDS]:
+        # A candidate that removes much of the surface must not take its colours away.
+        shared = CloudPictures(cloud.xyz, np.all(masks, axis=0), cloud.unit)
+        pictures = [Picture('before', shared.before(), cloud.name)]
+        for number, mask in enumerate(masks, 1):
+            drawn = CloudPictures(cloud.xyz, mask, cloud.unit, shared.colour_range)
+            pictures.append(Picture(f'candidate-{number}', drawn.after(), f'candidate {number}'))
+        yield Pictures(pictures)
+        if result.has_truth:
+            yield Pictures(
+                [
+                    Picture(
+                        f'truth-{number}',
+                        CloudPictures(cloud.xyz, mask, cloud.unit).against_truth(cloud.outlier, cloud.counted),
+                        f'candidate {number}',
+                    )
+                    for number, mask in enumerate(masks, 1)
+                ]
+            )
+
+
+def _disagreement(masks: list[Mask]) -> float:
+    """The share of points about which masks differ."""
+    return float(np.mean(np.any(masks, axis=0) & ~np.all(masks, axis=0)))
 
 
 def _warnings(result: SweepResult) -> Iterator[str]:
-    """Why the best setting may not be good."""
+    """Why the setting with the highest score may not be the best that there is."""
     best = result.best
+    if not result.has_truth:
+        return
     for dimension in result.search_space:
         value = best.values[dimension.name]
         if PARAMETERS[dimension.name].kind not in (int, float):
@@ -126,11 +180,9 @@ def _warnings(result: SweepResult) -> Iterator[str]:
             at_end = len(dimension.values) > 2 and value in (dimension.values[0], dimension.values[-1])
         if at_end:
             yield (
-                f'The best {dimension.name} is at the end of its range, {value}. Values beyond it may be better:'
-                ' extend the range.'
+                f'{dimension.name} with the highest score is at the end of its range, {value}. Values beyond it'
+                ' may be better: extend the range.'
             )
-    if not result.has_truth and best.score < 0.5:
-        yield 'No setting agrees well with the criterion. Check the pictures before you use the best setting.'
 
 
 def _chart(result: SweepResult) -> bytes:
@@ -139,13 +191,16 @@ def _chart(result: SweepResult) -> bytes:
     figure = new_figure(4.6 * count, 3.4)
     plots = figure.subplots(1, count, sharey=True, squeeze=False)[0]
     scores = [trial.score for trial in result.trials]
-    best = result.trials.index(result.best)
+    errors = [trial.standard_error for trial in result.trials]
+    marked = result.decision.winner
     for dimension, axes in zip(result.search_space, plots, strict=True):
         values = [trial.values[dimension.name] for trial in result.trials]
         if PARAMETERS[dimension.name].kind not in (int, float):
             values = [str(value) for value in values]
-        axes.plot(values, scores, 'o', color='#2a6592', alpha=0.5, markersize=5)
-        axes.plot(values[best], scores[best], 'o', color='#d00000', markersize=9)
+        axes.errorbar(values, scores, errors, fmt='o', color=SURFACE, alpha=0.5, markersize=5, elinewidth=1)
+        if marked is not None:
+            place = result.trials.index(marked)
+            axes.plot(values[place], scores[place], 'o', color=OUTLIER, markersize=9)
         axes.set_xlabel(dimension.name)
         axes.grid(alpha=0.3)
     plots[0].set_ylabel(result.score_names[0])
@@ -154,28 +209,14 @@ def _chart(result: SweepResult) -> bytes:
     return out.getvalue()
 
 
-def _worst_clouds(result: SweepResult) -> Iterator[Pictures]:
-    """Pictures of the clouds on which the best setting scores worst, also with the parameters as given."""
-    base, best, given = result.base, result.best, result.given
-    filtered = [(cloud, _removed(cloud, base | best.values)) for cloud in result.clouds]
-    against = 'against the truth' if result.has_truth else 'against the criterion'
-    for cloud, found in sorted(filtered, key=lambda pair: _f1(*pair))[:_MAX_CLOUDS]:
-        drawn = CloudPictures(cloud.xyz, found)
-        pictures = [
-            Picture('before', drawn.before(), cloud.name),
-            Picture('after', drawn.after(), 'the best setting'),
-            Picture('best', drawn.against_truth(cloud.outlier, cloud.counted), f'the best setting {against}'),
-        ]
-        if given.values != best.values:
-            other = CloudPictures(cloud.xyz, _removed(cloud, base | given.values))
-            compared = other.against_truth(cloud.outlier, cloud.counted)
-            pictures.append(Picture('given', compared, f'the parameters as given {against}'))
-        yield Pictures(pictures)
+def _ordered(result: SweepResult) -> list[Trial]:
+    if result.has_truth:
+        return sorted(result.trials, key=lambda trial: (-trial.score, trial.removed))
+    return sorted(result.trials, key=lambda trial: trial.removed)
 
 
-def _f1(cloud: SweepCloud, found: Mask) -> float:
-    f1 = score(found, cloud.outlier, cloud.counted).f1
-    return 1.0 if np.isnan(f1) else f1
+def _order(result: SweepResult) -> str:
+    return 'the highest score first' if result.has_truth else 'by the share of removed points'
 
 
 def _removed(cloud: SweepCloud, values: ParameterValues) -> Mask:

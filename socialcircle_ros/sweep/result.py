@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .clouds import SweepCloud
+from .decision import Decision
 from .search_space import ParameterValues, SearchDimension
 from .trials import Trial
 
@@ -17,8 +18,9 @@ class SweepResult:
         search_space: the varied parameters.
         base: all parameters as given, by their full names.
         trials: all trials in the order in which they finished.
-        best: the best trial.
+        best: the trial with the highest score; whether it is better than `given` says `decision`.
         given: the trial with the parameters as given.
+        decision: what can be concluded.
         clouds: the clouds as the best setting measures them.
         resumed: how many of the trials came from an earlier, interrupted sweep.
         refused: number of refused clouds and frames, by reason.
@@ -31,6 +33,7 @@ class SweepResult:
     trials: Sequence[Trial]
     best: Trial
     given: Trial
+    decision: Decision
     clouds: Sequence[SweepCloud]
     resumed: int
     refused: dict[str, int]
@@ -40,6 +43,12 @@ class SweepResult:
     def has_truth(self) -> bool:
         """Whether the trials were scored against a truth, and not against the criterion."""
         return self.clouds[0].has_truth
+
+    @property
+    def unit(self) -> str | None:
+        """The unit of the clouds; None if it is not known, or not the same for all."""
+        units = {cloud.unit for cloud in self.clouds}
+        return units.pop() if len(units) == 1 else None
 
     @property
     def score_names(self) -> tuple[str, str, str]:

@@ -1,4 +1,4 @@
-"""`run_sweep`: filter the same clouds with many settings, and write down which setting is best."""
+"""`run_sweep`: filter the same clouds with many settings, and write down what can be concluded."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -17,13 +17,14 @@ from socialcircle_ros.settings import (
 from socialcircle_ros.storage import write_file
 
 from .clouds import CloudSource, SweptRecording, cached
+from .decision import decide
 from .page import sweep_page, trials_table
 from .result import SweepResult
 from .search import Search
 from .search_space import ParameterValues, SearchDimension, check_search_space, grid, with_mode
 from .trials import Trial, TrialFile, best_of, fingerprint_of, run_trial, untried
 
-PAGE, TABLE, BEST, TRIALS = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl'
+PAGE, TABLE, BEST, TRIALS, CANDIDATES = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl', 'candidates'
 
 _GROUPS: tuple[type[Settings], ...] = (FocusSettings, StackSettings, CircleSettings)
 
@@ -41,13 +42,15 @@ def run_sweep(
     progress: Callable[[int, int], None] | None = None,
     made_by: str = 'run_sweep()',
 ) -> SweepResult:
-    """Filter the same clouds of a recording with many settings, and find the best setting.
+    """Filter the same clouds of a recording with many settings, and say whether one is better.
 
-    Settings are scored by F1 against the truth where the recording holds one, otherwise by the criterion
-    `sweep.clouds.CRITERION`. The parameters as given are always tried as well. Several trials run at once.
+    Settings are scored by F1 against the truth where the recording holds one; clouds weigh alike. Without a truth
+    there is no verdict. The parameters as given are always tried as well. Several trials run at once.
 
-    Writes `sweep.html`, a page with a chart, a table and pictures; `sweep.csv`, all trials; `best.yaml`, the given
-    parameters and the best values; and `trials.jsonl`, from which the same call continues after an interruption.
+    Writes `sweep.html`, a page with the decision, the candidates side by side, a chart and a table; `sweep.csv`,
+    all trials; `candidates/1.yaml` and more, the parameters of each candidate; `best.yaml`, if a setting is better
+    than the one as given beyond the spread between the clouds (`sweep.decision.STATISTIC`); and `trials.jsonl`,
+    from which the same call continues after an interruption.
 
     Args:
         recording: an MCAP file or a rosbag2 directory.
@@ -63,7 +66,7 @@ def run_sweep(
         made_by: the command or call that the page names.
 
     Returns:
-        All trials, the best one, and what was refused.
+        All trials, what can be concluded, and what was refused.
 
     Raises:
         SettingError: a parameter cannot have a value, or the search space cannot be swept.
@@ -74,7 +77,7 @@ def run_sweep(
         >>> from socialcircle_ros import run_sweep
         >>> from socialcircle_ros.sweep.search_space import Choice, Range
         >>> result = run_sweep('bags/parts.mcap', [Choice('circle.radius_scale', [0.5, 1.0, 1.5])], 'out/sweep')
-        >>> result.best.values, result.best.score
+        >>> result.decision.winner, result.decision.reason
         >>> result = run_sweep('bags/parts.mcap', [Range('circle.radius_scale', 0.5, 3)], 'out/search', search=20)
     """
     recording, output = Path(recording), Path(output)
@@ -91,23 +94,52 @@ def run_sweep(
     with TrialFile(output / TRIALS, fingerprint, restart=restart) as file:
         resumed = len(file.trials)
         _run_trials(file, base, clouds, [as_given, *others], search_space, search, progress)
-    best = best_of(file.trials)
-    result = SweepResult(
-        recording=recording.name,
+    result = _concluded(recording.name, search_space, base, file.trials, as_given, clouds, recorded, resumed)
+    write_file(output / TABLE, trials_table(result).csv())
+    _write_settings(output, result, parameters)
+    write_file(output / PAGE, sweep_page(result, made_by))
+    return result
+
+
+def _concluded(
+    name: str,
+    search_space: Sequence[SearchDimension],
+    base: ParameterValues,
+    trials: Sequence[Trial],
+    as_given: ParameterValues,
+    clouds: CloudSource,
+    recorded: SweptRecording,
+    resumed: int,
+) -> SweepResult:
+    """The result of the trials."""
+    best = best_of(trials)
+    given = next(trial for trial in trials if trial.values == as_given)
+    clouds_of_best = clouds(FocusSettings.from_ros(base | best.values))
+    return SweepResult(
+        recording=name,
         search_space=search_space,
         base=base,
-        trials=file.trials,
+        trials=trials,
         best=best,
-        given=next(trial for trial in file.trials if trial.values == as_given),
-        clouds=clouds(FocusSettings.from_ros(base | best.values)),
+        given=given,
+        decision=decide(trials, given, has_truth=clouds_of_best[0].has_truth),
+        clouds=clouds_of_best,
         resumed=resumed,
         refused=dict(recorded.refused),
         damage=recorded.damage,
     )
-    write_file(output / TABLE, trials_table(result).csv())
-    write_file(output / BEST, yaml_text({**parameters, **best.values}, whole=False))
-    write_file(output / PAGE, sweep_page(result, made_by))
-    return result
+
+
+def _write_settings(output: Path, result: SweepResult, parameters: Mapping[str, RosValue]) -> None:
+    """Write the parameter files of the candidates and of the winner; those of an earlier sweep are removed."""
+    (output / CANDIDATES).mkdir(exist_ok=True)
+    for old in (output / BEST, *(output / CANDIDATES).glob('[0-9].yaml')):
+        old.unlink(missing_ok=True)
+    for number, trial in enumerate(result.decision.candidates, 1):
+        content = yaml_text({**parameters, **trial.values}, whole=False)
+        write_file(output / CANDIDATES / f'{number}.yaml', content)
+        if trial is result.decision.winner:
+            write_file(output / BEST, content)
 
 
 def _all_parameters(given: Mapping[str, RosValue]) -> ParameterValues:

@@ -10,10 +10,9 @@ from types import TracebackType
 import numpy as np
 
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.cloud import measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.metrics.areal import texture
-from socialcircle_ros.metrics.scores import Tally, tally
+from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.settings import CircleSettings, FocusSettings, RosValue
 from socialcircle_ros.storage import open_in_place, write_file
 
@@ -23,18 +22,19 @@ from .search_space import ParameterValues
 
 @dataclass(frozen=True)
 class Trial:
-    """One setting, and its results over all clouds together.
+    """One setting, and its results: means over the clouds, which weigh alike.
 
     Attributes:
         values: the varied parameters.
-        score: F1 of the removed points against the points that should be removed; the best trial has the highest.
+        score: mean of `cloud_scores`.
         precision: share of the removed points that should be removed; None where nothing was removed.
         recall: share of the points that should be removed that were removed; None where there are none.
         removed: share of the measured points that was removed.
-        sq: mean root mean square height of the kept points, in the unit of the clouds.
-        sz: mean maximum height of the kept points, in the unit of the clouds.
-        milliseconds: mean duration of the filter for a cloud, in ms, with several clouds filtered at once.
+        sq: root mean square height of the kept points, in the unit of the clouds.
+        sz: maximum height of the kept points, in the unit of the clouds.
+        milliseconds: duration of the filter, in ms, with several clouds filtered at once.
         refused: number of clouds that the filter refused; they count as clouds without a removed point.
+        cloud_scores: F1 of the removed points against the points that should be removed, for each cloud.
     """
 
     values: ParameterValues
@@ -46,6 +46,13 @@ class Trial:
     sz: float | None
     milliseconds: float | None
     refused: int
+    cloud_scores: Sequence[float]
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the mean score between the clouds; 0 for a single one."""
+        count = len(self.cloud_scores)
+        return float(np.std(self.cloud_scores, ddof=1) / np.sqrt(count)) if count > 1 else 0.0
 
 
 def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clouds: CloudSource) -> Trial:
@@ -60,41 +67,45 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
         SettingError: the values contradict each other.
     """
     parameters = {**base, **values}
-    circle, counts = CircleSettings.from_ros(parameters), Tally()
-    removed = measured = refused = 0
-    sq, sz, times_ms = [], [], []
+    circle = CircleSettings.from_ros(parameters)
+    scores: list[Scores] = []
+    removed, sq, sz, times_ms = [], [], [], []
+    refused = 0
     for cloud in clouds(FocusSettings.from_ros(parameters)):
         xyz = cloud.xyz
         try:
             result = remove_outliers(xyz, circle.of_a_stack(cloud.depth_of_field))
         except CloudError:
             refused += 1
-            counts += tally(np.zeros_like(cloud.outlier), cloud.outlier, cloud.counted)
-            measured += int(np.count_nonzero(measured_points(xyz)))
+            scores.append(score(np.zeros_like(cloud.outlier), cloud.outlier, cloud.counted))
+            removed.append(0.0)
             continue
-        counts += tally(result.outliers, cloud.outlier, cloud.counted)
-        removed += int(np.count_nonzero(result.outliers))
-        measured += int(np.count_nonzero(result.outliers | result.inliers))
+        scores.append(score(result.outliers, cloud.outlier, cloud.counted))
+        removed.append(float(np.mean(result.outliers[result.outliers | result.inliers])))
         kept = texture(np.where(result.inliers, xyz[..., 2], np.nan))
         sq.append(kept.sq)
         sz.append(kept.sz)
         times_ms.append(sum(result.times_ms.values()))
-    scores = counts.scores
+    # NaN: no point should be removed, and none was.
+    cloud_scores = [1.0 if np.isnan(each.f1) else each.f1 for each in scores]
     return Trial(
         values=dict(values),
-        score=1.0 if np.isnan(scores.f1) else scores.f1,  # NaN: no point should be removed, and none was
-        precision=_not_nan(scores.precision),
-        recall=_not_nan(scores.recall),
-        removed=removed / measured if measured else 0.0,
-        sq=_not_nan(float(np.mean(sq))) if sq else None,
-        sz=_not_nan(float(np.mean(sz))) if sz else None,
-        milliseconds=float(np.mean(times_ms)) if times_ms else None,
+        score=float(np.mean(cloud_scores)),
+        precision=_mean([each.precision for each in scores]),
+        recall=_mean([each.recall for each in scores]),
+        removed=float(np.mean(removed)),
+        sq=_mean(sq),
+        sz=_mean(sz),
+        milliseconds=_mean(times_ms),
         refused=refused,
+        cloud_scores=cloud_scores,
     )
 
 
-def _not_nan(value: float) -> float | None:
-    return None if np.isnan(value) else value
+def _mean(values: Sequence[float]) -> float | None:
+    """The mean of the values that are known; None if there is none."""
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.mean(known)) if known else None
 
 
 def best_of(trials: Sequence[Trial]) -> Trial:

@@ -44,11 +44,12 @@ def without_truth(tmp_path):
     return tmp_path / 'night.mcap'
 
 
-def test_a_grid_is_scored_against_the_truth_and_the_best_setting_can_be_loaded(run, tmp_path):
+def test_a_grid_is_scored_against_the_truth_and_its_candidates_can_be_loaded(run, tmp_path):
     done = run(*GRID)
     assert done.code == 0, done.err
     assert '3 trials on 3 clouds, scored against the truth.' in done.out
-    assert 'Best: circle.radius_scale 1.0: F1 1.0' in done.out
+    assert 'Candidate 1, as given: circle.radius_scale 1.0: F1 1.0' in done.out
+    assert 'No verdict. No setting scores higher than the parameters as given.' in done.out
     folder = tmp_path / 'out/sweep'
     rows = rows_of(folder)
     assert {row['circle.radius_scale'] for row in rows} == {'0.5', '1.0', '1.5'}
@@ -57,22 +58,36 @@ def test_a_grid_is_scored_against_the_truth_and_the_best_setting_can_be_loaded(r
     assert float(rows[-1]['F1']) < 0.9
     text = page_of(folder)
     assert 'the harmonic mean of precision' in text
-    assert 'Best of 3 trials: circle.radius_scale 1.0, with F1 1.0' in text
-    filtered = run('filter', BAGS / 'padded.mcap', '-o', 'x.mcap', '--params-file', folder / 'best.yaml')
+    assert 'No verdict.' in text
+    assert not (folder / 'best.yaml').exists()
+    filtered = run('filter', BAGS / 'padded.mcap', '-o', 'x.mcap', '--params-file', folder / 'candidates/2.yaml')
     assert filtered.code == 0, filtered.err
 
 
-def test_without_a_truth_the_page_states_the_criterion(run, tmp_path, without_truth):
+def test_a_setting_that_is_better_beyond_the_spread_is_written_and_forgotten_by_the_next_sweep(run, tmp_path):
+    best = tmp_path / 'out/sweep/best.yaml'
+    done = run(*GRID, '-p', 'circle.radius_scale:=0.5')
+    assert done.code == 0, done.err
+    assert 'Better than as given: circle.radius_scale ' in done.out
+    assert 'is better beyond the spread' in page_of(best.parent)
+    assert 'circle.radius_scale: 1.' in best.read_text()
+    assert 'No verdict' in run(*GRID).out
+    assert not best.exists()
+
+
+def test_without_a_truth_there_is_no_verdict_and_the_page_shows_candidates(run, tmp_path, without_truth):
     done = run('sweep', without_truth, '--param', 'circle.radius_scale=0.01,1,100', '-p', 'circle.window:=5')
     assert done.code == 0, done.err
-    assert '3 trials on 3 clouds, scored against a criterion' in done.out
+    assert '3 trials on 3 clouds, without a truth.' in done.out
+    assert 'Look at the candidates: a person decides.' in done.out
     assert 'Refused: The cloud is not organized' in done.err
     text = page_of(tmp_path / 'out/sweep')
     assert 'by more than 5 robust standard deviations' in text
-    assert 'The criterion is not the truth' in text
-    best = (tmp_path / 'out/sweep/best.yaml').read_text()
-    assert 'circle.radius_scale: 1.0' in best
-    assert 'circle.window: 5' in best
+    assert 'and not which is right' in text
+    assert not (tmp_path / 'out/sweep/best.yaml').exists()
+    first = (tmp_path / 'out/sweep/candidates/1.yaml').read_text()
+    assert 'circle.radius_scale: 1.0' in first
+    assert 'circle.window: 5' in first
 
 
 def test_a_best_setting_at_the_end_of_its_range_is_a_warning(run, tmp_path):
@@ -148,10 +163,11 @@ def test_a_focus_parameter_makes_the_cloud_of_a_stack_anew(run, tmp_path):
     assert done.code == 0, done.err
     assert '2 trials on 1 cloud, scored against the truth' in done.out
     one, other = rows_of(tmp_path / 'out/sweep')
-    assert one['Sq after'] != other['Sq after']
-    best = (tmp_path / 'out/sweep/best.yaml').read_text()
-    assert 'stack.pitch_x: 1.0e-06' in best
-    assert 'focus.half_window: ' in best
+    assert one['Sq after [µm]'] != other['Sq after [µm]']
+    assert '1 cloud shows no spread between clouds' in done.out
+    first = (tmp_path / 'out/sweep/candidates/1.yaml').read_text()
+    assert 'stack.pitch_x: 1.0e-06' in first
+    assert 'focus.half_window: ' in first
 
 
 @pytest.mark.parametrize(

@@ -23,5 +23,5 @@ def scale(value):
     return {'circle.radius_scale': value}
 
 
-def trial(value, score=1.0, removed=0.1):
-    return Trial(scale(value), score, 0.5, None, removed, 1.0, 2.0, 3.0, 0)
+def trial(value, score=1.0, removed=0.1, cloud_scores=()):
+    return Trial(scale(value), score, 0.5, None, removed, 1.0, 2.0, 3.0, 0, list(cloud_scores))

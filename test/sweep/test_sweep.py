@@ -25,11 +25,15 @@ def test_a_notebook_gets_the_trials_and_the_files(tmp_path):
     assert result.has_truth
     assert [cloud.name for cloud in result.clouds] == ['/points 0', '/points 1']
     assert (result.resumed, result.refused, result.damage) == (0, {}, None)
-    best = yaml.safe_load((tmp_path / 'new/sweep/best.yaml').read_text())['/**']['ros__parameters']
-    assert best == {'circle.window': 5, **result.best.values}
+    candidates = result.decision.candidates
+    for number, trial in enumerate(candidates, 1):
+        file = tmp_path / f'new/sweep/candidates/{number}.yaml'
+        written = yaml.safe_load(file.read_text())['/**']['ros__parameters']
+        assert written == {'circle.window': 5, **trial.values}
+    assert result.decision.winner is None  # two clouds show no spread
     assert 'Made by: my notebook' in (tmp_path / 'new/sweep/sweep.html').read_text()
     assert {path.name for path in (tmp_path / 'new/sweep').iterdir()} == {
-        'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl',
+        'sweep.html', 'sweep.csv', 'candidates', 'trials.jsonl',
     }  # fmt: skip
 
 

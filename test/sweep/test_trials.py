@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from examples import surface
 from hypothesis import given
 from hypothesis import strategies as st
 from sweep.sweep_examples import BASE, labelled, scale, trial, truth
@@ -12,21 +13,25 @@ from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
-from socialcircle_ros.metrics.scores import Tally, tally
+from socialcircle_ros.metrics.scores import score
 from socialcircle_ros.sweep.clouds import sweep_cloud
 from socialcircle_ros.sweep.trials import TrialFile, best_of, fingerprint_of, run_trial, untried
 
 
-def test_a_trial_is_scored_over_all_clouds_together():
-    clouds = [labelled(), labelled(seed=1)]
-    found = [remove_outliers(each.xyz, CircleSettings(mode='paper', radius_scale=0.6)).outliers for each in clouds]
-    counts = sum((tally(mask, *truth()) for mask in found), Tally())
+def test_clouds_weigh_alike_however_many_outliers_they_have():
+    many = surface(140, 160, seed=1)
+    many[::3, ::3, 2] += 30
+    truth_of_many = np.zeros(many.shape[:2], bool)
+    truth_of_many[::3, ::3] = True
+    points = encode_point_cloud(Header.at(1, ''), many)
+    clouds = [labelled(), sweep_cloud('/points 1', points, (truth_of_many, np.isfinite(many[..., 2])))]
+    alone = [run_trial(BASE, scale(0.6), lambda _, each=each: [each]) for each in clouds]
     tried = run_trial(BASE, scale(0.6), lambda _: clouds)
-    assert (tried.score, tried.precision, tried.recall) == (
-        counts.scores.f1, counts.scores.precision, counts.scores.recall,
-    )  # fmt: skip
-    measured = sum(np.isfinite(each.xyz[..., 2]).sum() for each in clouds)
-    assert tried.removed == sum(mask.sum() for mask in found) / measured
+    assert tried.cloud_scores == [each.score for each in alone]
+    for name in ('score', 'precision', 'recall', 'removed', 'sq'):
+        assert getattr(tried, name) == pytest.approx(np.mean([getattr(each, name) for each in alone]))
+    found = remove_outliers(clouds[0].xyz, CircleSettings(mode='paper', radius_scale=0.6)).outliers
+    assert tried.cloud_scores[0] == score(found, *truth()).f1
     assert (tried.values, tried.refused) == (scale(0.6), 0)
 
 
