@@ -1,12 +1,16 @@
 """`socialcircle experiment`: options and printing; the experiments are in `studies`."""
 
+import importlib.metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from .options import quantity
+
 if TYPE_CHECKING:
     from socialcircle_ros.studies.comparison.measured import MeasuredCloud
+    from socialcircle_ros.studies.steps import Finished
 
 NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptive', 'learned')
 
@@ -31,14 +35,20 @@ NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptiv
     '--network', type=click.Path(path_type=Path, exists=True, dir_okay=False),
     help='ONNX file that learned compares; default: the packaged network.',
 )  # fmt: skip
-def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | None, network: Path | None) -> None:
+@click.option('--restart', is_flag=True, help='Forget what an earlier, interrupted run has finished.')
+def command(
+    name: str, out: Path, quick: bool, seeds: str | None, data: Path | None, network: Path | None, restart: bool
+) -> None:
     """Repeat the experiments of the paper with known truth, and report where its claims hold.
 
     The social circle is compared with the radius, the statistical and the median filter, each at default settings
     and at the best settings found on other seeds. PCL and Open3D are included where installed. The command writes
     one HTML page, its tables and its pictures. `all` runs all experiments of the paper. `adaptive` evaluates the
-    goals of the adaptive mode, in about four minutes. `learned` compares a network with the rules of the adaptive
-    mode, in about ten minutes; it needs --data.
+    goals of the adaptive mode. `learned` compares a network with the rules of the adaptive mode, in about ten
+    minutes; it needs --data.
+
+    The results are written after each step, with an estimate of the time that is left. If a run is interrupted,
+    the same command continues with the steps that are left.
     """
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -47,7 +57,8 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
     from socialcircle_ros.report.page import prepare
     from socialcircle_ros.studies.adaptive.experiment import DEFAULT_SEEDS
     from socialcircle_ros.studies.comparison.study import Plan, Study, quick_plan
-    from socialcircle_ros.studies.experiments import run, run_learned, write
+    from socialcircle_ros.studies.experiments import learned_steps, run, steps_of
+    from socialcircle_ros.studies.steps import fingerprint_of
 
     if name == 'learned' and data is None:
         raise click.UsageError('learned needs measured surfaces: give --data or set SOCIALCIRCLE_DATA.')
@@ -59,7 +70,11 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
     if quick:
         surfaces = surfaces[:1]
     console = Console(stderr=True)
+    command_line = (
+        f'socialcircle experiment {name}{f" --seeds {seeds}" if seeds else ""}{" --quick" if quick else ""}'
+    )
     columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
+    finished = None
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(name, total=None)
 
@@ -70,17 +85,31 @@ def command(name: str, out: Path, quick: bool, seeds: str | None, data: Path | N
 
         study = Study(plan, report)
         if name == 'learned' and data is not None:
-            sections = run_learned(study, data, network, quick=quick)
+            steps = learned_steps(study, data, network, quick=quick)
         else:
-            sections = run(name, study, surfaces)
-    command_line = (
-        f'socialcircle experiment {name}{f" --seeds {seeds}" if seeds else ""}{" --quick" if quick else ""}'
-    )
-    written = write(out, name, command_line, sections)
-    for section in sections:
+            steps = steps_of(name, study, surfaces)
+        shared = fingerprint_of(
+            importlib.metadata.version('socialcircle_ros'), name, plan, data, network,
+            [(cloud.name, fingerprint_of(cloud.points)) for cloud in surfaces],
+        )  # fmt: skip
+        for finished in run(out, name, steps, shared, command=command_line, restart=restart):
+            report(_state(finished))
+    if finished is None:
+        return
+    for section in finished.sections:
         for finding in section.findings:
             click.echo(f'- {finding}')
-    click.echo(f'{len(written)} files written; next: open {written[0]}')
+    click.echo(f'Next: open {out / name}.html')
+
+
+def _state(finished: 'Finished') -> str:
+    """How far an experiment is, and how long it still takes."""
+    state = f'{finished.done} of {quantity(finished.total, "step")} {"found" if finished.resumed else "finished"}'
+    left_s = finished.seconds_left
+    if finished.done == finished.total or left_s is None:
+        return state
+    left = f'{left_s / 60:.0f} min' if left_s >= 90 else f'{left_s:.0f} s'
+    return f'{state}, about {left} left'
 
 
 def _surfaces(folder: Path) -> 'list[MeasuredCloud]':

@@ -1,6 +1,7 @@
 """All experiments by name, and the page, tables and pictures that they write."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from socialcircle_ros.kernels.machine import hardware
@@ -17,15 +18,15 @@ from .learned.surfaces import read_surfaces
 from .paper.contamination import contaminations
 from .paper.figures import figure4, figure8, figure10, figure11
 from .paper.table1 import table1
+from .steps import Finished, Step, forget_steps, run_steps
 
-EXPERIMENTS: dict[str, Sequence[Callable[[Study], list[Section]]]] = {
-    'table1': (table1, contaminations),
-    'figure4': (figure4,),
-    'figure8': (figure8,),
-    'figure10': (figure10,),
-    'figure11': (figure11,),
+FIGURES: dict[str, Callable[[Study], list[Section]]] = {
+    'figure4': figure4,
+    'figure8': figure8,
+    'figure10': figure10,
+    'figure11': figure11,
 }
-"""The parts of each experiment of the paper, in the order of the page."""
+"""The experiments of the paper that are one step each; `table1` has a step for each scene."""
 
 _PAPER_TITLE = 'The social circle compared with other filters'
 _PAPER_INTRODUCTION = (
@@ -48,8 +49,8 @@ _LEARNED_INTRODUCTION = (
 )
 
 
-def run_learned(study: Study, data: Path, network: Path | None, *, quick: bool = False) -> list[Section]:
-    """Compare a network with the rules of the adaptive mode.
+def learned_steps(study: Study, data: Path, network: Path | None, *, quick: bool = False) -> list[Step]:
+    """The one step that compares a network with the rules of the adaptive mode.
 
     Args:
         study: seeds and repeats.
@@ -61,35 +62,72 @@ def run_learned(study: Study, data: Path, network: Path | None, *, quick: bool =
         SocialCircleError: the network cannot be read, or ONNX Runtime is not installed.
     """
     judge = Judge(network or packaged_network())
-    surfaces = read_surfaces(data)
-    return learned(study, surfaces[:1] if quick else surfaces, judge)
+
+    def compare() -> list[Section]:
+        surfaces = read_surfaces(data)
+        return learned(study, surfaces[:1] if quick else surfaces, judge)
+
+    return [Step('learned', compare)]
 
 
-def run(name: str, study: Study, measured: Sequence[MeasuredCloud] = ()) -> list[Section]:
-    """Run one experiment, or all of the paper's.
+def steps_of(name: str, study: Study, measured: Sequence[MeasuredCloud] = ()) -> list[Step]:
+    """The steps of one experiment, or of all of the paper's.
 
     Args:
-        name: a key of `EXPERIMENTS`; 'all' for all of them; or 'adaptive'.
+        name: 'table1', a key of `FIGURES`, 'all' for these together, or 'adaptive'.
         study: clouds, filters and settings.
         measured: surfaces of real instruments, shown with figure 8 and used by the adaptive mode's experiment.
     """
     if name == 'adaptive':
-        return adaptive(study, measured)
-    parts = [part for parts in EXPERIMENTS.values() for part in parts] if name == 'all' else EXPERIMENTS[name]
-    sections = [section for part in parts for section in part(study)]
+        return [Step('adaptive', lambda: adaptive(study, measured))]
+    steps: list[Step] = []
+    if name in ('table1', 'all'):
+        steps += [*table1(study), Step('contaminations', lambda: contaminations(study))]
+    steps += [Step(each, partial(make, study)) for each, make in FIGURES.items() if name in (each, 'all')]
     if measured and name in ('figure8', 'all'):
-        sections += measured_surfaces(study, measured)
-    return sections
+        steps.append(Step('measured', lambda: measured_surfaces(study, measured)))
+    return steps
 
 
-def write(folder: Path, name: str, command: str, sections: Sequence[Section]) -> list[Path]:
-    """Write the tables as CSV, the pictures as PNG, and everything as one HTML page.
+def run(
+    folder: Path, name: str, steps: Sequence[Step], fingerprint: str, *, command: str = '', restart: bool = False
+) -> Iterator[Finished]:
+    """Run an experiment step by step; the page, its tables and its pictures are written after each step.
+
+    Finished steps are kept in the folder `NAME.steps`, from which the next run of the same fingerprint continues.
+    It is removed at the end.
+
+    Args:
+        folder: an existing directory for the results.
+        name: of the experiment; the page is `name.html`.
+        steps: from `steps_of` or `learned_steps`.
+        fingerprint: of what two runs must have in common to share steps.
+        command: the command line, shown on the page.
+        restart: whether to forget what an earlier run finished.
+
+    Yields:
+        What is known after each step.
+
+    Raises:
+        SocialCircleError: the folder or a file cannot be written.
+    """
+    kept = folder / f'{name}.steps'
+    if restart:
+        forget_steps(kept)
+    for finished in run_steps(steps, kept, fingerprint):
+        write(folder, name, command, finished)
+        yield finished
+    forget_steps(kept)
+
+
+def write(folder: Path, name: str, command: str, finished: Finished) -> list[Path]:
+    """Write the tables as CSV, the pictures as PNG, and everything as one HTML page, as far as it is finished.
 
     Args:
         folder: an existing directory.
         name: of the experiment; the page is `name.html`.
         command: the command line, shown on the page.
-        sections: of the page.
+        finished: the steps so far.
 
     Returns:
         The written files, the page first.
@@ -106,6 +144,10 @@ def write(folder: Path, name: str, command: str, sections: Sequence[Section]) ->
     provenance = (
         f'Command: {command}. Machine: {hardware()}. Times are from this run; compare ratios rather than times.'
     )
+    sections = finished.sections
+    introduction_texts = [introduction, provenance]
+    if finished.done < finished.total:
+        introduction_texts.append(f'Not finished: {finished.done} of {finished.total} steps.')
     contents: dict[Path, str | bytes] = {}
     for section in sections:
         contents |= {folder / f'{table.name}.csv': table.csv() for table in section.tables}
@@ -113,5 +155,5 @@ def write(folder: Path, name: str, command: str, sections: Sequence[Section]) ->
     for path, content in contents.items():
         write_file(path, content)
     page = folder / f'{name}.html'
-    write_file(page, render(title, [introduction, provenance], sections))
+    write_file(page, render(title, introduction_texts, sections))
     return [page, *contents]

@@ -18,8 +18,8 @@ LEAST_CLOUDS = 3
 STANDARD_ERRORS = 3.0
 """How many standard errors of the mean the margin must exceed.
 
-Among 40 settings that differ by chance only, over 3 to 10 clouds, 4 to 7 % of the sweeps have such a margin; with 2
-standard errors it would be 10 to 12 %.
+Among 40 settings that differ by chance only, over 3 to 10 clouds, 4 to 7 % of the sweeps have such a margin; with
+2 standard errors it would be 10 to 12 %.
 """
 
 MOST_CANDIDATES = 4

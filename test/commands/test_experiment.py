@@ -35,11 +35,13 @@ def test_all_experiments_write_one_page_its_tables_and_its_pictures(run, tmp_pat
         'real_plate',
     } <= pictures
     page = (folder / 'all.html').read_text(encoding='utf-8')
-    assert page.count('<img ') == len(pictures)
+    assert page.count('<img ') == len(pictures) + 1  # the last one shows a picture enlarged
     assert 'socialcircle experiment all --seeds 4 --quick' in page
     assert str(tmp_path) not in page
     findings = [line for line in done.out.splitlines() if line.startswith('- ')]
     assert len(findings) > 8
+    assert ' steps finished, about ' in done.err
+    assert not (folder / 'all.steps').exists()
 
 
 def test_the_goals_of_the_adaptive_mode_are_evaluated(run, tmp_path):

@@ -24,6 +24,7 @@ from socialcircle_ros.studies.comparison.methods import (
 )
 from socialcircle_ros.studies.comparison.search import SEARCH_SPACES
 from socialcircle_ros.studies.comparison.study import Study, mean_scores
+from socialcircle_ros.studies.steps import Step
 
 from .verdicts import Outcome, f1_ranking, judge, summary, verdict_table
 
@@ -40,12 +41,17 @@ _PAPER = Table(
 )  # fmt: skip
 
 
-def table1(study: Study) -> list[Section]:
-    """Compare the filters on each scene of the plan, synthetic and scanned."""
+def table1(study: Study) -> list[Step]:
+    """Compare the filters on each scene of the plan, synthetic and scanned: one step for each."""
+
+    def step(scene: str, *, from_stack: bool) -> Step:
+        key = f'table1_{scene}{"_stack" if from_stack else ""}'
+        return Step(key, lambda: [_comparison(study, scene, from_stack=from_stack)])
+
     return [
-        _introduction(study),
-        *(_comparison(study, scene, from_stack=from_stack) for scene, from_stack in study.plan.scenes),
-        _settings(study),
+        Step('table1_introduction', lambda: [_introduction(study)]),
+        *(step(scene, from_stack=from_stack) for scene, from_stack in study.plan.scenes),
+        Step('table1_settings', lambda: [_settings(study)]),
     ]
 
 

@@ -68,20 +68,25 @@ def summary(others: str, verdicts: Sequence[ClaimVerdict]) -> str:
         verdicts: one for each of them.
     """
     total = len(verdicts)
+    kept, removed, speed = ([getattr(each, name) for each in verdicts] for name in ('keeps', 'removes', 'faster'))
     parts = [
-        f'It {comparison} {_of_them(values.count(1), total)}'
-        + (f' and {equal} {values.count(0)}.' if values.count(0) else '.')
-        for comparison, equal, values in (
-            ('keeps more good points than', 'as many as', [verdict.keeps for verdict in verdicts]),
-            ('removes more outliers than', 'as many as', [verdict.removes for verdict in verdicts]),
-            ('is faster than', 'as fast as', [verdict.faster for verdict in verdicts]),
-        )
+        _sentence('keeps', 'more good points than', 'as many good points as', 'fewer good points than', kept),
+        _sentence('removes', 'more outliers than', 'as many outliers as', 'fewer outliers than', removed),
+        _sentence('is', 'faster than', 'as fast as', 'slower than', speed),
     ]
-    holding = _of_them(sum(verdict.holds for verdict in verdicts), total)
+    holding = _counted(sum(verdict.holds for verdict in verdicts), total)
     return (
-        f'The social circle is compared with {others} ({total} in total). {" ".join(parts)} All three parts of the'
+        f'The social circle is compared with {others}, {total} in total. {" ".join(parts)} All three parts of the'
         f' claim hold against {holding}.'
     )
+
+
+def _sentence(verb: str, more: str, equal: str, less: str, values: Sequence[int]) -> str:
+    """How many of the others it exceeds, equals and falls short of, such as 'It is faster than 2 of the 4.'."""
+    counts = ((more, values.count(1)), (equal, values.count(0)), (less, values.count(-1)))
+    clauses = [f'{comparison} {_counted(count, len(values))}' for comparison, count in counts if count]
+    *first, last = clauses
+    return f'It {verb} {", ".join(first)} and {last}.' if first else f'It {verb} {last}.'
 
 
 def f1_ranking(outcomes: Sequence[Outcome]) -> str:
@@ -122,9 +127,11 @@ def _sign(difference: float, same: float) -> int:
     return 0 if abs(difference) < same else (1 if difference > 0 else -1)
 
 
-def _of_them(count: int, total: int) -> str:
-    words = {0: 'none', total: 'all'}
-    return f'{words.get(count, str(count))} of them'
+def _counted(count: int, total: int) -> str:
+    """A number of the others, such as '2 of the 4'."""
+    if total == 1:
+        return 'it' if count else 'none'
+    return {0: 'none', total: 'both' if total == 2 else f'all {total}'}.get(count, f'{count} of the {total}')
 
 
 def _word(value: int) -> str:

@@ -8,7 +8,7 @@ from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.studies.adaptive.inserted_outliers import measured_surface
 from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 from socialcircle_ros.studies.comparison.study import Plan, Study
-from socialcircle_ros.studies.experiments import run_learned
+from socialcircle_ros.studies.experiments import learned_steps
 from socialcircle_ros.studies.learned import evaluation
 from socialcircle_ros.studies.learned.surfaces import DEVELOPMENT, HELD_OUT, read_surfaces
 
@@ -67,7 +67,7 @@ def test_goals_and_pictures_are_made(sections):
 def test_a_network_that_is_not_there_is_named(tmp_path):
     pytest.importorskip('onnxruntime')
     with pytest.raises(SocialCircleError, match=r'none\.onnx cannot be read as a network'):
-        run_learned(Study(Plan((1,)), print), tmp_path, tmp_path / 'none.onnx')
+        learned_steps(Study(Plan((1,)), print), tmp_path, tmp_path / 'none.onnx')
 
 
 def test_every_surface_that_is_left_out_is_in_the_data_folder(real_measurements):

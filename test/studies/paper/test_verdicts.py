@@ -36,9 +36,9 @@ def test_the_summary_and_the_table_follow_from_the_numbers():
     worse, better = outcome(RadiusSettings(), 0.8, 0.02, 20.0), outcome(RadiusSettings(), 0.95, 0.02, 5.0)
     verdicts = [judge(OURS, worse), judge(OURS, better)]
     assert summary('other filters', verdicts) == (
-        'The social circle is compared with other filters (2 in total). It keeps more good points than all of'
-        ' them. It removes more outliers than 1 of them. It is faster than 1 of them. All three parts of the claim'
-        ' hold against 1 of them.'
+        'The social circle is compared with other filters, 2 in total. It keeps more good points than both. It'
+        ' removes more outliers than 1 of the 2 and fewer outliers than 1 of the 2. It is faster than 1 of the 2'
+        ' and slower than 1 of the 2. All three parts of the claim hold against 1 of the 2.'
     )
     rows = verdict_table('name', 'title', verdicts).rows
     assert [row[1:] for row in rows] == [['yes', 'yes', 'yes', 'holds'], ['yes', 'no', 'no', 'does not hold']]
@@ -47,9 +47,8 @@ def test_the_summary_and_the_table_follow_from_the_numbers():
 def test_the_summary_counts_equal_results_separately():
     equal = judge(OURS, outcome(RadiusSettings(), 0.9, 0.01, 10.0))
     assert summary('one filter', [equal]) == (
-        'The social circle is compared with one filter (1 in total). It keeps more good points than none of them'
-        ' and as many as 1. It removes more outliers than none of them and as many as 1. It is faster than none of'
-        ' them and as fast as 1. All three parts of the claim hold against none of them.'
+        'The social circle is compared with one filter, 1 in total. It keeps as many good points as it. It'
+        ' removes as many outliers as it. It is as fast as it. All three parts of the claim hold against none.'
     )
 
 
