@@ -86,9 +86,11 @@ def make_report(
 ) -> Report:
     """Filter every cloud and every focus stack of a recording, and write an HTML page about them.
 
-    The page shows for each cloud: height maps before and after, the mask, counts, seed and radius, Sa, Sq and Sz
-    before and after, times and warnings. It adds precision and recall where the recording holds the truth. Where
-    the recording holds a measurement of the same cloud, the page warns of differences.
+    The page has a summary with the verdict of `settings.limits`, and for each cloud: height maps before and after,
+    what was removed, a profile through the worst outlier, the histogram of the heights, counts, Sa, Sq, Sz, Ssk,
+    Sku and Sdr before and after, the settings that had an effect, and warnings. It adds precision and recall where
+    the recording holds the truth. Where the recording holds a measurement of the same cloud, the page warns of
+    differences.
 
     Clouds are filtered on all cores. A few of them are in memory at a time; the pictures of all of them are.
 
@@ -105,7 +107,7 @@ def make_report(
 
     Raises:
         RecordingError: the recording cannot be read, or no cloud of it can be filtered.
-        SocialCircleError: the page cannot be written, or matplotlib is not installed.
+        SocialCircleError: the page cannot be written, or matplotlib or Jinja2 is not installed.
 
     Example:
         >>> from socialcircle_ros import CircleSettings, make_report
