@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import RosValue
+from socialcircle_ros.settings.effects import has_effect
 
 from . import markup
 from .changes import Changes
-from .effects import has_effect
 from .link import Descriptor
 from .log import Log
 from .widgets import Widget, widget_of

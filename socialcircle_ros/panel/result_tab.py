@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.settings.effects import VOTE_REGION
 
 from . import charts, colours, markup
 from .changes import Changes
 from .display import ALONG, QUANTITIES, Display, Drawing, drawing_of, fields_of
-from .effects import VOTE_REGION
 from .elements import on_choice
 from .link import ShownCloud
 from .log import Log

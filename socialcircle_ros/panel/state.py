@@ -14,10 +14,10 @@ from pathlib import Path
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.messages.header import stamp_of, stamp_text
 from socialcircle_ros.settings import RosValue
+from socialcircle_ros.settings.effects import VOTE_REGION, has_effect
 
 from .comparison import Comparison
 from .display import Display
-from .effects import VOTE_REGION, has_effect
 from .link import ShownCloud, Snapshot
 from .recorded import RecordedCloud
 

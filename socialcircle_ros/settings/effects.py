@@ -1,41 +1,35 @@
-"""Which parameters have an effect, given the values of the others."""
+"""Which parameters have an effect with the others as they are."""
 
 from collections.abc import Mapping
 
-from .groups import PARAMETERS
 from .schema import RosValue
 
-_OF_BOTH_MODES = frozenset({'circle.mode', 'circle.not_measured'})
-_OF_ADAPTIVE = frozenset({'circle.depth_of_field', 'output.score'})
-_NEEDS = {
+VOTE_REGION = 'circle.vote_region'
+
+_ONLY_WITH: Mapping[str, tuple[str, RosValue]] = {
+    'circle.window': ('circle.mode', 'paper'),
+    VOTE_REGION: ('circle.mode', 'paper'),
+    'circle.radius': ('circle.mode', 'paper'),
+    'circle.radius_scale': ('circle.mode', 'paper'),
+    'circle.depth_of_field': ('circle.mode', 'adaptive'),
+    'output.score': ('circle.mode', 'adaptive'),
     'stack.z_start': ('stack.z_source', 'step'),
     'stack.z_step': ('stack.z_source', 'step'),
     'stack.joint': ('stack.z_source', 'joint_states'),
+    'repair.method': ('output.repaired', True),
+    'repair.largest': ('output.repaired', True),
+    'repair.sides': ('output.repaired', True),
+    'repair.heights_agree': ('output.repaired', True),
 }
+"""The value of another parameter with which a parameter has an effect."""
 
 
 def has_effect(name: str, values: Mapping[str, RosValue]) -> bool:
-    """Whether another value of a parameter could change a result.
+    """Whether a change of a parameter can change a result.
 
     Args:
-        name: full name of the parameter.
-        values: values of the parameters by full name; missing ones have their defaults.
-
-    Example:
-        >>> has_effect('circle.window', {'circle.mode': 'adaptive'})
-        False
+        name: of the parameter.
+        values: of all parameters. A parameter that depends on one that is not among them has an effect.
     """
-
-    def value(other: str) -> RosValue:
-        return values.get(other, PARAMETERS[other].default)
-
-    if name in _OF_ADAPTIVE:
-        return value('circle.mode') == 'adaptive'
-    if name.startswith('circle.') and name not in _OF_BOTH_MODES:
-        return value('circle.mode') == 'paper'
-    if name.startswith('repair.'):
-        return value('output.repaired') is True
-    if name in _NEEDS:
-        needed, wanted = _NEEDS[name]
-        return value(needed) == wanted
-    return True
+    other, needed = _ONLY_WITH.get(name, (name, None))
+    return other not in values or needed is None or values[other] == needed

@@ -5,7 +5,7 @@ from examples import surface
 
 from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.settings import PARAMETERS
-from socialcircle_ros.settings.effects import has_effect
+from socialcircle_ros.settings.effects import _ONLY_WITH, has_effect
 
 OTHERS = {
     'circle.window': 5,
@@ -29,23 +29,25 @@ def test_a_parameter_without_effect_changes_nothing(mode, name):
     assert (found.outliers == other.outliers).all()
 
 
-@pytest.mark.parametrize(
-    ('name', 'values', 'expected'),
-    [
-        ('circle.window', {}, True),
-        ('circle.window', {'circle.mode': 'adaptive'}, False),
-        ('circle.depth_of_field', {}, False),
-        ('circle.mode', {'circle.mode': 'adaptive'}, True),
-        ('repair.largest', {}, False),
-        ('repair.largest', {'output.repaired': True}, True),
-        ('stack.z_step', {'stack.z_source': 'joint_states'}, False),
-        ('stack.joint', {'stack.z_source': 'joint_states'}, True),
-        ('stack.joint', {}, False),
-    ],
-)
-def test_the_effect_depends_on_the_other_values(name, values, expected):
-    assert has_effect(name, values) == expected
+DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
 
 
-def test_every_parameter_has_an_answer():
-    assert {has_effect(name, {}) for name in PARAMETERS} == {True, False}
+def test_every_parameter_is_one_of_the_node_and_depends_on_a_value_that_the_node_takes():
+    for name, (other, value) in _ONLY_WITH.items():
+        assert name in PARAMETERS
+        row = PARAMETERS[other]
+        assert type(row.default) is type(value)
+        assert not row.limits.choices or value in row.limits.choices
+
+
+def test_the_vote_region_is_of_mode_paper_and_the_depth_of_field_of_mode_adaptive():
+    for mode in ('paper', 'adaptive'):
+        values = DEFAULTS | {'circle.mode': mode}
+        assert has_effect('circle.vote_region', values) == (mode == 'paper')
+        assert has_effect('circle.depth_of_field', values) == (mode == 'adaptive')
+        assert has_effect('circle.not_measured', values)
+
+
+def test_a_parameter_has_an_effect_where_it_is_not_known_what_it_depends_on():
+    assert has_effect('circle.window', {'circle.window': 3})
+    assert has_effect('circle.flank', {'circle.flank': 1.0})
