@@ -16,7 +16,7 @@ pytest.importorskip('PIL')
 
 def entry(points=None, circle=None, output=None, **more):
     points = points or cloud()
-    settings = PipelineSettings(circle=circle or CircleSettings(), output=output or OutputSettings())
+    settings = PipelineSettings(circle=circle or CircleSettings(mode='paper'), output=output or OutputSettings())
     return make_entry('/points 0', points, filter_cloud(points, settings), **more)
 
 

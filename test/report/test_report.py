@@ -75,7 +75,7 @@ def test_a_folder_is_no_page(recording, tmp_path):
 
 
 def test_settings_with_an_effect_are_shown_and_changed_ones_marked():
-    settings = PipelineSettings(circle=CircleSettings(window=5), limits=LimitSettings(sq_max=2.0))
+    settings = PipelineSettings(circle=CircleSettings(mode='paper', window=5), limits=LimitSettings(sq_max=2.0))
     rows = {row[0]: row[1:] for row in settings_table(settings, []).rows}
     assert rows['circle.window'] == ['5 points', '3 points', 'changed']
     assert rows['circle.radius_scale'] == ['1.0', '1.0', '']

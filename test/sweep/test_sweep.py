@@ -29,7 +29,7 @@ def test_a_notebook_gets_the_trials_and_the_files(tmp_path):
     for number, trial in enumerate(candidates, 1):
         file = tmp_path / f'new/sweep/candidates/{number}.yaml'
         written = yaml.safe_load(file.read_text())['/**']['ros__parameters']
-        assert written == {'circle.window': 5, **trial.values}
+        assert written == {'circle.mode': 'paper', 'circle.window': 5, **trial.values}
     assert result.decision.winner is None  # two clouds show no spread
     assert 'Made by: my notebook' in (tmp_path / 'new/sweep/sweep.html').read_text()
     assert {path.name for path in (tmp_path / 'new/sweep').iterdir()} == {
