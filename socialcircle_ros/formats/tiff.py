@@ -56,7 +56,7 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
         ImportFileError: the file has no heights, but a picture; or no pitch.
     """
     try:
-        from PIL import Image, UnidentifiedImageError  # noqa: PLC0415 - an extra
+        from PIL import Image  # noqa: PLC0415 - an extra
     except ImportError:
         raise ImportFileError(f'TIFF files need Pillow: {install_command("pictures")}.') from None
     try:
@@ -64,7 +64,11 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
             mode, pages = image.mode, getattr(image, 'n_frames', 1)
             tags = dict(getattr(image, 'tag_v2', {}))
             values = np.asarray(image) if mode in _MODES and pages == 1 else None
-    except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
+    except Image.DecompressionBombError:
+        raise ImportFileError(
+            f'{path} states more pixels than are read here: it is damaged, or to be split.'
+        ) from None
+    except (OSError, ValueError, SyntaxError, EOFError, KeyError, IndexError, TypeError, OverflowError):
         raise ImportFileError(f'{path} is not a readable TIFF file: save it again.') from None
     if pages != 1:
         raise ImportFileError(f'{path} has {pages} pages; a height map is one page of numbers: split the file.')

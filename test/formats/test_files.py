@@ -1,5 +1,6 @@
 """Every format that is written: import → export → import is exact, and what is lost is said."""
 
+import builtins
 import tempfile
 from pathlib import Path
 
@@ -163,3 +164,35 @@ def test_a_file_that_is_cut_off_is_refused(suffix, data):
             return  # the last digits of the last number
         with pytest.raises(ImportFileError):
             import_cloud(path)
+
+
+@pytest.mark.parametrize('suffix', WRITTEN)
+@settings(max_examples=40)
+@given(changes=st.lists(st.tuples(st.integers(0, 400), st.integers(0, 255)), min_size=1, max_size=3))
+def test_a_file_with_changed_bytes_is_read_or_refused_in_one_sentence(suffix, changes):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f'a{suffix}'
+        write_surface(path, PLANE)
+        content = bytearray(path.read_bytes())
+        for place, value in changes:
+            content[place % len(content)] = value
+        path.write_bytes(content)
+        try:
+            import_cloud(path)
+        except ImportFileError as error:
+            assert path.name in str(error)
+            assert '\n' not in str(error)
+
+
+@pytest.mark.parametrize('error', ['KeyError', 'TypeError', 'DecompressionBombError'])
+def test_whatever_pillow_raises_for_a_damaged_tiff_becomes_one_sentence(tmp_path, monkeypatch, error):
+    image = pytest.importorskip('PIL.Image')
+    write_surface(tmp_path / 'a.tif', PLANE)
+    kind = getattr(image, error, None) or getattr(builtins, error)
+
+    def opened(_):
+        raise kind(262)
+
+    monkeypatch.setattr(image, 'open', opened)
+    with pytest.raises(ImportFileError, match=r'a\.tif (is not a readable TIFF file|states more pixels)'):
+        import_cloud(tmp_path / 'a.tif')
