@@ -32,8 +32,9 @@ def tune(
         presets: the folder of the presets.
         recording: a recording to open for the first node.
         arguments: of ROS, as on the command line (--ros-args ...).
-        serving: called once with the full name of the node that is shown, or '', with what the page waits for, and
-            with its address. The address holds a secret token: every other address is refused.
+        serving: called at the start, and for each other node that is shown, with the full name of the node, or ''
+            where there is none, with what the page waits for, and with its address. The address holds a secret
+            token: every other address is refused.
 
     Raises:
         SocialCircleError: viser is not installed, or this machine has no such address.
@@ -46,6 +47,6 @@ def tune(
         server, page, address = page_of(finder, Presets(presets), host, port, recording)
         try:
             serving(finder.taken() or '', finder.sentence(), address)
-            page.run(stop.is_set)
+            page.run(stop.is_set, lambda name: serving(name, '', address))
         finally:
             server.stop()

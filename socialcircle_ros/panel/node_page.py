@@ -50,6 +50,16 @@ class NodePage:
         """The log of the node and of the page."""
         return self._log
 
+    @property
+    def knows_parameters(self) -> bool:
+        """Whether the node has sent its parameters."""
+        return bool(self._current.now.snapshot.values)
+
+    @property
+    def has_recording(self) -> bool:
+        """Whether a recording is open."""
+        return self._current.now.recording is not None
+
     def update(self, timeout_s: float) -> None:
         """Show the newest snapshot of the node, as soon as there is a new one, or after `timeout_s`."""
         self._log.guarded('Updating the page', self._update, timeout_s)

@@ -1,5 +1,6 @@
 """The page: it waits for a node, offers those that there are, and shows the one that is chosen."""
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import viser
 
 _UPDATE_S = 0.25  # between two updates of the page, at least
+_PATIENCE_S = 5.0  # with a node that has not sent its parameters
 _LEFT_PIXELS = 340
 _NO_NODE = 'choose a node'
 
@@ -40,6 +42,7 @@ class Page:
         self._chosen: str | None = None
         self._wanted: str | None = None
         self._node: NodePage | None = None
+        self._patience_until = time.monotonic() + _PATIENCE_S
         server.gui.configure_theme(
             dark_mode=True, show_logo=False, show_share_button=False, brand_color=(29, 145, 192)
         )
@@ -47,25 +50,39 @@ class Page:
         self._build()
         self._look()
 
-    def run(self, stop: Callable[[], bool]) -> None:
-        """Show the nodes and each new snapshot of the chosen one, until `stop` returns True."""
+    def run(self, stop: Callable[[], bool], showing: Callable[[str], None] = lambda name: None) -> None:
+        """Show the nodes and each new snapshot of the chosen one, until `stop` returns True.
+
+        Args:
+            stop: whether to end.
+            showing: called with the name of each other node that is shown from now on.
+        """
         try:
             while not stop():
-                start = time.monotonic()
+                start, before = time.monotonic(), self._chosen
                 self._log.guarded('Looking for nodes', self._look)
+                if self._chosen is not None and self._chosen != before:
+                    showing(self._chosen)
                 if self._node is not None:
-                    self._open_given(self._node)
                     self._node.update(_UPDATE_S)
+                    self._open_given(self._node)
                 time.sleep(max(0.0, _UPDATE_S - (time.monotonic() - start)))
         finally:
             if self._node is not None:
                 self._node.close()
 
     def _open_given(self, node: NodePage) -> None:
-        """Open the recording that was given at the start, once."""
-        path, self._recording = self._recording, None
-        if path is not None:
-            node.open_recording(path)
+        """Open the recording that was given at the start, once the parameters of the node are known.
+
+        Frames need them. Without a node it is tried once after some seconds, which is enough for clouds.
+        """
+        path = self._recording
+        if path is None or not (node.knows_parameters or time.monotonic() > self._patience_until):
+            return
+        self._patience_until = math.inf
+        node.open_recording(path)
+        if node.knows_parameters or node.has_recording:
+            self._recording = None
 
     def _look(self) -> None:
         """Offer the nodes that there are, and show the one that is wanted."""
