@@ -21,7 +21,7 @@ def text_of(path):
 
 
 def test_the_page_shows_each_cloud_and_needs_no_other_file(run, tmp_path):
-    done = run('report', BAGS / 'parts.mcap', '-o', 'new/folder/parts.html')
+    done = run('report', BAGS / 'parts.mcap', '-o', 'new/folder/parts.html', '-p', 'circle.mode:=paper')
     assert done.code == 0, done.err
     assert '8 measurements, 14680 of 153600 measured points are outliers' in done.out
     page = (tmp_path / 'new/folder/parts.html').read_text()
@@ -101,7 +101,8 @@ def test_a_measurement_that_fails_its_limits_ends_with_3_and_is_on_the_page(run,
 
 def test_two_settings_are_compared_side_by_side(run, tmp_path):
     for name, scale in (('a', 0.6), ('b', 1.0)):
-        (tmp_path / f'{name}.yaml').write_text(f'/**:\n  ros__parameters:\n    circle.radius_scale: {scale}\n')
+        values = f'circle.mode: paper\n    circle.radius_scale: {scale}'
+        (tmp_path / f'{name}.yaml').write_text(f'/**:\n  ros__parameters:\n    {values}\n')
     done = run('report', BAGS / 'padded.mcap', '--compare', 'a.yaml', 'b.yaml', '-o', 'ab.html')
     assert done.code == 0, done.err
     assert '2 measurements compared' in done.out
