@@ -51,7 +51,14 @@ setup(
     maintainer_email='maintainers@socialcircle.dev',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
-        NAME: ['py.typed', 'node/*.xml', 'recording/definitions/*', 'panel/*.css', 'report/templates/*']
+        NAME: [
+            'py.typed',
+            'node/*.xml',
+            'recording/definitions/*',
+            'panel/*.css',
+            'report/templates/*',
+            'studies/learned/*.onnx',
+        ]
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

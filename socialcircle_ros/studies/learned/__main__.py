@@ -21,9 +21,9 @@ from socialcircle_ros.errors import SocialCircleError, install_command
     ' training goes on where it was stopped.',
 )  # fmt: skip
 @click.option('-o', '--out', type=click.Path(path_type=Path), required=True, help='ONNX file to write.')
-@click.option('--files', default=80, show_default=True, help='Files of the corpus: 100 patches, 143 MB each.')
-@click.option('--steps', default=12_000, show_default=True, help='Steps of the training: 0.3 s each on two cores.')
-@click.option('--workers', default=2, show_default=True, help='Processes; each has 16 crops a step.')
+@click.option('--files', default=100, show_default=True, help='Files of the corpus: 100 patches, 143 MB each.')
+@click.option('--steps', default=12_000, show_default=True, help='Steps of the training.')
+@click.option('--workers', default=2, show_default=True, help='Processes; each has 8 crops a step.')
 @click.option('--seed', default=1, show_default=True, help='Decides corpus, first weights and order of the crops.')
 @click.option(
     '--leave-out', multiple=True, metavar='NAME',
@@ -34,7 +34,9 @@ from socialcircle_ros.errors import SocialCircleError, install_command
     '--from', 'start', type=click.Path(path_type=Path, exists=True),
     help='ONNX file to start from; default: random weights.',
 )  # fmt: skip
-@click.option('--threshold', default=0.5, show_default=True, help='Probability above which a point is an outlier.')
+@click.option(
+    '--threshold', default=0.65, show_default=True, help='Probability above which a point is an outlier.'
+)
 def command(
     data: Path,
     work: Path,

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import write_file
 
 from .features import CHANNELS, features_of
@@ -73,8 +74,17 @@ def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> 
 def make_corpus(
     folder: Path, surfaces: Sequence[TrainingSurface], seeds: Sequence[int], progress: Callable[[str], None]
 ) -> None:
-    """Make the files of a corpus that are not there yet, one for each seed."""
+    """Make the files of a corpus that are not there yet, one for each seed.
+
+    Raises:
+        SocialCircleError: a file that is there was made from other surfaces.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    for path in sorted(folder.glob('*.json')):
+        if json.loads(path.read_text(encoding='utf-8'))['surfaces'] != [surface.name for surface in surfaces]:
+            raise SocialCircleError(
+                f'{path} was made from other surfaces: give another folder, or remove this one.'
+            )
     for seed in seeds:
         if not (folder / f'{seed:06d}.npy').exists():
             make_shard(folder, surfaces, seed)

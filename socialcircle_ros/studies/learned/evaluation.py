@@ -29,8 +29,8 @@ THRESHOLDS = (0.3, 0.5, 0.65, 0.8, 0.9, 0.95)
 PICTURES = 10
 """Clouds drawn: those that the network judges worst."""
 JUDGES = ('rules', 'network', 'both')
-"""`both` removes what the rules remove, and what the network gives a probability above `_CERTAIN`."""
-_CERTAIN = 0.9
+"""`both` removes islands of the rules of a mean probability above `_LIKELY`, and points above `_CERTAIN`."""
+_LIKELY, _CERTAIN = 0.2, 0.8
 _TIMED = (960, 1280)
 
 
@@ -96,7 +96,8 @@ def learned(study: Study, surfaces: Sequence[StudiedSurface], judge: Judge) -> l
         'Outliers are put into whole surfaces by two generators that the network was never trained on: `ellipses`'
         ' is `simulation.add_outliers`, `irregular` is `add_irregular_outliers`. Points of the untouched surface'
         f' beyond 10 robust σ of its 11×11 median are not counted. Medians over {len(study.plan.seeds)} seeds.'
-        f' `both` removes what the rules remove, and what the network is certain of ({_CERTAIN:g}).'
+        f' `both` removes the islands of the rules whose mean probability is above {_LIKELY:g}, and points above'
+        f' {_CERTAIN:g}.'
         ' "Left out" are surfaces of instruments that these weights were not trained on: '
         + '; '.join(f'{name} ({instrument})' for name, instrument in HELD_OUT.items())
         + '.'
@@ -137,7 +138,19 @@ def _masks(heights: NDArray[np.floating], judge: Judge) -> list[Mask]:
     probability = 1 / (1 + np.exp(-judge.logits(heights).astype(np.float64)))
     probability[~np.isfinite(heights)] = 0
     network = [probability > each for each in (judge.threshold, *THRESHOLDS)]
-    return [rules, network[0], rules | (probability > _CERTAIN), *network[1:]]
+    both = _likely_islands(rules, probability) | (probability > _CERTAIN)
+    return [rules, network[0], both, *network[1:]]
+
+
+def _likely_islands(found: Mask, probability: NDArray[np.float64]) -> Mask:
+    """The connected sets of a mask whose mean probability is above `_LIKELY`."""
+    from scipy.ndimage import label, mean  # noqa: PLC0415 an extra
+
+    parts, count = label(found, np.ones((3, 3)))
+    likely = np.zeros(count + 1, bool)
+    likely[1:] = np.asarray(mean(probability, parts, np.arange(1, count + 1))) > _LIKELY
+    chosen: Mask = likely[parts]
+    return chosen
 
 
 def _group(name: str) -> str:

@@ -43,7 +43,7 @@ class Training:
     """
 
     steps: int = 20_000
-    batch: int = 16
+    batch: int = 8
     rate: float = 3e-3
     cooling: float = 0.4
     seed: int = 1

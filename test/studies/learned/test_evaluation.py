@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip('matplotlib')
+pytest.importorskip('scipy')
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.studies.adaptive.inserted_outliers import measured_surface
 from socialcircle_ros.studies.comparison.measured import MeasuredCloud

@@ -72,6 +72,14 @@ def test_a_corpus_is_made_once(tiny_corpus):
     assert {path: path.stat().st_mtime_ns for path in tiny_corpus.iterdir()} == before
 
 
+def test_a_corpus_of_other_surfaces_is_refused(tiny_corpus):
+    class Other:
+        name = 'other'
+
+    with pytest.raises(SocialCircleError, match='was made from other surfaces'):
+        corpus.make_corpus(tiny_corpus, [Other()], [8], lambda step: None)
+
+
 def test_points_that_do_not_count_do_not_change_the_loss():
     labels = torch.tensor([0, 1, 2], dtype=torch.uint8).reshape(1, 1, 1, 3)
     first, second = (
