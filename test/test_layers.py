@@ -19,7 +19,7 @@ LEVELS = [
     {'studies'},
     {'clients'},
     {'node', 'panel', 'sweep'},
-    {'archive'},
+    {'archive', 'teaching'},
     {'report'},
     {'recording', 'measurements'},
     {'pipeline'},

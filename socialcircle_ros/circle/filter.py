@@ -10,8 +10,9 @@ from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organize
 from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
+from socialcircle_ros.settings.lessons import known_lesson
 
-from .adaptive import TOUCH, find_outliers
+from .adaptive import TOUCH, LessonJudge, find_outliers, unlike
 from .doubts import doubts_of
 from .expansion import divide
 from .not_measured import recognise
@@ -114,7 +115,7 @@ def remove_outliers(
     if unmeasured.points is not None:
         cloud = np.where(unmeasured.points[..., None], cloud.dtype.type(np.nan), cloud)
     if settings.mode == 'adaptive':
-        result = _remove_adaptively(cloud, settings.depth_of_field)
+        result = _remove_adaptively(cloud, settings.depth_of_field, settings.lesson)
     else:
         result = _remove_as_in_the_paper(cloud, settings)
     notes = (unmeasured.note,) if unmeasured.note else ()
@@ -142,14 +143,16 @@ def _remove_as_in_the_paper(cloud: Cloud, settings: CircleSettings) -> CircleRes
     )
 
 
-def _remove_adaptively(cloud: Cloud, depth_of_field: float | None) -> CircleResult:
+def _remove_adaptively(cloud: Cloud, depth_of_field: float | None, lesson_path: str) -> CircleResult:
     """Separate the outliers in the adaptive mode: the surface's own spread, and many communities."""
     measured = measured_points(cloud)
     if not measured.any():
         raise NoSeedError('No point of the cloud is measured.')
-    found = find_outliers(np.where(measured, cloud[..., 2], np.nan), depth_of_field)
+    lesson = known_lesson(lesson_path) if lesson_path else None
+    judge = None if lesson is None else LessonJudge(lesson)
+    found = find_outliers(np.where(measured, cloud[..., 2], np.nan), depth_of_field, judge=judge)
     inliers = measured & ~found.outliers
-    warnings = []
+    warnings = [] if lesson is None else unlike(lesson, found.spread)
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
         warnings.append(f'{kept}; this mode cannot tell such islands from outliers.')

@@ -25,7 +25,13 @@ GROUPS = {
         'simulate': 'simulate',
     },
     'Look': {'report': 'report', 'measurements': 'measurements', 'trend': 'trend'},
-    'Study': {'calibrate': 'calibrate', 'sweep': 'sweep', 'bench': 'bench', 'experiment': 'experiment'},
+    'Study': {
+        'teach': 'teach',
+        'calibrate': 'calibrate',
+        'sweep': 'sweep',
+        'bench': 'bench',
+        'experiment': 'experiment',
+    },
 }
 """The commands in the groups of the help: name to module."""
 

@@ -2,11 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from socialcircle_ros.pipeline.stacks import Refusal
 
 from .offline import SourceCloud
+
+Item = TypeVar('Item')
 
 
 class NamedCloud(NamedTuple):
@@ -25,3 +27,15 @@ def named_clouds(events: Iterable[SourceCloud | Refusal]) -> Iterator[NamedCloud
         else:
             yield NamedCloud(f'{event.topic} {counts[event.topic]}', event)
             counts[event.topic] += 1
+
+
+def evenly_spread(items: Iterable[Item], count: int) -> list[Item]:
+    """Choose at most `count` items, spread evenly; at most twice as many are in memory at a time."""
+    kept: list[Item] = []
+    stride = 1
+    for number, item in enumerate(items):
+        if number % stride == 0:
+            kept.append(item)
+        if len(kept) > 2 * count:
+            kept, stride = kept[::2], 2 * stride
+    return [kept[place * len(kept) // count] for place in range(count)] if len(kept) > count else kept

@@ -12,6 +12,7 @@ _ONLY_WITH: Mapping[str, tuple[str, RosValue]] = {
     'circle.radius': ('circle.mode', 'paper'),
     'circle.radius_scale': ('circle.mode', 'paper'),
     'circle.depth_of_field': ('circle.mode', 'adaptive'),
+    'circle.lesson': ('circle.mode', 'adaptive'),
     'output.score': ('circle.mode', 'adaptive'),
     'stack.z_start': ('stack.z_source', 'step'),
     'stack.z_step': ('stack.z_source', 'step'),

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 from socialcircle_ros.errors import SettingError
 
+from .lessons import read_lesson
 from .schema import Parameter, RosValue, Settings, setting
 from .stack_groups import FocusSettings, StackSettings
 
@@ -34,8 +35,8 @@ class CircleSettings(Settings):
     mode: Mode = setting(
         'adaptive',
         "Method. 'adaptive': takes its scales from the surface and keeps every community; of the other circle"
-        " parameters it uses depth_of_field and not_measured only. 'paper': the published method, with one radius"
-        ' and one community; it removes nothing where the heights are much smaller than the pitch.',
+        " parameters it uses depth_of_field, lesson and not_measured only. 'paper': the published method, with one"
+        ' radius and one community; it removes nothing where the heights are much smaller than the pitch.',
         choices=('paper', 'adaptive'),
     )
     window: int = setting(
@@ -77,6 +78,11 @@ class CircleSettings(Settings):
         empty=0.0,
     )
 
+    lesson: str = setting(
+        '',
+        'File that `socialcircle teach` wrote about this kind of part; used by the adaptive mode. It tells the'
+        " outliers from the part's own texture. Empty: none.",
+    )
     not_measured: str = setting(
         'auto',
         "Which points are not measured, besides NaN: 'auto': many points at exactly one place, such as (0, 0, 0),"
@@ -125,6 +131,8 @@ class CircleSettings(Settings):
                 f"circle.not_measured is {self.not_measured!r}; use 'auto', 'nan', or the height that stands for"
                 " not measured, such as '0' or '-9999'."
             )
+        if self.lesson:
+            read_lesson(self.lesson)
         if self.depth_of_field == 0.0:
             raise SettingError('circle.depth_of_field must be above 0; use None if it is unknown.')
 

@@ -15,7 +15,7 @@ from socialcircle_ros.kernels.ordered import in_order
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
-from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
+from socialcircle_ros.recording.named_clouds import NamedCloud, evenly_spread, named_clouds
 from socialcircle_ros.recording.offline import source_clouds
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
@@ -153,18 +153,6 @@ class SweptRecording:
                 self.refused[item.reason] += 1
             else:
                 yield item
-
-
-def evenly_spread(items: Iterable[Item], count: int) -> list[Item]:
-    """Choose at most `count` items, spread evenly; at most twice as many are in memory at a time."""
-    kept: list[Item] = []
-    stride = 1
-    for number, item in enumerate(items):
-        if number % stride == 0:
-            kept.append(item)
-        if len(kept) > 2 * count:
-            kept, stride = kept[::2], 2 * stride
-    return [kept[place * len(kept) // count] for place in range(count)] if len(kept) > count else kept
 
 
 def cached(load: CloudSource) -> CloudSource:

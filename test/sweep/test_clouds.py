@@ -12,7 +12,8 @@ from socialcircle_ros.errors import MessageError, RecordingError
 from socialcircle_ros.messages import image, point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import RecordingWriter, ros_topic
-from socialcircle_ros.sweep.clouds import SweptRecording, cached, evenly_spread, sweep_cloud
+from socialcircle_ros.recording.named_clouds import evenly_spread
+from socialcircle_ros.sweep.clouds import SweptRecording, cached, sweep_cloud
 
 
 def test_the_criterion_takes_the_place_of_an_unknown_truth():

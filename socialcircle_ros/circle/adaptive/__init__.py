@@ -8,6 +8,7 @@ Its steps, in order:
 - `relief`: a surface of the significant differences alone.
 - `islands`: communities that rise from their surroundings on all sides.
 - `texture`: islands that belong to the surface.
+- `communities`, `lesson`: a lesson about one kind of part, which judges what the other steps found.
 - `pyramid`: the same at reduced resolution.
 - `optics`: for focus stacks, the tolerance that the depth of field gives, and walls.
 
@@ -16,5 +17,6 @@ Its steps, in order:
 
 from .detection import AdaptiveResult, Rules, find_outliers
 from .isolated import TOUCH
+from .lesson import CommunityJudge, LessonJudge, unlike
 
-__all__ = ['TOUCH', 'AdaptiveResult', 'Rules', 'find_outliers']
+__all__ = ['TOUCH', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Rules', 'find_outliers', 'unlike']

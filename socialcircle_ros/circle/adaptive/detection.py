@@ -1,7 +1,7 @@
 """The adaptive mode composed: isolated points, then islands, then islands at reduced resolution."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +10,12 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 
+from .communities import communities_of
 from .differences import Differences, Spread, normalised_differences
 from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
+from .lesson import CommunityJudge
 from .optics import beside_walls, beyond_tolerance
 from .pyramid import halved, mark_expanded, raise_expanded
 from .relief import relief_of
@@ -76,6 +78,7 @@ def find_outliers(
     heights: npt.NDArray[np.float32] | npt.NDArray[np.float64],
     depth_of_field: float | None = None,
     rules: Rules | None = None,
+    judge: CommunityJudge | None = None,
 ) -> AdaptiveResult:
     """Find the outliers of a height map with scales that come from the map itself.
 
@@ -86,8 +89,12 @@ def find_outliers(
         depth_of_field: of the optics, in the unit of the heights; None where the heights do not come from a focus
             stack, or where it is unknown.
         rules: None: the default rules.
+        judge: decides about what the rules find. It knows the texture of its kind of part, so that the texture
+            rule is left out. None: all that is found are outliers.
     """
     rules = rules or Rules()
+    if judge is not None:
+        rules = replace(rules, steep=judge.steep)
     stopwatch = Stopwatch()
     relative = relative_heights(heights)
     search = _IslandSearch(relative)
@@ -101,7 +108,7 @@ def find_outliers(
     predicted = search.remove_islands(steep[1], rules.clip, may_predict=depth_of_field is None)
     stopwatch.lap('islands')
 
-    texture, islands_kept = islands_of_one_height(relative, search.found)
+    texture, islands_kept = search.texture(judge)
     stopwatch.lap('texture')
 
     # A surface with predicted differences has been smoothed: at reduced resolution its own hills would be steep.
@@ -109,9 +116,12 @@ def find_outliers(
     if not predicted and not islands_kept:
         search.remove_reduced_islands(steep, rules.clip)
         stopwatch.lap('reduced')
-        texture, islands_kept = islands_of_one_height(relative, search.found)
+        texture, islands_kept = search.texture(judge)
         stopwatch.lap('texture')
     outliers = search.found & ~texture
+    if judge is not None:
+        outliers = search.judged(judge, spread)
+        stopwatch.lap('lesson')
 
     if depth_of_field is not None:
         outliers = beyond_tolerance(relative, outliers, depth_of_field)
@@ -137,6 +147,7 @@ class _IslandSearch:
 
     def __init__(self, heights: RelativeHeights) -> None:
         self.heights = heights
+        self._given = heights
         self.measured: Mask = np.isfinite(heights)
         self.found: Mask = np.zeros(heights.shape, np.bool_)
         self.steepness = np.zeros(heights.shape, np.float32)
@@ -186,6 +197,23 @@ class _IslandSearch:
             raise_expanded(steepness, reduction, self.steepness)
             heights = with_holes_filled(heights, islands)
         self.found &= self.measured
+
+    def texture(self, judge: CommunityJudge | None) -> tuple[Mask, int]:
+        """Find the islands that belong to the surface, and their number; a judge decides that by itself."""
+        if judge is not None:
+            return np.zeros(self.found.shape, np.bool_), 0
+        return islands_of_one_height(self._given, self.found)
+
+    def judged(self, judge: CommunityJudge, spread: float) -> Mask:
+        """The outliers among the communities found; `steepness` becomes that from which the score is made."""
+        communities = communities_of(self._given, self.found, self.steepness, spread)
+        chances, least = judge.chances(communities), judge.threshold
+        are_outliers = chances >= least
+        sure = np.where(are_outliers, (chances - least) / (1 - least), chances / least)
+        self.steepness.flat[communities.points] = sure[communities.labels]
+        outliers: Mask = np.zeros(self.found.shape, np.bool_)
+        outliers.flat[communities.points] = are_outliers[communities.labels]
+        return outliers
 
     def _normalised_differences(self, *, may_predict: bool) -> tuple[Spread, Differences]:
         spread = estimate_spread(self.heights, _TILE_SIDE, may_predict=may_predict)

@@ -1,0 +1,140 @@
+"""Lesson files: what `socialcircle teach` learnt about one kind of part, for `circle.lesson`.
+
+A lesson is a small JSON file. How communities are judged by it is in `circle.adaptive.lesson`.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import cast
+
+from socialcircle_ros.errors import SettingError
+
+TRAITS = (
+    'size',
+    'above',
+    'height',
+    'greatest height',
+    'roughness',
+    'steepness',
+    'greatest steepness',
+    'share of its square',
+    'roughness around',
+    'slope around',
+    'step at its border',
+    'share of its border not measured',
+)
+"""The traits of a community that a lesson weighs, in the order of its numbers."""
+
+WEIGHTS = (len(TRAITS) + 1) * (len(TRAITS) + 2) // 2
+"""One for each trait, one for each product of two, and a constant."""
+
+_VERSION = 1
+_LARGEST_FILE = 1_000_000  # bytes; a lesson has about 4,000
+
+_Stamp = tuple[int, int, int]
+_known: dict[str, tuple[_Stamp, 'Lesson']] = {}
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What was learnt about one kind of part.
+
+    Attributes:
+        taught_on: names of the good clouds.
+        spread: least and greatest spread of the good clouds: the surface scale, in their unit.
+        steep: the rules look for communities that are steeper than this.
+        mean: of each trait, in the order of `TRAITS`.
+        scale: standard deviation of each trait.
+        weights: of the constant, the traits, and their products in the order of the upper triangle.
+        threshold: a community is an outlier if its probability is at least this.
+        check: what the check on the fields kept back measured, by name.
+    """
+
+    taught_on: tuple[str, ...]
+    spread: tuple[float, float]
+    steep: float
+    mean: tuple[float, ...]
+    scale: tuple[float, ...]
+    weights: tuple[float, ...]
+    threshold: float
+    check: Mapping[str, float]
+
+    def to_text(self) -> str:
+        """The content of a lesson file."""
+        return json.dumps({'socialcircle_lesson': _VERSION, **asdict(self)}, indent=1) + '\n'
+
+    @classmethod
+    def from_text(cls, text: str) -> 'Lesson':
+        """Read the content of a lesson file.
+
+        Raises:
+            ValueError: it is not the content of a lesson; the message says what is wrong.
+        """
+        found = json.loads(text)
+        if not isinstance(found, dict) or found.pop('socialcircle_lesson', None) != _VERSION:
+            raise ValueError('it is not a lesson of this version')
+        spread = _numbers(found, 'spread', 2)
+        mean, scale = _numbers(found, 'mean', len(TRAITS)), _numbers(found, 'scale', len(TRAITS))
+        weights = _numbers(found, 'weights', WEIGHTS)
+        steep, threshold = _numbers({'it': [found.get('steep'), found.get('threshold')]}, 'it', 2)
+        names, check = found.get('taught_on'), found.get('check')
+        if min(scale) <= 0 or not 0 <= spread[0] <= spread[1]:
+            raise ValueError('its scales are not above 0')
+        if not 0 < threshold < 1:
+            raise ValueError('its threshold is not between 0 and 1')
+        if not (isinstance(names, list) and isinstance(check, dict)):
+            raise ValueError('it does not say what it was taught on')  # noqa: TRY004 - one error for all
+        values = _numbers({'check': list(check.values())}, 'check', len(check))
+        checked = dict(zip(map(str, check), values, strict=True))
+        taught_on = tuple(map(str, names))
+        return cls(taught_on, (spread[0], spread[1]), steep, mean, scale, weights, threshold, checked)
+
+
+def read_lesson(path: str) -> Lesson:
+    """Read a lesson file, unless it is known already and has not changed.
+
+    Raises:
+        SettingError: the file cannot be read, or it is not a lesson.
+    """
+    try:
+        found = Path(path).stat()
+        stamp = (found.st_mtime_ns, found.st_size, found.st_ino)
+        if path in _known and _known[path][0] == stamp:
+            return _known[path][1]
+        if found.st_size > _LARGEST_FILE:
+            raise ValueError('it is too large')  # noqa: TRY301 - one message for all
+        lesson = Lesson.from_text(Path(path).read_text(encoding='utf-8'))
+    except (OSError, ValueError, RecursionError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise SettingError(
+            f'circle.lesson: {path} cannot be used ({reason}); give a file that `socialcircle teach` wrote on this'
+            ' machine, or an empty text for no lesson.'
+        ) from None
+    _known[path] = stamp, lesson
+    return lesson
+
+
+def known_lesson(path: str) -> Lesson:
+    """The lesson as it was when the settings were made, so that the file may change while clouds are filtered.
+
+    Raises:
+        SettingError: the lesson is not known yet, and its file cannot be used.
+    """
+    return _known[path][1] if path in _known else read_lesson(path)
+
+
+def _numbers(found: Mapping[str, object], name: str, count: int) -> tuple[float, ...]:
+    values = found.get(name)
+    if not isinstance(values, Sequence) or len(values) != count:
+        raise ValueError(f'its {name} are not {count} numbers')
+    numbers = tuple(
+        float(cast('float', value))
+        for value in values
+        if isinstance(value, (int, float)) and not isinstance(value, bool)
+    )
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise ValueError(f'its {name} are not {count} finite numbers')
+    return numbers

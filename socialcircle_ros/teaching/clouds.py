@@ -1,0 +1,195 @@
+"""The good clouds, and the fields of them: those to teach on, and those kept back for the check."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.baselines.median import window_median
+from socialcircle_ros.circle.not_measured import recognise
+from socialcircle_ros.cloud import Cloud, Floats, Mask, measured_points
+from socialcircle_ros.errors import CloudError, SocialCircleError
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.pipeline.stacks import Refusal
+from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.named_clouds import NamedCloud, evenly_spread, named_clouds
+from socialcircle_ros.recording.offline import source_clouds
+from socialcircle_ros.recording.units import unit_of
+from socialcircle_ros.settings import PipelineSettings
+
+LEAST_POINTS = 10_000
+"""Measured points that all good clouds must have together: fewer show too little of a texture."""
+
+_SIGMA = 1.4826
+"""Standard deviation of a normal distribution, in median absolute deviations."""
+_NOISE_WINDOW, _SPIKE_WINDOW = 5, 11
+"""Sides of the median windows: residuals to the first give the noise, residuals to the second the spikes."""
+_SPIKE = 10.0
+"""A point further than this from the median of the spike window stands out, in robust σ of such residuals."""
+_MOST_SPIKES = 0.001
+"""Share of the points up to which those that stand out are suspects; more of them are the texture of the part."""
+_LONG = 400
+"""Points along the longer side from which a cloud is cut into four fields instead of two."""
+
+
+@dataclass(frozen=True, eq=False)
+class GoodCloud:
+    """A cloud of a good part.
+
+    Attributes:
+        name: file, topic and number.
+        points: (H, W, 3), NaN where not measured.
+        depth_of_field: of a cloud that was a stack, in the unit of the cloud; None for other clouds.
+        unit: of the coordinates; None: not known.
+    """
+
+    name: str
+    points: Cloud
+    depth_of_field: float | None = None
+    unit: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class GoodField:
+    """A good cloud, or a part of one.
+
+    Attributes:
+        cloud: the cloud or the part of one.
+        heights: (H, W), NaN where not measured.
+        noise: robust σ of the residuals to a 5×5 median, in the unit of the cloud; above 0.
+        suspects: (H, W) bool, points that stand out so rarely and so far that they may be outliers themselves.
+    """
+
+    cloud: GoodCloud
+    heights: Floats
+    noise: float
+    suspects: Mask
+
+    @property
+    def name(self) -> str:
+        """Name of the cloud, with the number of the part."""
+        return self.cloud.name
+
+
+def read_good_clouds(
+    files: Sequence[Path],
+    settings: PipelineSettings,
+    *,
+    topics: tuple[str, ...] = (),
+    most: int = 8,
+    progress: Callable[[str], None] = lambda text: None,
+) -> tuple[list[GoodCloud], Counter[str]]:
+    """Read the clouds of recordings and measurement files; stacks become clouds.
+
+    Args:
+        files: recordings or measurement files of good parts.
+        settings: how stacks become clouds, and which points count as not measured.
+        topics: topics of clouds; none: all topics named `points`, and all stacks.
+        most: clouds to use of each file, spread evenly.
+        progress: called with what is read.
+
+    Returns:
+        The clouds, and the number of refused ones by reason.
+
+    Raises:
+        RecordingError: a file cannot be read, or it has no cloud.
+        CloudError: no cloud of the files can be used.
+    """
+    refused: Counter[str] = Counter()
+    clouds = []
+    for path in files:
+        progress(f'reading {path.name}')
+        with open_recording(path) as reader:
+            events = named_clouds(source_clouds(reader, settings, topics=topics))
+            chosen = evenly_spread(_not_refused(events, refused), most)
+            units = ['m' if cloud.image is not None else unit_of(reader, cloud.topic) for _, cloud in chosen]
+        for (name, cloud), unit in zip(chosen, units, strict=True):
+            try:
+                xyz = PointCloud.decode(cloud.points).xyz()
+                unmeasured = recognise(xyz, settings.circle.not_measured).points
+            except SocialCircleError as error:
+                refused[str(error)] += 1
+                continue
+            if unmeasured is not None:
+                xyz = np.where(unmeasured[..., None], xyz.dtype.type(np.nan), xyz)
+            depth = settings.circle.depth_of_field or cloud.depth_of_field
+            clouds.append(GoodCloud(f'{path.name} {name}', xyz, depth, unit))
+    if not clouds:
+        raise CloudError(f'There is no cloud to teach on. {" ".join(refused)}'.strip())
+    return clouds, refused
+
+
+def fields_of(clouds: Sequence[GoodCloud]) -> tuple[list[GoodField], list[GoodField]]:
+    """The fields to teach on, and those kept back for the check.
+
+    Of several clouds every second one is kept back. One cloud is cut into strips along its longer side, of which
+    every second one is kept back.
+
+    Raises:
+        CloudError: the clouds have too few measured points.
+    """
+    parts = list(clouds)
+    if len(clouds) == 1:
+        parts = list(_strips(clouds[0]))
+    fields = _without_texture([_field(part) for part in parts])
+    for kept_back, group in enumerate((fields[::2], fields[1::2])):
+        measured = sum(int(np.isfinite(field.heights).sum()) for field in group)
+        if measured < LEAST_POINTS // 2:
+            what = 'to check on' if kept_back else 'to teach on'
+            raise CloudError(
+                f'The good clouds have {measured} measured points {what}, and a lesson needs at least'
+                f' {LEAST_POINTS // 2}: give larger clouds, or more of them.'
+            )
+    return fields[::2], fields[1::2]
+
+
+def _strips(cloud: GoodCloud) -> Iterator[GoodCloud]:
+    """Parts of a cloud along its longer side."""
+    height, width = cloud.points.shape[:2]
+    number = 4 if max(height, width) >= _LONG else 2
+    for place in range(number):
+        rows, columns = slice(None), slice(None)
+        if width > height:
+            columns = slice(width * place // number, width * (place + 1) // number)
+        else:
+            rows = slice(height * place // number, height * (place + 1) // number)
+        name = f'{cloud.name}, part {place + 1} of {number}'
+        yield GoodCloud(name, cloud.points[rows, columns].copy(), cloud.depth_of_field, cloud.unit)
+
+
+def _field(cloud: GoodCloud) -> GoodField:
+    """A cloud as a field; all points that stand out are suspects."""
+    points = cloud.points
+    measured = measured_points(points)
+    heights = points[..., 2].copy()
+    heights[~measured] = np.nan
+    fine, coarse = (np.abs(heights - window_median(points, side)) for side in (_NOISE_WINDOW, _SPIKE_WINDOW))
+    suspects: Mask = measured & (coarse > _SPIKE * _robust(coarse[measured]))
+    return GoodField(cloud, heights, _robust(fine[measured]), suspects)
+
+
+def _without_texture(fields: list[GoodField]) -> list[GoodField]:
+    """The fields without suspects, where so many points stand out that they are the texture of the part."""
+    suspects = sum(int(np.count_nonzero(each.suspects)) for each in fields)
+    if suspects <= _MOST_SPIKES * sum(int(np.isfinite(each.heights).sum()) for each in fields):
+        return fields
+    return [replace(each, suspects=np.zeros_like(each.suspects)) for each in fields]
+
+
+def _robust(residuals: npt.NDArray[np.float32 | np.float64]) -> float:
+    """Robust σ of residuals, or their mean where more than half of them are 0; at least the smallest number."""
+    if not residuals.size:
+        return math.ulp(0.0)
+    return float(max(_SIGMA * np.median(residuals) or np.mean(residuals), np.finfo(np.float32).tiny))
+
+
+def _not_refused(events: Iterable[NamedCloud | Refusal], refused: Counter[str]) -> Iterator[NamedCloud]:
+    for event in events:
+        if isinstance(event, Refusal):
+            refused[event.reason] += 1
+        else:
+            yield event

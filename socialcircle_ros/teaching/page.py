@@ -1,0 +1,82 @@
+"""What the check of a lesson found, as an HTML page: figures and pictures before and after."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from socialcircle_ros.pictures.drawings import CloudPictures
+from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.report.content import Cell, Column, Picture, Pictures, Section, Table
+from socialcircle_ros.report.page import environment, render
+
+from .examples import CHECKED
+from .teach import CheckedField, Teaching
+
+_SHOWN = 8
+"""Most fields with pictures."""
+
+
+def check_libraries() -> None:
+    """Fail now if a library for the page is missing, and not after the work.
+
+    Raises:
+        SocialCircleError: matplotlib or Jinja2 is not installed; the message says how to install it.
+    """
+    new_figure(1, 1)
+    environment()
+
+
+def lesson_page(teaching: Teaching) -> str:
+    """Render the page.
+
+    Raises:
+        SocialCircleError: matplotlib or Jinja2 is not installed.
+    """
+    names = ', '.join(teaching.lesson.taught_on)
+    introduction = [
+        f'Taught on: {names}.',
+        'Outliers were put into some parts of the good clouds. The lesson learnt to tell them from the texture.',
+        'The figures below are of the parts that were kept back.',
+    ]
+    verdict = teaching.refusal or 'The lesson helps on the fields kept back.'
+    check = Section('Check', findings=[verdict], items=[_figures(teaching)], warnings=[*teaching.warnings])
+    return render('A lesson', introduction, [check, *_pictures(teaching.fields)])
+
+
+def _figures(teaching: Teaching) -> Table:
+    rows: list[list[Cell]] = [
+        ['untouched: good points removed', None, teaching.before.removed, teaching.after.removed, None, None]
+    ]
+    for kind, before, after in zip(CHECKED, teaching.before.inserted, teaching.after.inserted, strict=True):
+        name = (
+            f'{kind.amplitude[0]:g} to {kind.amplitude[1]:g} σ, clusters of {kind.radius[0]:g} to'
+            f' {kind.radius[1]:g} points radius, {kind.flank} flanks'
+        )
+        rows.append([name, kind.share, before.false_positive_rate, after.false_positive_rate, before.f1, after.f1])
+    columns = [
+        Column('outliers put in'), Column('share', '.0%'), Column('good points removed, rules', '.3%'),
+        Column('with the lesson', '.3%'), Column('F1, rules', '.3f'), Column('F1, with the lesson', '.3f'),
+    ]  # fmt: skip
+    note = 'σ is the robust standard deviation of the residuals to a 5×5 median.'
+    return Table('check', 'Fields kept back', columns, rows, note)
+
+
+def _pictures(fields: Sequence[CheckedField]) -> Iterator[Section]:
+    for checked in fields[:_SHOWN]:
+        example, unit = checked.example, checked.example.field.cloud.unit
+        rules = CloudPictures(example.points, checked.before, unit)
+        lesson = CloudPictures(example.points, checked.after, unit, rules.colour_range)
+        inserted = int(np.count_nonzero(example.outlier))
+        counts = (
+            f'{np.count_nonzero(checked.before):,} by the rules, {np.count_nonzero(checked.after):,} by the lesson'
+        )
+        if inserted:
+            title, text = f'{inserted:,} outliers put in', f'Points removed: {counts}.'
+            pictures = [
+                Picture('rules', rules.against_truth(example.outlier, example.counted), 'by the rules'),
+                Picture('lesson', lesson.against_truth(example.outlier, example.counted), 'with the lesson'),
+            ]
+        else:
+            title, text = 'untouched', f'Points removed: {counts}. A: the rules; B: with the lesson.'
+            pictures = [Picture('before', rules.before(), ''), Picture('differ', rules.against(lesson), '')]
+        yield Section(f'{example.field.name}: {title}', [text], items=[Pictures(pictures)])

@@ -1,0 +1,214 @@
+"""A lesson from good clouds: taught on some fields, checked on those kept back, refused if it does not help."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from statistics import mean
+
+import numpy as np
+
+from socialcircle_ros.circle.adaptive import CommunityJudge, LessonJudge, Rules
+from socialcircle_ros.cloud import Mask
+from socialcircle_ros.metrics.scores import Scores, Tally, tally
+from socialcircle_ros.settings.lessons import Lesson
+
+from .clouds import GoodCloud, GoodField, fields_of
+from .examples import (
+    CHECKED,
+    TAUGHT,
+    GoodExample,
+    LabelledCommunities,
+    communities_in,
+    joined,
+    untouched,
+    with_outliers,
+)
+from .fit import fit
+
+_THRESHOLDS = (0.7, 0.85, 0.95)
+_REMOVED = 0.0003
+"""Share of the untouched points that a lesson may remove where it was taught: the least threshold that does."""
+_FIRST_SEED, _FIRST_CHECK_SEED = 1, 1001
+_WORSE_F1, _WORSE_REMOVED = 0.005, 0.0001
+"""By how much a lesson may be worse than the rules in one figure, if it is better in the other."""
+_BETTER_F1, _BETTER_REMOVED = 0.01, 0.0002
+_TOLD = 5  # names of fields in a warning
+
+TeachingProgress = Callable[[int, int], None]
+"""Called with the number of finished steps and the number of all steps."""
+
+
+@dataclass(frozen=True)
+class LessonCheck:
+    """How well outliers are found in the fields kept back.
+
+    Attributes:
+        inserted: scores for each kind of outliers put in, as in `CHECKED`.
+        removed: share of the untouched points that are removed.
+    """
+
+    inserted: tuple[Scores, ...]
+    removed: float
+
+    @property
+    def f1(self) -> float:
+        """Mean F1 over the kinds."""
+        return mean(each.f1 for each in self.inserted)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedField:
+    """A field kept back, and what is removed of it.
+
+    Attributes:
+        example: the field, untouched or with outliers put in.
+        before: (H, W) bool, what the rules remove.
+        after: (H, W) bool, what the lesson removes.
+    """
+
+    example: GoodExample
+    before: Mask
+    after: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Teaching:
+    """What teaching came to.
+
+    Attributes:
+        lesson: the lesson.
+        before: the check of the rules alone.
+        after: the check of the lesson.
+        fields: the fields kept back: untouched, and with the outliers of the second kind of `CHECKED`.
+        warnings: where the good clouds seem to have outliers, one sentence each.
+        refusal: why the lesson is not worth having; '': it is.
+    """
+
+    lesson: Lesson
+    before: LessonCheck
+    after: LessonCheck
+    fields: Sequence[CheckedField]
+    warnings: Sequence[str]
+    refusal: str
+
+
+def teach(clouds: Sequence[GoodCloud], progress: TeachingProgress = lambda done, all_steps: None) -> Teaching:
+    """Teach a lesson, and check it.
+
+    Args:
+        clouds: clouds of good parts of one kind.
+        progress: called after each step.
+
+    Raises:
+        CloudError: the clouds have too few measured points.
+    """
+    taught, kept_back = fields_of(clouds)
+    steps = _StepCounter(progress, len(taught) * (1 + len(TAUGHT)) + 2 * len(kept_back) * (1 + len(CHECKED)))
+    lesson = _learn(taught, tuple(cloud.name for cloud in clouds), steps)
+    judge = LessonJudge(lesson)
+    before, after, checked = _check(kept_back, judge, steps)
+    figures = {
+        'f1_before': before.f1,
+        'f1_after': after.f1,
+        'removed_before': before.removed,
+        'removed_after': after.removed,
+    }
+    lesson = replace(lesson, check=figures)
+    return Teaching(lesson, before, after, checked, _suspicions(taught, kept_back), _refusal(before, after))
+
+
+class _StepCounter:
+    """Counts finished steps for a progress bar."""
+
+    def __init__(self, progress: TeachingProgress, number: int) -> None:
+        self._progress, self._number, self._done = progress, number, 0
+
+    def done(self) -> None:
+        self._done += 1
+        self._progress(self._done, self._number)
+
+
+def _learn(fields: Sequence[GoodField], names: tuple[str, ...], steps: _StepCounter) -> Lesson:
+    steep = Rules().steep
+    good: list[LabelledCommunities] = []
+    parts: list[LabelledCommunities] = []
+    spreads = []
+    for number, place in enumerate(fields):
+        found, spread = communities_in(untouched(place), steep)
+        good.append(found)
+        spreads.append(spread)
+        steps.done()
+        for kind, contamination in enumerate(TAUGHT):
+            seed = _FIRST_SEED + number * len(TAUGHT) + kind
+            parts.append(communities_in(with_outliers(place, contamination, seed), steep)[0])
+            steps.done()
+    mean_, scale, weights = fit(joined(good + parts))
+    lesson = Lesson(
+        taught_on=names,
+        spread=(min(spreads), max(spreads)),
+        steep=steep,
+        mean=tuple(mean_.tolist()),
+        scale=tuple(scale.tolist()),
+        weights=tuple(weights.tolist()),
+        threshold=_THRESHOLDS[0],
+        check={},
+    )
+    points = sum(int(np.isfinite(place.heights).sum()) for place in fields)
+    return replace(lesson, threshold=_threshold(lesson, joined(good), points))
+
+
+def _threshold(lesson: Lesson, good: LabelledCommunities, points: int) -> float:
+    """The least threshold that removes hardly any of the untouched points of the taught fields."""
+    chances = LessonJudge(lesson).chances_of(good.traits)
+    for threshold in _THRESHOLDS:
+        if good.weights[chances >= threshold].sum() <= _REMOVED * points:
+            return threshold
+    return _THRESHOLDS[-1]
+
+
+def _check(
+    fields: Sequence[GoodField], judge: CommunityJudge, steps: _StepCounter
+) -> tuple[LessonCheck, LessonCheck, list[CheckedField]]:
+    """Compare the rules with the lesson on the fields kept back."""
+    tallies = [[Tally()] * (1 + len(CHECKED)) for _ in range(2)]
+    shown = []
+    for number, place in enumerate(fields):
+        for kind in range(1 + len(CHECKED)):
+            seed = _FIRST_CHECK_SEED + number * len(CHECKED) + kind
+            example = with_outliers(place, CHECKED[kind - 1], seed) if kind else untouched(place)
+            masks = []
+            for way, each in enumerate((None, judge)):
+                masks.append(example.filtered(each).outliers)
+                tallies[way][kind] += tally(masks[-1], example.outlier, example.counted)
+                steps.done()
+            if kind in (0, 2):
+                shown.append(CheckedField(example, masks[0], masks[1]))
+    checks = [
+        LessonCheck(tuple(each.scores for each in kinds[1:]), kinds[0].scores.false_positive_rate)
+        for kinds in tallies
+    ]
+    return checks[0], checks[1], shown
+
+
+def _suspicions(taught: Sequence[GoodField], kept_back: Sequence[GoodField]) -> list[str]:
+    """Warn where points of the good clouds stand out like outliers."""
+    found = [(place.name, int(place.suspects.sum())) for place in (*taught, *kept_back) if place.suspects.any()]
+    if not found:
+        return []
+    names = ', '.join(f'{name}: {count}' for name, count in found[:_TOLD]) + (', …' if len(found) > _TOLD else '')
+    points = sum(count for _, count in found)
+    sentence = f'The good clouds seem to have outliers of their own: {points} points stand out ({names}).'
+    return [f'{sentence} They do not count in the check; if they are outliers, teach on clouds without them.']
+
+
+def _refusal(before: LessonCheck, after: LessonCheck) -> str:
+    """Why a lesson does not help; '' where it does."""
+    gain, saved = after.f1 - before.f1, before.removed - after.removed
+    worse = gain < -_WORSE_F1 or saved < -_WORSE_REMOVED
+    if not worse and (gain > _BETTER_F1 or saved > _BETTER_REMOVED):
+        return ''
+    what = 'would make it worse' if worse else 'would change little'
+    return (
+        f'A lesson {what} on the fields kept back: F1 is {before.f1:.3f} without and {after.f1:.3f} with it, and'
+        f' {before.removed:.3%} and {after.removed:.3%} of the good points are removed. Use the adaptive mode'
+        ' without a lesson, or teach on more clouds.'
+    )

@@ -1,0 +1,119 @@
+"""How a lesson judges."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from socialcircle_ros import CircleSettings, remove_outliers
+from socialcircle_ros.circle.adaptive import LessonJudge, find_outliers, unlike
+from socialcircle_ros.circle.adaptive.lesson import logistic, terms
+from socialcircle_ros.errors import SettingError
+from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
+
+ALL = Lesson(
+    taught_on=('good.npz',),
+    spread=(0.5, 2.0),
+    steep=0.955,
+    mean=(0.0,) * len(TRAITS),
+    scale=(1.0,) * len(TRAITS),
+    weights=(5.0, *(0.0,) * (WEIGHTS - 1)),
+    threshold=0.7,
+    check={},
+)
+"""Takes whatever the rules find for an outlier."""
+NONE = replace(ALL, weights=(-5.0, *ALL.weights[1:]))
+
+
+def weighing(name, weight, constant):
+    """A lesson that weighs one trait."""
+    weights = [0.0] * WEIGHTS
+    weights[0], weights[1 + TRAITS.index(name)] = constant, weight
+    return replace(ALL, weights=tuple(weights))
+
+
+@dataclass(frozen=True)
+class Surface:
+    heights: np.ndarray
+    single: np.ndarray
+    cluster: np.ndarray
+
+
+@pytest.fixture(scope='module')
+def surface():
+    """Noise with single points and a cluster that are off."""
+    heights = np.random.default_rng(3).normal(size=(90, 120)).astype(np.float32)
+    single, cluster = np.zeros(heights.shape, bool), np.zeros(heights.shape, bool)
+    single[20::30, 15::30] = True
+    cluster[40:46, 60:67] = True
+    heights[single] += 30
+    heights[cluster] += 40
+    return Surface(heights, single, cluster)
+
+
+def test_a_lesson_that_believes_the_rules_changes_no_point(surface):
+    rules, lesson = find_outliers(surface.heights), find_outliers(surface.heights, judge=LessonJudge(ALL))
+    np.testing.assert_array_equal(rules.outliers, lesson.outliers)
+    assert (surface.single | surface.cluster)[rules.outliers].mean() > 0.9
+
+
+def test_a_lesson_keeps_what_it_knows_as_texture(surface):
+    only_large = LessonJudge(weighing('size', 3.0, -4.0))
+    found = find_outliers(surface.heights, judge=only_large).outliers
+    assert found[surface.cluster].all()
+    assert not found[surface.single].any()
+    assert not find_outliers(surface.heights, judge=LessonJudge(NONE)).outliers.any()
+
+
+@pytest.mark.parametrize('lesson', [ALL, NONE, weighing('size', 3.0, -4.0), weighing('height', -1.0, 3.0)])
+def test_the_score_is_above_half_exactly_for_outliers(surface, lesson):
+    heights = surface.heights.copy()
+    heights[5, 7:30] = np.nan
+    result = find_outliers(heights, judge=LessonJudge(lesson))
+    np.testing.assert_array_equal(result.score > 0.5, result.outliers)
+    np.testing.assert_array_equal(np.isnan(result.score), np.isnan(heights))
+    assert np.nanmin(result.score) >= 0
+    assert np.nanmax(result.score) <= 1
+
+
+def test_another_unit_changes_no_point_with_a_lesson(surface):
+    judge = LessonJudge(weighing('height', -1.0, 3.0))
+    one = find_outliers(surface.heights, judge=judge)
+    other = find_outliers(surface.heights * np.float32(2**-20), judge=judge)
+    np.testing.assert_array_equal(one.outliers, other.outliers)
+    np.testing.assert_array_equal(one.score, other.score)
+
+
+def test_terms_are_the_traits_and_their_products():
+    traits = np.arange(2.0 * len(TRAITS)).reshape(2, -1) / 10
+    made = terms(traits, np.full(len(TRAITS), 0.5), np.full(len(TRAITS), 2.0))
+    assert made.shape == (2, WEIGHTS)
+    standard = (traits - 0.5) / 2
+    np.testing.assert_array_equal(made[:, 0], 1)
+    np.testing.assert_allclose(made[:, 1 : 1 + len(TRAITS)], standard)
+    np.testing.assert_allclose(made[:, 1 + len(TRAITS)], standard[:, 0] ** 2)
+    np.testing.assert_allclose(made[:, -2], standard[:, -2] * standard[:, -1])
+    assert np.abs(terms(1e9 * traits, np.zeros(len(TRAITS)), np.ones(len(TRAITS)))).max() == 16
+    np.testing.assert_allclose(logistic(np.array([-1e9, 0, 1e9])), [0, 0.5, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('spread', 'told'), [(0.1, '0.2 times that'), (0.3, None), (3.9, None), (20.0, '10 times as large as that')]
+)
+def test_a_cloud_of_another_surface_scale_is_told(spread, told):
+    warnings = unlike(ALL, spread)
+    assert bool(warnings) == (told is not None)
+    assert all(told in warning for warning in warnings)
+
+
+def test_settings_name_the_lesson_by_its_path(surface, tmp_path):
+    path = tmp_path / 'part.teach'
+    path.write_text(NONE.to_text())
+    settings = CircleSettings(mode='adaptive', lesson=str(path))
+    path.unlink()  # what a change was checked with stays in force
+    heights = 10 * surface.heights
+    result = remove_outliers(heights, settings, pitch=(1.0, 2.0))
+    assert not result.outliers.any()
+    assert 'unlike that of circle.lesson' in result.warnings[0]
+    with pytest.raises(SettingError, match=r'part\.teach cannot be used \(No such file or directory\)'):
+        CircleSettings(mode='adaptive', lesson=str(path))

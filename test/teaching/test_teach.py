@@ -1,0 +1,84 @@
+"""Lessons from good clouds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from good_parts import part, pitted
+
+from socialcircle_ros.circle.adaptive import LessonJudge, find_outliers
+from socialcircle_ros.teaching import page
+from socialcircle_ros.teaching.examples import CHECKED
+from socialcircle_ros.teaching.teach import teach
+
+
+@pytest.fixture(scope='module')
+def taught():
+    """A lesson about a pitted part, and what its steps told."""
+    told = []
+    return teach([part(pitted())], lambda done, number: told.append((done, number))), told
+
+
+def test_a_lesson_keeps_the_texture_of_the_part_and_finds_more(taught):
+    teaching, _ = taught
+    assert teaching.before.removed > 0.005
+    assert teaching.after.removed < 0.0005
+    assert teaching.after.f1 > teaching.before.f1 + 0.1
+    assert teaching.refusal == ''
+
+
+def test_a_lesson_holds_for_another_part_of_that_kind_in_another_unit(taught):
+    heights = pitted(150, 170, seed=5, pits=20)
+    heights[40:50, 60:70] += 40
+    judge = LessonJudge(taught[0].lesson)
+    rules, lesson = find_outliers(heights).outliers, find_outliers(heights, judge=judge).outliers
+    put_in = np.zeros(heights.shape, bool)
+    put_in[40:50, 60:70] = True
+    assert rules[~put_in].mean() > 0.005
+    assert lesson[~put_in].mean() < rules[~put_in].mean() / 5
+    assert lesson[put_in].mean() > 0.9
+    np.testing.assert_array_equal(find_outliers(heights * 2.0**-30, judge=judge).outliers, lesson)
+
+
+def test_the_same_clouds_give_the_same_lesson(taught):
+    assert teach([part(pitted())]).lesson == taught[0].lesson
+
+
+def test_progress_counts_to_its_end(taught):
+    told = taught[1]
+    assert [done for done, _ in told] == list(range(1, told[0][1] + 1))
+
+
+def test_a_lesson_says_what_it_was_taught_on_and_what_its_check_found(taught):
+    lesson = taught[0].lesson
+    assert lesson.taught_on == ('part',)
+    assert lesson.check['f1_after'] == taught[0].after.f1
+    assert lesson.check['removed_before'] == taught[0].before.removed
+    assert 1.2 < lesson.spread[0] <= lesson.spread[1] < 1.6  # differences of points with a standard deviation of 1
+
+
+def test_a_lesson_that_does_not_help_is_refused():
+    smooth = np.random.default_rng(1).normal(size=(140, 150))
+    assert 'would change little' in teach([part(smooth)]).refusal
+
+
+def test_outliers_of_the_good_cloud_are_told_and_not_taught_as_good():
+    heights = np.random.default_rng(1).normal(size=(140, 150))
+    heights[20:23, 30:33] += 60
+    teaching = teach([part(heights)])
+    assert teaching.warnings[0].startswith(
+        'The good clouds seem to have outliers of their own: 9 points stand out'
+    )
+    assert find_outliers(heights, judge=LessonJudge(teaching.lesson)).outliers[20:23, 30:33].all()
+
+
+def test_the_page_shows_figures_warnings_and_pictures(taught):
+    pytest.importorskip('matplotlib')
+    pytest.importorskip('jinja2')
+    html = page.lesson_page(replace(taught[0], warnings=['Look at them.']))
+    assert html.count('src="data:image') == 2 * len(taught[0].fields)
+    assert 'Look at them.' in html
+    assert 'The lesson helps' in html
+    table = page._figures(taught[0])
+    assert len(table.rows) == 1 + len(CHECKED)
+    assert table.rows[0][3] == taught[0].after.removed
