@@ -90,7 +90,11 @@ def do_task(task: BatchTask) -> TaskResult:
             earlier = ledger.of_content(content)
             if earlier is not None and earlier.digest == task.digest and earlier.failure is None:
                 return TaskResult(task.found.location, content, earlier, earlier.location)
-            return _measured(task, path, content)
+            try:
+                return _measured(task, path, content)
+            except SocialCircleError as error:
+                # The copy of a URL has a name that nobody knows.
+                return failed_result(task, str(error).replace(str(path), task.found.location))
     except SocialCircleError as error:
         return failed_result(task, str(error))
     except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are done

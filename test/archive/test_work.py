@@ -147,7 +147,11 @@ def test_an_input_of_an_object_store_is_copied_for_a_while(tmp_path):
     fsspec = pytest.importorskip('fsspec')
     files = fsspec.filesystem('memory')
     files.pipe('/archive/a.mcap', (BAGS / 'padded.mcap').read_bytes())
+    files.pipe('/archive/b.mcap', b'no recording')
     try:
+        assert (
+            'memory:///archive/b.mcap' in do_task(task('memory://archive/b.mcap', tmp_path / 'bad')).entry.failure
+        )
         assert do_task(task('memory://archive/a.mcap', tmp_path / 'out')).entry.clouds == 2
     finally:
         files.rm('/archive', recursive=True)
