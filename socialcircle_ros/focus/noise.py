@@ -190,8 +190,8 @@ def _sample(
             mean = total / np.float32(end - start) * np.float32(np.sqrt(0.5))  # the noise of one frame of two
             level = 0
             if mean > 0:
-                level = min(
-                    max(int(np.rint((math.log2(np.float64(mean)) - _LOWEST_LEVEL) * _PER_LEVEL)), 1), _LEVELS - 1
-                )
+                octaves = np.log2(np.float64(mean)) - _LOWEST_LEVEL
+                level = min(max(math.floor(octaves * _PER_LEVEL + 0.5), 1), _LEVELS - 1)
             gray /= np.float32(2 * (end - start))
-            counts[min(int(math.log2(np.float64(gray) + 1) * _PER_GRAY), _GRAYS - 1), level] += 1
+            octave = np.log2(np.float64(gray) + 1)
+            counts[min(math.floor(octave * _PER_GRAY), _GRAYS - 1), level] += 1
