@@ -349,7 +349,12 @@ def test_a_million_points_are_thinned_and_all_outliers_are_drawn(tuning):
 def test_clouds_that_come_too_fast_are_skipped_and_the_newest_is_drawn(tuning, monkeypatch):
     drawn = []
     draw = ResultTab._draw
-    monkeypatch.setattr(ResultTab, '_draw', lambda tab, shown: (drawn.append(shown.number), draw(tab, shown)))
+
+    def counted(tab, shown, state):
+        drawn.append(shown.number)
+        draw(tab, shown, state)
+
+    monkeypatch.setattr(ResultTab, '_draw', counted)
     for number in range(60):
         tuning.link.publish(cloud(stamp=number + 1))
     assert tuning.visitor.sees('0.000000060')
