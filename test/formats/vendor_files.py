@@ -1,8 +1,8 @@
-"""Small files of instruments, written by the public descriptions of their formats.
+"""Small files of instruments, written by what SurfaceTopography's readers expect.
 
 Each writer takes heights (rows, columns) in whole steps of 0.001 µm, NaN where not measured, and the pitch in µm.
-The layouts follow the descriptions that Gwyddion's modules give (surffile, sensofarx, nanofocus, keyence, zygo,
-os3dfile). So these files show what the reader makes of a description, not what an instrument writes.
+So these files show that the reader's numbers arrive here with their unit, pitch and orientation, not what an
+instrument writes.
 """
 
 import io
