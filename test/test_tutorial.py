@@ -53,7 +53,7 @@ def test_the_commands_that_install_exist():
     command = [shutil.which('make') or 'make', '--dry-run', '--always-make']
     done = subprocess.run(command, cwd=TOP, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert '-m venv --clear  .venv' in done.stdout.replace('--system-site-packages', '')
+    assert '-m venv  .venv' in done.stdout.replace('--system-site-packages', '')
 
 
 def test_the_launch_files_take_the_arguments():
@@ -87,5 +87,5 @@ def test_the_commands_run_one_after_the_other(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert 'Traceback' not in done.stderr
-    for page in ('before.html', 'after.html', 'night.html', 'sweep/sweep.html', 'search/sweep.html'):
+    for page in ('before.html', 'after.html', 'night.html', 'modes/sweep.html', 'paper/sweep.html', 'search/sweep.html'):
         assert (work / 'out' / page).stat().st_size > 10_000
