@@ -25,7 +25,7 @@ def test_a_row_holds_what_the_filter_says_of_the_cloud():
     assert (found.time, found.day) == (datetime(2026, 9, 21, 14, 13, 20, tzinfo=timezone.utc), date(2026, 9, 21))
     assert sum(found.stages_ms.values()) == found.total_ms
     assert 'total' not in found.stages_ms
-    assert found.mode == 'paper'
+    assert found.mode == 'adaptive'
     assert found.radius > 0
 
 

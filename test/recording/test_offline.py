@@ -181,13 +181,14 @@ def test_every_chosen_topic_is_filtered_in_its_own_namespace(tmp_path):
     assert {'/a/points_filtered', '/b/points_filtered'} <= contents(tmp_path / 'c.mcap')[0].keys()
 
 
-def test_shipped_recordings_are_filtered_nearly_without_error(request):
+def test_the_papers_mode_filters_shipped_recordings_nearly_without_error(request):
+    settings = PipelineSettings(circle=CircleSettings(mode='paper'))
     for path in sorted((Path(request.config.rootpath) / 'bags').glob('*.mcap')):
         with open_recording(path) as reader:
             messages = list(reader.messages())
         truths = {message.log_time: message.data for message in messages if message.topic == '/truth/outlier_mask'}
         for message in (message for message in messages if message.topic == '/points'):
-            outputs = filter_cloud(message.data).messages
+            outputs = filter_cloud(message.data, settings).messages
             truth, mask = decode_mono8(truths[message.log_time]), decode_mono8(outputs[MASK])
             certain = truth != image.NOT_MEASURED
             wrong = np.count_nonzero((truth != mask) & certain)
