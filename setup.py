@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ament_python package: metadata, entry points and data files."""
 
 from pathlib import Path
@@ -42,7 +43,7 @@ def shared(folder: str, pattern: str) -> tuple[str, list[str]]:
 
 setup(
     name=NAME,
-    version='0.1.0',
+    version='0.2.0',
     description='Outlier removal for organized point clouds of optical microscopes, in ROS 2',
     long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',

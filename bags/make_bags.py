@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes the recordings in this folder, always with the same bytes.
 
     python bags/make_bags.py

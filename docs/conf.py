@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sphinx: make site builds the pages of this folder; rosdoc2 finds this file too."""
 
 import re

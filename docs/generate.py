@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes the files and tables that are generated: the parameter file, and the tables of the documents.
 
     python docs/generate.py

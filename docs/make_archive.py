@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Makes the archive of docs/archives.md: 100 recordings of three cells, always with the same bytes.
 
     python docs/make_archive.py nights

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Starts several cells on one machine: one node per cell, in the namespace of the cell.
 
 ros2 launch socialcircle_ros cells.launch.py cells:=cell1,cell2 params_folder:=/etc/cells

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Starts a cell and plays a recording into it. The node keeps running at the end, for tuning on the last cloud.
 
 ros2 launch socialcircle_ros replay.launch.py recording:=night.mcap rate:=0.5 loop:=true rviz:=true

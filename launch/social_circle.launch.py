@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Starts one cell: the node with a parameter file, in a namespace, and RViz on request.
 
 ros2 launch socialcircle_ros social_circle.launch.py namespace:=cell1 params_file:=tuned.yaml rviz:=true

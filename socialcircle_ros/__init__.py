@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Outlier removal for organized point clouds of optical microscopes, by the social circle method.
 
 The names below load what they need on first use, so that the command line answers at once.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Organized clouds: their check, their memory as the kernels read it, and which points are measured."""
 
 from typing import cast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The errors that this package raises.
 
 Each message is one or two sentences for the engineer at the cell: what is wrong, and what to do.

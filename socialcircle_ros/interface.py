@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The interface of the node: its topics, its services, and the keys of `~/measurement` and `/diagnostics`.
 
 The node, `socialcircle filter`, `docs/topics.md` and the tests of the viewer layouts read it from here. The

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Units of length: their names in files, their size, and lengths as a person reads them.
 
 Lengths are shown with the SI prefix that suits them. A unit that is not known is said, never guessed.

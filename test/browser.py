@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A real browser for the tests of the tuning page: headless Chromium with WebGL in software."""
 
 import atexit

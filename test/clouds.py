@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random organized clouds for property tests.
 
 Hypothesis draws a `Recipe` of a few plain numbers, NumPy's generator fills the cloud from it: fast, and a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What all tests share: a DDS domain for each test process, and the real measurements where they are."""
 
 import os

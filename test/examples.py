@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A small cloud of known outliers, for tests of what lies above the filter."""
 
 import numpy as np

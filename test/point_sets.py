@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Point sets of the shape (3, n) for the tests of the vote."""
 
 import numpy as np

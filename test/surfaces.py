@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surfaces for property tests, and how they are compared: bit for bit."""
 
 import numpy as np

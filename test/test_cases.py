@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Inputs that used to go wrong, with the right answer for each.
 
 The files are in `cases` beside the folder of real measurements; each is one example of a kind. More of each kind

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is taken as an organized cloud."""
 
 import numpy as np
@@ -134,7 +135,9 @@ def test_a_result_can_be_drawn():
 
 
 def test_the_version_is_that_of_the_package():
+    from importlib.metadata import version
+
     import socialcircle_ros
 
-    assert socialcircle_ros.__version__ == '0.1.0'
+    assert socialcircle_ros.__version__ == version('socialcircle_ros')
     assert issubclass(CloudError, SocialCircleError)

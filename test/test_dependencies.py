@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """setup.py declares what the package imports, and no more."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The documents: generated files are up to date, links lead somewhere, and examples in Python run."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every error has in common."""
 
 import importlib.metadata

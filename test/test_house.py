@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The house rules that a program can check; CONTRIBUTING lists all of them."""
 
 import ast
@@ -10,6 +11,7 @@ import pytest
 import socialcircle_ros
 
 PACKAGE = Path(socialcircle_ros.__file__).parent
+ROOT = PACKAGE.parent
 TREES = {path.relative_to(PACKAGE): ast.parse(path.read_text(encoding='utf-8')) for path in PACKAGE.rglob('*.py')}
 
 MOST_LINES_OF_A_MODULE = 450
@@ -138,3 +140,10 @@ def test_kernels_use_nothing_that_the_oldest_numba_lacks(path):
         and isinstance(node.args[0].value, str)
     ]
     assert not found
+
+
+def test_every_module_names_its_licence():
+    files = [path for path in ROOT.rglob('*.py') if not {'build', 'install'} & set(path.relative_to(ROOT).parts)]
+    own = [path for path in files if not any(part.startswith('.') for part in path.relative_to(ROOT).parts)]
+    lines = {path: path.read_text(encoding='utf-8').splitlines()[:2] for path in own}
+    assert not [path for path, first in lines.items() if '# SPDX-License-Identifier: Apache-2.0' not in first]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rooms: imports point downward only, and only node/ and clients/ need ROS."""
 
 import ast

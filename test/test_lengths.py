@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lengths as a person reads them: one SI prefix that suits, the unit always said, never guessed."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The policy of SROS 2 allows what the node uses, and no more."""
 
 import xml.etree.ElementTree as ET

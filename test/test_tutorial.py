@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/tutorial.md: its commands run, one after the other, in one shell."""
 
 import os
@@ -87,5 +88,6 @@ def test_the_commands_run_one_after_the_other(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert 'Traceback' not in done.stderr
-    for page in ('before.html', 'after.html', 'night.html', 'modes/sweep.html', 'paper/sweep.html', 'search/sweep.html'):
+    pages = ('before', 'after', 'night', 'modes/sweep', 'paper/sweep', 'search/sweep')
+    for page in (f'{name}.html' for name in pages):
         assert (work / 'out' / page).stat().st_size > 10_000

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The layouts for Foxglove and RViz show the topics of the node."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`run_batch`: filter an archive on all cores, and keep every measurement."""
 
 import importlib.metadata

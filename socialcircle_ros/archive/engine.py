@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dask as the engine: a local cluster of processes, or a scheduler that is there."""
 
 import json

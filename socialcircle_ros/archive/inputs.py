@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The inputs of a batch: recordings, folders, globs, measurement files, and URLs through fsspec."""
 
 import tempfile

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is done: one small file per content of an input, written after its results.
 
 A rerun reads these files. An input with the same location, size and time of change, and with the same settings and

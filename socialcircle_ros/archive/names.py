@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cell and part of a recording, from a pattern on its name."""
 
 import re

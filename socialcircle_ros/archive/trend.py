@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measurements over time: series by cell and part, their control limits, and what drifts."""
 
 import itertools

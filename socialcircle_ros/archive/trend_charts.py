@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The charts of the page of trends, by Bokeh: one per measure, with a choice of cell and part."""
 
 import html

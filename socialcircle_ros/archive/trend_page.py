@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page of trends: one HTML file with charts by Bokeh, for the screen and for paper."""
 
 import html

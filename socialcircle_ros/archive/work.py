@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The task of a worker: one input in; a cleaned recording, rows and an entry of the ledger out."""
 
 import time

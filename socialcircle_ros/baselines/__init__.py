@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The filters that the paper compares with (section 4.1), on organized clouds; the social circle is in `circle`.
 
 The radius and the statistical filter search for neighbours in a window of the grid instead of a k-d tree, as the

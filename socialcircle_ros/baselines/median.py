@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The residual to a median window: a point far above or below its surroundings is an outlier."""
 
 from functools import lru_cache

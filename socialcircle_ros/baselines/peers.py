@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The filters of PCL and Open3D on the same points, for comparison.
 
 They search a k-d tree, not a window. Their masks therefore differ from ours where the nearest neighbours of a

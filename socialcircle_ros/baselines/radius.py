@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The radius filter: a point with few neighbours within a radius is an outlier."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The result of every baseline, and how a score becomes masks."""
 
 from dataclasses import dataclass

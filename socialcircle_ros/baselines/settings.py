@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings of the baselines. The node has no parameters for them."""
 
 from dataclasses import dataclass

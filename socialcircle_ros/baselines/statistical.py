@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The statistical filter: a point is an outlier if its neighbours are unusually far away for this cloud."""
 
 import math

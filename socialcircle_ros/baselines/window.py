@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Windows around points: the rows of a strip of the cloud, read once into separate x, y and z."""
 
 import numpy as np

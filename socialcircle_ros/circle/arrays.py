@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names of the array types that the kernels of this room take. Shapes are in the docstrings of the kernels."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Distances between the points of a cloud, as the radius and the expansion compare them (eq. 6).
 
 Squared distances are compared, in the cloud's own dtype and with a fixed order of operations:

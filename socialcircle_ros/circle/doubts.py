@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a result says of itself: settings without effect, a circle that is too large, and too many outliers."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The expansion of the social circle (section 3.2.3).
 
 The seed joins first. When a point has joined, all points in its search window that are less than R away join too.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The filter (section 3.2), composed of its three steps: seed, radius, expansion."""
 
 from dataclasses import dataclass, replace

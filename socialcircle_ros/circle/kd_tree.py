@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The leaves of a k-d tree over the voters, in the memory layout that `medians` reads.
 
 Only the leaves are kept. The median search goes through all of them for each point, which vector instructions do

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The exact medians of the distances between the voters (section 3.2.1, eq. 5).
 
 mu_p is the median of the distances from p to all other voters. Sorting the distances of n points takes

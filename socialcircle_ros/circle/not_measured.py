@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Points that a driver or a file marks as not measured by a number instead of NaN.
 
 Two marks are recognised, besides NaN and infinite coordinates:

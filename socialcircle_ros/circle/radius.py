@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The radius R of the social circle (section 3.2.2): the median distance of the ring round the seed (eq. 6, 7)."""
 
 import numpy as np

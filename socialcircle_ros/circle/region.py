@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The choice of the vote region T (section 3.2.1), where the user gives none.
 
 The paper lets the user select a smooth area of at least 60×60 points. Here it is selected by a rule that is the

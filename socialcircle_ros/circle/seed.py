@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The acquisition of the initial point I (section 3.2.1): where to vote, the votes, and the election."""
 
 from socialcircle_ros.cloud import Cloud

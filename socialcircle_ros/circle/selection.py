@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Selection: the value at a rank of unsorted values."""
 
 from socialcircle_ros.kernels.compiled import kernel

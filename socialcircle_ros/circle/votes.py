@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The votes of the points of the region T for each other, and their sums (section 3.2.1, eq. 4).
 
 V_p(q) = exp(-(D_p(q) / mu_p)² / 2) / √(2π) is the vote of p for q at the distance D_p(q); mu_p comes from

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The expansion (section 3.2.3) with search windows above 3×3 points.
 
 Only points on the edge of a window become initial points of the next iteration, and each point joins only once.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A client that gives clouds and stacks to a node, and waits for its results."""
 
 import threading

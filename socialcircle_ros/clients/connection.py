@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A connection to the ROS graph: a node, and a thread that runs its callbacks."""
 
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The demo: the node in its own process, and recordings that are played into it over DDS."""
 
 import os

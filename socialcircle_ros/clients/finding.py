@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which nodes of the graph can be tuned, and the connections to them."""
 
 import time

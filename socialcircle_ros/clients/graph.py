@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes of the filter in the graph."""
 
 from rclpy.node import Node

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Joins each cloud with the results that a node publishes for it."""
 
 from collections import OrderedDict

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Message classes by the names that recordings hold."""
 
 import importlib

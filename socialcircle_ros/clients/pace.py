@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recorded time as it passes for a replay: it runs at a rate, pauses, and goes on by single messages."""
 
 import math

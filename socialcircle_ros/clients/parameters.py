@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node's parameters as the tuning page shows them, from the messages of rcl_interfaces."""
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType, ParameterValue

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The player: publishes the messages of a recording, byte for byte, with their recorded timing."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """QoS profiles between rclpy and the YAML text in which rosbag2 records them."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recorder: writes the messages of topics to a recording, byte for byte."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A running node, seen over the graph: its presence, its parameters, and its clouds with their results.
 
 `RemoteNode` implements `panel.link.Link` on rclpy. Three kinds of threads use it: the thread of the connection

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A client that times a message's round trip: from a publisher here through a node to a subscriber here."""
 
 import threading

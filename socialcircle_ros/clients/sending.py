@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds and frames for a node: publishers that are there only while something is sent."""
 
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tuning page with its connection to the node that is tuned."""
 
 import signal

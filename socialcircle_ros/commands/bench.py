@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`socialcircle bench`: options and printing; the measurements are in `studies.bench`."""
 
 import os

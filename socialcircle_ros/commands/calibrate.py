@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`socialcircle calibrate`: options and printing; the measurements are in `recording.calibration`."""
 
 import re

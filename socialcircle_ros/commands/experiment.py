@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`socialcircle experiment`: options and printing; the experiments are in `studies`."""
 
 import importlib.metadata

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`socialcircle`: the group of commands. A command is imported when it runs or when the help lists it."""
 
 import importlib

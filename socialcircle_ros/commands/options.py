@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options, progress and messages that several commands share."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`socialcircle tune`, and the executable `tune` of `ros2 run`."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Focus variation (section 3.1): the focus measure, the fit of its peak, and depth from stacks as frames arrive.
 
 Frames are gray images here. Messages, colour, and the conversion of depth into a cloud live in other rooms.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The correction of each depth from the centroid of the texture in its window to the pixel itself.
 
 F of a pixel is a sum over its window (eq. 2). Its curve therefore peaks at the mean depth of the window, in which

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is kept of the focus curve of each pixel while the frames of a stack arrive, in any order.
 
 A focus curve is F of one pixel over z. Each frame has a place, an integer that is its order in z: neighbours in

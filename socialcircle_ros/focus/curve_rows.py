@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How one frame changes what is kept of the focus curves of one row of pixels. See `curve` for what is kept.
 
 Each function works on whole rows in plain loops over few arrays, and reads both sides of a choice before it

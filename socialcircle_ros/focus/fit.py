@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The fit of the focus curve: where its peak is between the frames, and how far that is to be trusted.
 
 The peak is taken for a Gaussian, so that ln F is a parabola in z. A weighted least-squares parabola through the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The focus measure of the paper: the sum-modified-Laplacian (SML, eq. 1 to 3), in exact integer arithmetic.
 
 Source: S. K. Nayar, Y. Nakagawa, Shape from focus, IEEE Trans. Pattern Anal. Mach. Intell. 16 (1994) 824-831,

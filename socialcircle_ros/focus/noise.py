@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The floor of the focus measure: what noise and rounding of the camera alone give.
 
 A curve whose peak is not above this floor has no peak, however deep its valleys are. In an area without texture,

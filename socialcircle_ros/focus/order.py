@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The order of the frames of a stack in z, and what each new frame means for it.
 
 The last frames, RECENT at most, are held back: their codes wait, in order of z, until it is known whether they are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Weighted least squares: the parabola through ln F of each pixel, for a tile of pixels at a time.
 
 With t, the distance of a frame from the centre in typical steps, y = ln(F / F_peak) and w, the weight of a frame,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Why the depth of a pixel from a focus stack is not to be trusted."""
 
 from enum import IntFlag

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth from a focus stack (section 3.1), one frame at a time or all frames at once."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measurement files of other programs: which formats there are, and heights and clouds in and out of them.
 
 `.npz`, `.ply` and `.pcd` are read by `recording.importers`. Nothing here knows recordings or messages.

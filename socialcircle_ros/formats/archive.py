@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """.npz archives, as `import` reads them, and .npy arrays of heights."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measurement files in and out, by their suffix."""
 
 import tempfile

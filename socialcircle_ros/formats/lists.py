@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lists of points as text, x, y and z per line, onto the grid on which they were measured.
 
 Many programs leave points out that were not measured. Where the grid is certain, these places are NaN.

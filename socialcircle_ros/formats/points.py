@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds into files that hold every coordinate: PLY, PCD, text with x, y and z; and the text back."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SDF files, ISO 25178-71: a header of texts, and heights as text or in binary, in m."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What measurement files hold: heights on a regular grid, or an organized cloud."""
 
 from collections.abc import Mapping

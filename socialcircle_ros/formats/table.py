@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of formats: which files are read and written, by what, and what they cannot hold."""
 
 from dataclasses import dataclass

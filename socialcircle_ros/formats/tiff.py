@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """TIFF files with heights: 32-bit floats, the pitch as in GeoTIFF, and the rest as text in the description."""
 
 import json

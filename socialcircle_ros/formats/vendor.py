@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files of instruments, read by SurfaceTopography (MIT)."""
 
 from collections.abc import Callable, Mapping

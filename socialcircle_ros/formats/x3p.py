@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """X3P files, ISO 25178-72: a zip archive with an XML header and the heights in binary, in m."""
 
 import hashlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bands of rows: a kernel's work is shared among the cores, and where the bands meet changes no result."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The machine: the cores that this process may use, and a line that describes the hardware."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Memory for large clouds: the process keeps it instead of returning each block to the system."""
 
 import ctypes

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Exact order statistics without a sorting network: medians of sorted and of five values, and a radix sort."""
 
 import numpy as np

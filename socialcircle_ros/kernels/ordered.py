@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Work on many items on all cores, in threads: kernels and most of NumPy release the GIL."""
 
 from collections import deque

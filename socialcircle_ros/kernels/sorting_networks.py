@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sorting networks: exact order statistics of many columns at once.
 
 A network is a fixed list of comparators. Each comparator is applied to two whole rows of a buffer with

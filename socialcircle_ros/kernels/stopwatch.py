@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A stopwatch over consecutive steps."""
 
 import time

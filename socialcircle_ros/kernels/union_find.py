@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Disjoint sets of integers, each set a tree of parents (union-find)."""
 
 import numpy as np

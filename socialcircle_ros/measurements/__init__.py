@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measurements as data: one row per cloud in Parquet files, and DuckDB as the database over them.
 
 The schema of a row, the files and the queries live here. Who makes rows does not: `archive` makes them of

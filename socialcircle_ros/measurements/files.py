@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rows in Parquet files, partitioned by day and cell: `measurements/day=2026-11-28/cell=cell1/NAME.parquet`."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One row per cloud: the columns, their types, units and descriptions, and how a measurement becomes a row.
 
 A new column is added at the end with a default; `SCHEMA_VERSION` is raised when a column is added, and no column

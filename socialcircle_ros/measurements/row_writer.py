@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rows of live clouds: written on a thread of their own, in batches, so that no cloud waits for the disk."""
 
 import threading

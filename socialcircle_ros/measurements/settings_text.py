@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings as a row holds them: the parameters that differ from their defaults, and a hash."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading and writing CDR, the serialization of ROS 2 messages on the wire and in a recording.
 
 Libraries that decode CDR build objects and copy the data. A cloud has 20 MB, so that it is read in place here: the

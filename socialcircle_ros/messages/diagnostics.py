@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """diagnostic_msgs/DiagnosticStatus."""
 
 from collections.abc import Mapping

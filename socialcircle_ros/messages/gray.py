@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Gray images from the colour images and Bayer mosaics of cameras."""
 
 import numpy as np

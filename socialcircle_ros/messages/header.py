@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """std_msgs/Header."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """sensor_msgs/Image: camera frames to arrays, and masks and scores to images."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """sensor_msgs/JointState: positions of the stage."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """sensor_msgs/PointCloud2: organized clouds looked at in place, and written with outliers taken out."""
 
 import io

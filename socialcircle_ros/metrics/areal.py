@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Areal surface texture parameters (ISO 25178-2) of a height map."""
 
 from dataclasses import dataclass

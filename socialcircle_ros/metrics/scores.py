@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How well a mask of outliers agrees with the truth, and how well a surface does."""
 
 from collections.abc import Mapping

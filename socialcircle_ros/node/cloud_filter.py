@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds in the node: the newest one is filtered on a worker's thread, and its outputs are published.
 
 A cloud goes one way: it arrives or is made from a stack, waits, is filtered, and its outputs are published. Its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Why no cloud arrives: publishers that cannot be heard or that are silent, and what to change."""
 
 from collections.abc import Iterable

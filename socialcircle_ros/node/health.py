@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's health: counts of what arrived and what became of it, rates and latencies. No rclpy.
 
 The worker's and the executor's threads count; /diagnostics reads the counts once per second.

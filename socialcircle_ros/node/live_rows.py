@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's clouds as rows of measurements, where `measurements.folder` is set."""
 
 import importlib.metadata

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages that were published, but did not reach a subscription.
 
 Two sources are put together. The publisher numbers its messages, so a gap before a message tells how many are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Saving the node's parameters: where to, as which text, and without holding up the executor."""
 
 import contextlib

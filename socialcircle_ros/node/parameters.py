@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's parameters: declared from the table in `settings`, validated as a whole, applied at once."""
 
 from collections.abc import Callable

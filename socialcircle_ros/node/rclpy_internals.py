@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every touch of rclpy's internals, what is expected of them, and rclpy's public way where that is not met.
 
 Large messages: rclpy copies each serialized message and holds the interpreter's lock meanwhile. That takes 2 to 3

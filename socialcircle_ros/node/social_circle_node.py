@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The lifecycle node `social_circle`: clouds and frames in; cleaned clouds, masks and measurements out.
 
 The executor's thread only takes messages and answers services. Clouds are filtered and frames are measured on

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Focus stacks in the node: frames and stage positions in, clouds out to be filtered.
 
 The executor takes the frames. A thread of their own measures them in their order, so that no frame is lost while a

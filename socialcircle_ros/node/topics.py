@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's topics in rclpy: classes of their messages, QoS, and the publishers of several topics together."""
 
 from collections.abc import Iterable

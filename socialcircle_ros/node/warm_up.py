@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compilation before the first cloud, on a thread that a signal does not wait for. No rclpy."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Worker threads: one for the newest item only, one for every item in order. No rclpy."""
 
 import queue

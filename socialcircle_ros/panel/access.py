@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who may open the page: a secret token in its address, and lists of the hosts and origins that are accepted.
 
 A page on the loopback address is within reach of every web page in the same browser: such a page can open a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Axes for the scene: lines with ticks along a box round the cloud, and their labels. No viser."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Changes of parameters that the page asks for: rapid changes are merged, and each change can be undone."""
 
 import threading

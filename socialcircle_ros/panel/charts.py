@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Map, profile and histogram of a cloud as SVG, with axes, units and a scale bar. No viser."""
 
 import base64

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Colours of heights and outliers, the same in the scene and in the pictures.
 
 Heights have one of the colour maps of `MAPS`; outliers are red. A test checks that all can be told apart

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two settings on one cloud, filtered in this process in the same way as in the node."""
 
 from collections.abc import Mapping

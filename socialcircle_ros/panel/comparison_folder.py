@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The folder in which two settings are compared on the cloud that is shown."""
 
 from collections.abc import Mapping, Sequence

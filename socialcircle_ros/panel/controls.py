@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The controls of the node's parameters, made from the node's own descriptions of them."""
 
 from collections.abc import Mapping, Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a cloud is displayed: which values the colours show, in which range, and how rows and columns lie. No viser.
 
 Scene and map agree: columns go to the right and rows go down, as in the picture of the camera, seen from above.

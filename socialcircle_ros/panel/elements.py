@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Helpers for viser's elements: react to a choice, set a value, name an icon."""
 
 from collections.abc import Callable

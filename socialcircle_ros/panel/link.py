@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the page needs of nodes, whatever the transport.
 
 Over ROS, `clients.remote_node.RemoteNode` is the `Link`, and `clients.finding.NodeFinder` the `NodeGraph`.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The log of the page: what happened at the node, what the page did, and what failed in it."""
 
 import logging

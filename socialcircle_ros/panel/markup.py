@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The texts and tables of the page as HTML. Text from outside this module is escaped and shortened."""
 
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the page shows of one node: a scene between two docks, updated from the snapshots of the link."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page: it waits for a node, offers those that there are, and shows the one that is chosen."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From the screen to the cloud: rays of a camera, and the region below a rectangle on the screen. No viser."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tab Presets: save the settings of the node, load them again, and compare two of them."""
 
 from typing import TYPE_CHECKING

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Presets: named settings, each in a parameter file from which a node can also start."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random access to the clouds and the focus stacks of a recording."""
 
 from collections.abc import Callable, Iterator, Mapping

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tab Recording: step through the clouds and the stacks of a recording, and send each to the node."""
 
 import threading

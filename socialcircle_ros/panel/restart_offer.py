@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """After a restart of the node: the offer to restore the settings that it had."""
 
 from typing import TYPE_CHECKING

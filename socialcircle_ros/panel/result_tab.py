@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tab Result: the cloud that is shown in numbers, in the scene, and as map, profile and histogram."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The 3D scene with its legend, its switches, and what a visitor points at."""
 
 import threading

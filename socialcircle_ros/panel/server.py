@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """viser's server behind the guard of `access`.
 
 viser offers no hook for requests: it hands its own `process_request` to `websockets`, which answers every request

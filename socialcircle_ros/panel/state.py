@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the page shows, in one place: every card, label, picture and control is made from one `State`. No viser.
 
 A state is never changed; each action and each message gives the next one. So all parts of the page show the same

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cloud for the scene: points with colours, and where each of them lies in the cloud. No viser.
 
 Large clouds are thinned to what a browser can draw. Only kept points are left out; all outliers are drawn.

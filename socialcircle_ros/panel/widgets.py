@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Widgets that show one value each, and pass on what a visitor chooses."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of one cloud: maps before and after the filter, what was removed, a profile and a histogram."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a cloud lies: the extent of its picture, its axes and its scale bar."""
 
 from dataclasses import dataclass

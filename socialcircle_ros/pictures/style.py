@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The style of all pictures: figures, colour maps, and the colours of kept, removed and missing points."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fewer points for display: large clouds are thinned so that no outlier is lost."""
 
 from typing import TypeVar

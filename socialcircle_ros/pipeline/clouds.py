@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cloud: message → cloud → result → outputs. The node does this live, `socialcircle filter` does it offline.
 
 Both emit the same bytes, so that a replay shows what the line did.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the stamps of a stack's frames tell of frames that were lost, where z is counted from frame to frame.
 
 A camera takes its frames at a steady period, so that a lost frame leaves a gap of a whole number of periods. A

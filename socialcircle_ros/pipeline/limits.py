@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a measurement passes its limits. The node, `socialcircle filter` and the report all ask here."""
 
 from collections.abc import Iterator

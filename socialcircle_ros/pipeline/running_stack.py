@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A focus stack while its frames come: where it ends, and which z its frames have."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cloud and the image of a focus stack as messages."""
 
 from dataclasses import dataclass

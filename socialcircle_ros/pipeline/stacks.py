@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Focus stacks: frames and stage positions → clouds. The node does this live, `socialcircle filter` offline.
 
 A stack is closed at its end, or given up where a frame cannot belong to it. In both cases the next frame begins

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings: MCAP files and rosbag2 directories in and out, imported measurement files, and the offline filter.
 
 Messages stay serialized here; `messages` reads and writes their bytes.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Opening whatever holds clouds: a recording, or a measurement file, which is imported first."""
 
 import warnings

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibration of an instrument from its own recordings and images: the latency of the stamps, and the pitch."""
 
 import dataclasses

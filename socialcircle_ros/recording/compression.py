@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Decompression in bounded memory: chunks, messages and whole files.
 
 A file of a few kilobytes may state, or expand to, many gigabytes. What a chunk or a message expands to is bounded

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a recording, a measurement file or a focus stack holds."""
 
 from collections import Counter

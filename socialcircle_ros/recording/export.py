@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The way out: clouds of a recording as files of other programs, and one file filtered into another."""
 
 import zlib

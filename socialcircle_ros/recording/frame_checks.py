@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which frames do not belong to a stack: another size or mode, a mask, or a picture in focus everywhere."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The order of frames, and their z, from the names of their files.
 
 A name such as `part_z-12.5um.png` holds z; `frame007.png` holds the number of the frame. What is not certain is

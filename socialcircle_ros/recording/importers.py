@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Organized clouds from measurement files: `.npz` height maps, PLY and PCD."""
 
 from dataclasses import dataclass, replace

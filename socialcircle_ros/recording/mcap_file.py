@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One MCAP file, intact or damaged, as spans of messages that are loaded one at a time.
 
 An intact file is opened by the index at its end. The index is trusted whole or not at all: if it is missing,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One MCAP file that is being written, and what remains of it on a full disk."""
 
 import errno

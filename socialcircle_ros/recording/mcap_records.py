@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The records of an MCAP file: their heads, the contents of chunks, and what an index holds."""
 
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The metadata of rosbag2, version 9 (Jazzy), as metadata.yaml and the metadata record of a file hold it."""
 
 from collections.abc import Mapping, Sequence

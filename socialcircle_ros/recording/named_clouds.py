@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names for the clouds of a recording: the topic and the number of the cloud on it."""
 
 from collections import Counter

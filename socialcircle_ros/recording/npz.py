@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The arrays of an `.npz` archive, each loaded only if it is needed, in bounded size."""
 
 import struct

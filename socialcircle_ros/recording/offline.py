@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording in, a recording out: the node's filter, cloud by cloud, with the same result each time."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

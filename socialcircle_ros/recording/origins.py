@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where imported clouds come from: file, unit, and the digits that metres cannot hold, as metadata of a recording.
 
 Each imported cloud has a metadata record `socialcircle_import`. Converting float32 to metres rounds, and where

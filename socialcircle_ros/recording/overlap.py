@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading ahead and writing behind on threads of their own, so that two cores work on a recording.
 
 Checksums and file access take as long as the filter. Small messages pass between the threads in bundles.

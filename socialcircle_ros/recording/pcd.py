@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PCD files, as PCL, CloudCompare and Open3D write them.
 
 No library is small and has a permissive licence: pypcd4 needs pydantic and a compiled LZF.

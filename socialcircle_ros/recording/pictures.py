@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames from image files: gray values without loss, or a refusal."""
 
 import warnings

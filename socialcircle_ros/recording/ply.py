@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PLY files, as PCL, CloudCompare and Open3D write them.
 
 No library has a permissive licence: plyfile is GPL.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The points of a PLY or PCD file as columns of numbers, and how text becomes numbers without loss."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading recordings: an MCAP file, or a rosbag2 directory with one or several MCAP files."""
 
 import heapq

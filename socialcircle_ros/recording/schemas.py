@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Message definitions as recordings hold them: the schema text of rosbag2, and the RIHS01 hash of a type.
 
 `definitions/` holds the types that this package writes, copied from ROS 2 Jazzy, so that a recording can be

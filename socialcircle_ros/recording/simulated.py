@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A simulated focus stack as a recording: frames, joint states, and the true surface."""
 
 from collections.abc import Callable

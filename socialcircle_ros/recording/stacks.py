@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Focus stacks from image files, and into recordings: frames and joint states."""
 
 import os

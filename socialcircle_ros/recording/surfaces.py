@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`read_surface`: heights from any measurement file."""
 
 import warnings

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a TIFF with pages says of itself: the pitch and the z of its pages, as ImageJ and OME write it."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parts of a recording: topics and messages."""
 
 from collections.abc import Mapping

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Known outliers of a recording: from recorded truth masks, or from the true surface of a simulated stack."""
 
 from collections.abc import Callable

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The unit of the clouds of a topic, which a recording keeps in the metadata of the topic's channel."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writing recordings as rosbag2 of Jazzy does: an MCAP file, or a directory with several and a metadata.yaml."""
 
 import errno

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Repair (section 4.2): which holes in a cloud may be filled, and with which points.
 
 Which points are outliers is decided in `circle` and `baselines`.

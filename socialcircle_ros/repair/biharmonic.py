@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Heights in a hole as the smoothest surface through the points next to it, with steps kept sharp.
 
 The smoothest surface is that of least thin-plate energy, which is 0 for a plane. Source: J. Duchon, Splines

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The positions of filled points on the grid of the cloud."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which points of a cloud may be filled: the holes, their size, their sides, and the heights next to them."""
 
 from typing import NamedTuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Steps and grooves through a hole: a profile along one direction, found from the points near the hole.
 
 A straight step is a function of one direction, f(n · p), at any angle and with any blur. So is a straight groove.

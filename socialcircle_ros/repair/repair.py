@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Repair of a cloud as a whole: from a cloud and its holes to a filled cloud."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Second differences of the heights of a cloud: their usual size, and their sums over boxes."""
 
 from typing import NamedTuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Heights in a hole by the method of the paper (section 4.2): cubic B-splines along rows and columns."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`make_comparison`: one page that shows what two settings do to the same clouds."""
 
 from collections import Counter

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The content of a page: sections with sentences, tables and pictures. Tables are also written as CSV."""
 
 import base64

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cloud of a report: its pictures, its numbers and its warnings."""
 
 from collections.abc import Iterator, Mapping, Sequence

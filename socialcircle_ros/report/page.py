@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Render sections as one HTML page that embeds its pictures, for the screen and for paper."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`make_report`: filter a recording and write one HTML page about it."""
 
 import importlib.metadata

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters of the node and of the filter: their declaration, their checks, and parameter files.
 
 Nothing here needs ROS; how a running node declares and changes its parameters is in `node/parameters.py`.

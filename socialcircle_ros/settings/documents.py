@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Renders the table of parameters: as parameter files, and as Markdown tables for the documents."""
 
 import math

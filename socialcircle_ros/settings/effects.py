@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which parameters have an effect with the others as they are."""
 
 from collections.abc import Mapping

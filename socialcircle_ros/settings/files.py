@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads ROS parameter files for one node, by the rules of ROS (`rcl_rules`)."""
 
 from collections.abc import Callable, Iterable, Sequence

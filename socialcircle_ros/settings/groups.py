@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of parameters: each parameter of the node is declared here, and nowhere else.
 
 Each field of the frozen dataclasses below is a row of the table. The node's descriptors, the parameter file in

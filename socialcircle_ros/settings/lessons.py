@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lesson files: what `socialcircle teach` learnt about one kind of part, for `circle.lesson`.
 
 A lesson is a small JSON file. How communities are judged by it is in `circle.adaptive.lesson`.

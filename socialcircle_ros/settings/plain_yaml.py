@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """YAML without aliases and in bounded size, so that a small text cannot fill the memory."""
 
 from collections.abc import Iterator

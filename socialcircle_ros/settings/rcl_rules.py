@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files by the rules of ROS: which section applies to which node, and which type a value has.
 
 The rules are those of rcl's parser and of rclpy in Jazzy. They differ from YAML: 1e-6 is a number, 010 is 8, and a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How parameters are declared and checked: as fields of frozen dataclasses with unit, range and sentence.
 
 Creating a settings object checks each value, then the values together, so that every settings object is valid.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters of focus stacks: how focus is measured, and how frames become stacks and clouds."""
 
 from dataclasses import dataclass

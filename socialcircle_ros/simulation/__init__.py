@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A virtual focus-variation instrument: stacks and clouds with a known truth.
 
 There are two ways to a cloud with known outliers:

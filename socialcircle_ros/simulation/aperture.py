@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The light cone of the objective: its rays, and the share of it that walls do not block."""
 
 import numpy as np

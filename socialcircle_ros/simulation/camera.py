@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The camera: from light to gray levels, by the linear model of EMVA 1288 (release 4.0, section 2).
 
 Electrons are the light times the exposure, with shot noise and read noise. Gray levels are the electrons divided

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The light of the glints: point sources off the surface, in focus and out of focus."""
 
 from typing import NamedTuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The virtual instrument: a specimen scanned through focus, frame by frame, and its true depth."""
 
 from collections.abc import Iterator

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optics of the microscope: how sharp a point is imaged, in focus and out of focus.
 
 The model is incoherent imaging in air, equal over the whole field. The optical transfer function is the product of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Outliers added to a height map: isolated points, and dense clusters that are displaced together.
 
 Number, size and place of these outliers are known exactly. For outliers with physical causes, use the virtual

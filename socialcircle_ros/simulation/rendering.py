@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The image at a given position of the stage: each point is blurred by its distance from focus.
 
 There are two renderers. They share the sharp image (diffraction, pixel) but not the defocus, so that each of them

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sampling of fields for the renderers: distances from focus, padding, frequencies."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Named scenes: a surface with measurement noise and known outliers, as a cloud.
 
 The heights are those of the surface, plus white noise, plus the displacements from `outliers`. For clouds measured

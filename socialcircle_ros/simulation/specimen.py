@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The specimen: a surface, the light that it reflects, and its glints.
 
 The light comes through the objective (coaxial illumination). A facet with the slope angle θ reflects

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stage: the position of the focus over time, and what the encoder reports of it."""
 
 from dataclasses import dataclass

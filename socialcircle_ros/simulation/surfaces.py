@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Height maps of surfaces: form, roughness, grooves, steps, pits, discs, woven fibres.
 
 Each function returns the heights (H, W) float64 in µm on a `Grid`. Heights add up: a rough groove is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The true depth of a simulated stack, and how good, ambiguous or bad a measured depth is.
 
 An outlier is a point with a depth error above a bound. A point between the bound of good and that of bad depths is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writing files safely: whole or not at all, in spite of signals and full disks.
 
 Nothing here knows what a file holds; the rooms above write their recordings, reports and parameters with it.

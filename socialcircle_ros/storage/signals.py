@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Signals while files are written: raised as an exception, noted, or put off to the end of a step.
 
 Python runs the handlers of signals in the main thread only, so elsewhere these functions do nothing.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The space on a disk: how much is free, and a reserve that is held for the end of a long recording."""
 
 import errno

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All experiments by name, and the page, tables and pictures that they write."""
 
 from collections.abc import Callable, Iterator, Sequence

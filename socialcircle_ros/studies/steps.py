@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The steps of an experiment: each is kept on disk when it is finished, so that an interrupted run continues."""
 
 import base64

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The clouds of a sweep, each with the outliers that a setting should remove."""
 
 import threading

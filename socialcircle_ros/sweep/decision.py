@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a sweep may conclude: a better setting, or candidates between which a person decides.
 
 All clouds weigh alike, however many outliers each has.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The results of a sweep for people: the decision, the candidates side by side, and the table of all trials."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Choosing the next settings of a sweep with Optuna (extra `tuning`)."""
 
 from collections.abc import Iterator, Mapping, Sequence

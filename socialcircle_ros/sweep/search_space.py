@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The search space of a sweep: which parameters are varied, and over which values."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`run_sweep`: filter the same clouds with many settings, and write down what can be concluded."""
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Trials of a sweep: one setting and its score over all clouds, and the file that keeps finished trials."""
 
 import json

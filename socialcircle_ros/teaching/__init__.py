@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Teaching: a lesson about one kind of part, from clouds of good parts.
 
 - `clouds`: the good clouds, and the fields to teach on and to check on.

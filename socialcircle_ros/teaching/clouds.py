@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The good clouds, and the fields of them: those to teach on, and those kept back for the check."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Examples: outliers put into fields of good clouds, and the communities that the rules find in them."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Logistic regression with products of traits, held near what the rules do without a lesson: all is an outlier."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the check of a lesson found, as an HTML page: figures and pictures before and after."""
 
 from collections.abc import Iterator, Sequence

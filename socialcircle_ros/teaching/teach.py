@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A lesson from good clouds: taught on some fields, checked on those kept back, refused if it does not help."""
 
 from collections.abc import Callable, Sequence

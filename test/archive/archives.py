@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small archives, and an engine without processes, for the tests of batches."""
 
 from contextlib import contextmanager

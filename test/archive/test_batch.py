@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`run_batch` on real Dask: in this process, and with a scheduler and two workers, one of which is killed."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cell and part from a pattern on the name."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The task of a worker: one input in, results out; no Dask here."""
 
 import resource

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hostile input from a seeded generator: messages, parameters, transitions and recordings.
 
 The same seed gives the same input. The tests and `attack.soak` share it.

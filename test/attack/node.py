@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attacks on a live node over DDS.
 
 The clean run is the filter within this process: the node publishes the same bytes for the same cloud.

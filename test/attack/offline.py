@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attacks on the code of the node and of the commands within this process.
 
 Each one compares good input after the attack with the same input in a clean run.

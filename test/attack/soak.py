@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole attack for as long as wanted: `make soak`, or `python -m attack.soak --minutes 60` in `test/`.
 
 Rounds of every attack follow each other until the time is over. The seed of a round is printed when something does

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What became of hostile inputs, counted by kind."""
 
 from dataclasses import dataclass, field

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The attack in small on one live node; `make soak` runs it for as long as wanted."""
 
 from random import Random

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the long attack adds to the small one: full disks and the table."""
 
 from random import Random

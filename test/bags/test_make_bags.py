@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The shipped recordings: make_bags.py reproduces them, and they hold what the demo and other tests need."""
 
 import runpy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small clouds for the tests of the baselines."""
 
 import numpy as np

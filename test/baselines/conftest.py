@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Property tests without a deadline: the first call of a kernel compiles it, which takes seconds."""
 
 from hypothesis import settings

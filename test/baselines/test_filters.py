@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each baseline against its slow reference, and what holds for all of them."""
 
 import numpy as np

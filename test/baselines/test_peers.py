@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PCL and Open3D: the masks are the same where the window contains all neighbours."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The expansion of the circle (section 3.2.3), with all windows and with window 3."""
 
 import numpy as np

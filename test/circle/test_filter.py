@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`remove_outliers`: vote, radius and expansion together, as the Python API shows them."""
 
 import math

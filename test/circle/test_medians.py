@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The exact medians of the distances (section 3.2.1, eq. 5)."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The radius of the circle (section 3.2.2, eq. 6 and 7)."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The choice of the vote region T (section 3.2.1)."""
 
 import numpy as np

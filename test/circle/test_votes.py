@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The votes and their sums, the scores M (section 3.2.1, eq. 4)."""
 
 import math

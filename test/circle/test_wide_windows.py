@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The expansion with search windows above 3×3 points (section 3.2.3).
 
 Windows 5 and 7 work on tiles of 8×8 points, and keep the points without a link to the 3×3 community apart.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The demo without its node: a stand-in filters the clouds in this process."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes that a tuning page finds in the graph."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The health of a node, from its diagnostics."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Keys of a terminal, which is a pseudo-terminal here."""
 
 import os

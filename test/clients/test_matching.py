@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds are joined with their results, in any order of arrival."""
 
 import itertools

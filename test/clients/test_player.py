@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parts of the player that need no graph; test/commands/test_live.py plays recordings."""
 
 import pytest

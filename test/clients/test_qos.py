@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """QoS profiles to and from the text that rosbag2 records."""
 
 from types import SimpleNamespace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recorder: its warning before the disk is full, and what it keeps after an error."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A remote node beside a live one: what the tuning page learns of a node over ROS."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`socialcircle tune` beside a live node, with the page in a real browser."""
 
 import re

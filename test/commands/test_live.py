@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The commands that use the graph: play, record, demo, node."""
 
 import contextlib

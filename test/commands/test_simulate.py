@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`socialcircle simulate`, and focus stacks through `import` and `filter`."""
 
 import numpy as np

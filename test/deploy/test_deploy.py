@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Containers and services, as far as they can be checked without a daemon that builds them."""
 
 import os

@@ -1,5 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the source distribution holds."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -25,3 +27,14 @@ def test_the_source_distribution_holds_every_file_of_the_repository(tmp_path):
     with tarfile.open(archive) as made:
         held = {name.partition('/')[2] for name in made.getnames()}
     assert set(tracked) <= held
+
+
+def test_every_file_that_names_the_version_names_the_same():
+    names = {
+        'setup.py': r"version='([0-9.]+)'",
+        'package.xml': r'<version>([0-9.]+)</version>',
+        'CHANGELOG.rst': r'^([0-9.]+) \([0-9-]+\)$',
+    }
+    texts = {name: (ROOT / name).read_text(encoding='utf-8') for name in names}
+    found = {re.search(pattern, texts[name], re.MULTILINE)[1] for name, pattern in names.items()}
+    assert len(found) == 1

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time of one frame and of the fit, beside OpenCV. This is a script, because OpenCV is not a dependency.
 
     python test/focus/benchmark.py

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Focus stacks with a known truth that several tests share."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small focus stacks with a known truth: texture under a blur that grows with the distance from focus."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The correction of the depth from the centroid of the texture in a window to the pixel."""
 
 import numpy as np

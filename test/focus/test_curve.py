@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is kept of the focus curves is right, in whichever order the frames come."""
 
 import numpy as np

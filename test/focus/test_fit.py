@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The fit of the focus curve: position of the peak, quality, and width."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Light that changes from frame to frame moves no peak."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The focus measure is exact, and refuses what is not a frame."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What noise and rounding give is no peak, and texture above them is."""
 
 import numpy as np

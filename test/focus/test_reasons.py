@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pixels with a depth that is not to be trusted are marked with the reason."""
 
 import numpy as np

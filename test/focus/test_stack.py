@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth from whole focus stacks, frame by frame or at once, in any order of the frames."""
 
 import numpy as np

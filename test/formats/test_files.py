@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every format that is written: import → export → import is exact, and what is lost is said."""
 
 import builtins

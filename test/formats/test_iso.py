@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """X3P and SDF: against a reading value by value, against SurfaceTopography, and the variants of the standards."""
 
 import hashlib

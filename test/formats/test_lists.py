@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lists of points, x, y and z per line, onto their grid, with and without the points that are missing."""
 
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files of instruments, against the same surfaces in the data folder."""
 
 import sys

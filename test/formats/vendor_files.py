@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small files of instruments, written by what SurfaceTopography's readers expect.
 
 Each writer takes heights (rows, columns) in whole steps of 0.001 µm, NaN where not measured, and the pitch in µm.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The journey of a metrologist: a file of an instrument, a report with a verdict, and a cleaned file.
 
 Each step is done on the command line, as a person would, and the report is opened in a browser.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sorting networks by the zero-one principle: one that sorts zeros and ones sorts all numbers (Knuth 5.3.4)."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Disjoint sets."""
 
 import numpy as np

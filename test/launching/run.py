@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Starts a launch file as `ros2 launch` does, or with the stand-in if `launch` is not installed; ends with Ctrl-C.
 
 python run.py FILE name:=value ...

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A stand-in for the parts of `launch` and `launch_ros` that our launch files use, for machines without them.
 
 Names and arguments are those of the real packages (Jazzy); others fail, as they do there. The stand-in expands a

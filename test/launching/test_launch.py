@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The launch files: the commands that they start, and live runs of them."""
 
 import contextlib

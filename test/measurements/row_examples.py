@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rows for tests: of real measurements of a small cloud, and of recordings that cannot be read."""
 
 from examples import cloud

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """CDR as ROS 2 writes it."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Images: camera frames, masks and scores."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds looked at in place, and written with their outliers taken out."""
 
 from dataclasses import dataclass

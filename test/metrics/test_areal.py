@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Areal surface texture: Sa, Sq, Sz, Ssk, Sku and Sdr."""
 
 import dataclasses

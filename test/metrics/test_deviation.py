@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far outliers lie from the surface round them."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scores of a mask against the truth, and of a surface."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The adaptive mode point by point: the reference for `socialcircle_ros.circle.adaptive`.
 
 Plain loops that follow the docstrings, and share nothing with the compiled code but its constants. Heights and

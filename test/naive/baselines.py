@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The baselines point by point: the slow reference, easy to compare with their definitions."""
 
 import math

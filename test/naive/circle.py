@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The social circle of section 3.2, point by point: the reference for `socialcircle_ros.circle`.
 
 Plain loops in the order of the paper. Only the settings and the errors are shared with the compiled code. Votes

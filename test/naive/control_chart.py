@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Western Electric rules, value by value, as the handbook words them."""
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Slow, obvious references: the focus measure (eq. 1 to 3), the fit of its peak, the centroid correction."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth from focus in its simplest form: sum-modified-Laplacian, largest value, three-point Gaussian."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Slow, obvious references for the repair: dense least squares for each hole, after its definition."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scores by counting point by point and pair by pair."""
 
 import math

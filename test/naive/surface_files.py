@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The two ISO formats, read value by value as the standards describe them."""
 
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The reference against other formulations: whole-array NumPy, and labels that spread until none changes."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The blurred image of a few cosine waves, known without an FFT: blur only reduces their amplitudes."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The sentences about publishers that cannot be heard."""
 
 from types import SimpleNamespace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node's life: states, ends, and what it says of its connections."""
 
 import signal

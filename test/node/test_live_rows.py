@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rows of live clouds, written by the node."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lost messages are reported by the middleware, counted, and said in a sentence."""
 
 from types import SimpleNamespace

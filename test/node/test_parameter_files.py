@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same parameter files give the node and the offline commands the same settings, or both refuse."""
 
 from pathlib import Path

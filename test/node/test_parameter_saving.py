@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Saving the node's parameters: the path, the text, and an executor that goes on meanwhile."""
 
 import array

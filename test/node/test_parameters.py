@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the live node: whole or not at all, with a reason."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Serialized messages by rcl's functions and by rclpy's public way: the same bytes; what an rclpy lacks."""
 
 import contextlib

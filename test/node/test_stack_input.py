@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What waits for the thread that measures frames is bounded and counted."""
 
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Focus stacks through the live node."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The profiles of Fast DDS that come with the package."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiling before the first cloud comes."""
 
 import subprocess

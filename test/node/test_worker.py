@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One thread on the newest job."""
 
 import threading

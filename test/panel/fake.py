@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node without ROS: it filters with the pipeline, checks with the settings, and can be made absent."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who may open the page: token, hosts and origins."""
 
 import socket

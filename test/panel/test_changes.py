@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Changes: rapid changes are merged, each change can be undone, refusals change nothing."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Map, profile and histogram."""
 
 import re

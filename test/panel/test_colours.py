@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The colours can be told apart with every kind of colour vision."""
 
 import numpy as np

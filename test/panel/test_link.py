@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The numbers of the measurement of a cloud."""
 
 import dataclasses

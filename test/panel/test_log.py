@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The log of the page, and the guard that writes failures into it."""
 
 from types import SimpleNamespace

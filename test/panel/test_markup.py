@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The texts and tables of the page."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Several nodes in one page, and a page that waits for the first one."""
 
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page in a real browser, with a node that needs no ROS."""
 
 import dataclasses

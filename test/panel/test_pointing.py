@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From the screen to the cloud."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Presets: files that are read back unchanged, and from which a node can start."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The clouds of a recording, one at a time, in any order."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The server of the page against visitors that do not hold its token: raw requests, and web pages in Chromium."""
 
 import base64

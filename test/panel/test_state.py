@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the page shows, for any order of actions and messages; and the settings that a node loses by a restart."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cloud for display: kept points are thinned, outliers are not."""
 
 import numpy as np

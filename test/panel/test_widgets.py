@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Widgets: values as text and as places on a slider."""
 
 import dataclasses

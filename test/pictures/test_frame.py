@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a cloud lies in its pictures."""
 
 import numpy as np

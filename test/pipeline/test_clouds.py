@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One cloud through the whole pipeline."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames that were lost are numbered by the stamps of those that came."""
 
 import numpy as np

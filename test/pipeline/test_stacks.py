@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames and stage positions into clouds, without a node."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PLY and PCD files for the tests of this folder."""
 
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Latency from a scan up and a scan down, and pitch from a grating."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """New recordings from measurement files and simulations."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `socialcircle info` says."""
 
 import numpy as np

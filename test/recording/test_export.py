@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Exports, the filter into one file, measurement files in place of recordings, and units."""
 
 import json

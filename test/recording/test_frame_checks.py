@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which frames do not belong to a stack."""
 
 import numpy as np

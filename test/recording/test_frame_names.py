@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The order of frames and their z from names."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The index of an MCAP file is trusted whole or not at all."""
 
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings that are kept: on a full disk, after an error, after a kill."""
 
 import random

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording filtered offline."""
 
 from pathlib import Path

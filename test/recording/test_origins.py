@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds in metres, and the numbers and the unit of their files back."""
 
 import warnings

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames from image files: without loss, or refused."""
 
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Text becomes numbers without loss."""
 
 from pathlib import Path

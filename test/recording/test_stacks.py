@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Focus stacks from files and from the simulator."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`read_surface`, and the pitch and unit that a caller gives."""
 
 import numpy as np

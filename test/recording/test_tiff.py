@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What ImageJ and OME say in a TIFF."""
 
 import numpy as np

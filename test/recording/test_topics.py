@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 import yaml
 
 from socialcircle_ros.recording import DEFAULT_QOS, ros_topic, schema_text, type_hash

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Known outliers of a recording."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surfaces with a known truth, and holes in them."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Accuracy of the two methods on fractal roughness with a step of 8 units and 8.4 % holes."""
 
 import numpy as np

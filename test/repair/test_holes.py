@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The search for holes, against its slow reference."""
 
 from itertools import pairwise

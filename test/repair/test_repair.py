@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The behaviour of repair_holes, and each of its methods against its slow reference."""
 
 import numpy as np

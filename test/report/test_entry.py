@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The entry of one cloud in a report."""
 
 import numpy as np

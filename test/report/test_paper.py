@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report in a browser: on the screen, enlarged, and printed."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`make_report`, called as from a notebook."""
 
 import pytest

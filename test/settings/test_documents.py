@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is rendered from the table of parameters: parameter files and Markdown tables."""
 
 import pytest

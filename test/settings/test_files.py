@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading parameter files for one node: generated ones, those of a whole cell, and other files."""
 
 import pytest

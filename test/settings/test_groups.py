@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of parameters: defaults, checks, and conversion to and from ROS values."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Loading YAML that cannot fill the memory."""
 
 import re

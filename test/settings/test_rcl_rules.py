@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files by the rules of rcl: the same files are given to rcl and to our parser."""
 
 import contextlib

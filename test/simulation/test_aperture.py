@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Walls block a part of the light cone."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The camera follows EMVA 1288: it is linear, with shot noise, read noise, rounding and saturation."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole instrument: stacks are reproducible, and outliers have physical causes."""
 
 import numpy as np

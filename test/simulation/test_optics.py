@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optics agree with theory: cut-off frequency, depth of field, circle of confusion."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Outliers have the requested number, size and place, and their truth is known."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two renderers that compute defocus in different ways give the same image, except at steep walls.
 
 The bounds are root mean square differences over the field, as a share of the light of flat, bright metal:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Named scenes are reproducible, their truth is known, and the paper mode can follow the metal groove."""
 
 import numpy as np

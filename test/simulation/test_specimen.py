@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A specimen reflects light as its material says."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stage jitters, and its reported positions can be interpolated at the stamps of the frames."""
 
 import numpy as np

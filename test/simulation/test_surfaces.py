@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surfaces have the requested size, roughness and walls."""
 
 import numpy as np

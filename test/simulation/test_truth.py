@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measured depths are classified by their errors, and the causes of failure are found."""
 
 from dataclasses import replace

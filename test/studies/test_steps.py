@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Steps of experiments: kept when they are finished, and not repeated."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stopwatch of the studies."""
 
 from socialcircle_ros.studies.timing import elapsed_ms, repeated_ms

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds with a known truth, and trials, for the tests of the sweep."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`run_sweep`, called as from a notebook."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Trials of a sweep, and the file that keeps them."""
 
 from dataclasses import replace

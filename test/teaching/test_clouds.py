@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Good clouds and their fields."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lessons from good clouds."""
 
 from dataclasses import replace

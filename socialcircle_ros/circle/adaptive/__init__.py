@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The adaptive mode: touch is relative to the spread of the surface, and communities are judged by their borders.
 
 Its steps, in order:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Grids of blocks of points: smoothing, and interpolation between the blocks' centres."""
 
 import numpy as np

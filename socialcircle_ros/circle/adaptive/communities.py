@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Traits of communities: what a lesson tells outliers from a part's own texture by.
 
 A community is a connected set of points that the rules found. Its traits are lengths relative to the spread of the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The adaptive mode composed: isolated points, then islands, then islands at reduced resolution."""
 
 import math

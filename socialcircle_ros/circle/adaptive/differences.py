@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Normalised differences: how far neighbours differ, relative to the spread of the surface itself.
 
 The difference of two neighbours' heights, less the difference that is predicted there, is divided by the spread of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The heights that the adaptive mode works on, and how it fills holes in them."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Islands: communities that rise from (or sink into) their surroundings on all sides.
 
 The communities are those of every height at once: the connected parts of {relief ≥ level}, nested in a max-tree

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Isolated points: outliers that their neighbours alone reveal, without a community."""
 
 import numpy as np

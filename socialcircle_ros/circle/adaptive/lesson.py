@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a lesson judges: the communities that the rules find, by their traits.
 
 The probability that a community is an outlier is a logistic function of its traits and their products. Where the

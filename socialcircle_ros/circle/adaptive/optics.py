@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the depth of field says of a cloud that was a focus stack: which islands are outliers, and where walls are.
 
 The uncertainty of focus variation is a share of the depth of field. Where the texture is poor, a patch of points

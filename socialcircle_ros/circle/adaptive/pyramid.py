@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cloud at reduced resolution, and how results there are carried back to full resolution."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The relief: a surface of the significant differences alone, flat wherever the cloud is smooth.
 
 Its differences along rows and columns are, by least squares, the normalised differences beyond a threshold, and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The local slope of the surface: the first prediction of the difference between neighbours."""
 
 from typing import NamedTuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The spread of the differences between neighbours, estimated from the cloud itself.
 
 Each direction has a spread and each tile has a factor to it. Both are of the core of the distribution, so that

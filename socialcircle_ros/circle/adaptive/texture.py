@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Islands that belong to the surface's own texture: many of one height, which together cover much of it.
 
 The heights of outliers are random; an etched layer, a print or a lattice has islands of one height.

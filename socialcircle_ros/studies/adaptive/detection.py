@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The adaptive mode as the experiments call it: one setting for all clouds."""
 
 from socialcircle_ros.circle import CircleResult, remove_outliers

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Picture of the spikes of a measured surface, as PNG bytes."""
 
 from typing import TYPE_CHECKING

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The adaptive mode against its goals: all evaluations on one page, the goals first."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goals: a measured quantity, the bound that is asked of it, and whether it is met."""
 
 from collections.abc import Sequence

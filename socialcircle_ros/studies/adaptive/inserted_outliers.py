@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measured surfaces with inserted outliers.
 
 The inserted outliers are known. Points of the surface that may be wrong before the insertion are not counted.

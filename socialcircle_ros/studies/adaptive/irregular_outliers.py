@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A second model of outliers: large patches of irregular outline, blurred several times, and isolated points.
 
 No rule of the adaptive mode was chosen on these outliers alone, and the model shares no shape with `add_outliers`,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Leave-one-out validation: the adaptive mode on a measured surface that its rules were not chosen on."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Robustness: scenes without outliers, ambiguous clouds, and clouds in other units."""
 
 from collections.abc import Iterator

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run time of the adaptive mode: growth with the number of points, and the ratio to PCL's statistical filter."""
 
 from functools import partial

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds from simulated focus stacks: the adaptive mode against filters that are tuned on the same clouds."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measured surfaces: with inserted outliers, and untouched."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The candidates of the benchmark: the filter's steps, and their counterparts in other libraries (peers).
 
 All candidates work on the same points. Peers run in the way that is fastest for them, and are timed without

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Error of the depth from focus stacks, and what its quality value predicts, on simulated stacks."""
 
 from collections.abc import Iterator, Sequence

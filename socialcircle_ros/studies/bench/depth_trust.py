@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What else than noise spoils a focus stack, on simulated stacks: order, losses, flicker, drift, blank areas."""
 
 from collections.abc import Iterator, Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Growth of the filter's time with the size of the cloud, from 0.1 to 50 million points."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Latency of the live node, seen from outside: from a publisher through the node to a subscriber.
 
 Publisher and subscriber are in this process. The node and the bare relay, with which it is compared, are processes

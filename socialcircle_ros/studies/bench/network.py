@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Large clouds over a network that loses packets: how many arrive, and how long that takes."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The programs on the two hosts of the network benchmark: `publish` and `subscribe`.
 
 Both print one line per cloud: its number, and a time in s of the monotonic clock, which the processes of a machine

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Speed as ratios of median times in one run, in which all candidates take turns; the ratios have goals.
 
 A ratio is more reproducible than a time, because other load on the machine affects all candidates alike.

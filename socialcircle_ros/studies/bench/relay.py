@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A relay that publishes each cloud of `points` on `relayed` without reading it.
 
 Its trip time is the lower bound of any rclpy node that receives and publishes a cloud.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Times of the filter's steps on clouds of several sizes."""
 
 import statistics

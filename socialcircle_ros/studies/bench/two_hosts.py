@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two hosts on one machine, joined by a network that loses packets.
 
 A host is a process with a network and a /dev/shm of its own, which `unshare` starts. Its network ends with it, so

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of what each filter keeps and removes, as PNG bytes."""
 
 from typing import TYPE_CHECKING

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Labelled clouds: organized clouds with known outliers.
 
 They are synthetic scenes with added outliers, or scans by the virtual instrument. Clouds of real instruments have

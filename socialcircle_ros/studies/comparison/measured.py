@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measured clouds: surfaces of real instruments with unknown outliers.
 
 The experiment shows what each filter removes and how the texture parameters change; it computes no score.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The compared filters, each with fixed settings behind one call.
 
 The methods are this package's filters. Peers are the counterparts of other libraries (PCL, Open3D), where they are

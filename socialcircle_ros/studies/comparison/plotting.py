@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the pictures of all experiments share: PNG output, value ranges, extents, and marks on height maps."""
 
 import io

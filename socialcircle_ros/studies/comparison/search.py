@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings search: the highest mean F1 of each filter on labelled clouds, for a fair comparison."""
 
 from collections.abc import Callable, Iterator, Sequence

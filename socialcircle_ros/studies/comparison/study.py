@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a study compares: its size (`Plan`), and each filter at its default and at its best settings (`Study`)."""
 
 from collections.abc import Callable, Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network that judges touch: corpus, training, export, and its comparison with the rules of the adaptive mode.
 
 The product does not need this room, and nothing in it is imported by the product. `python -m

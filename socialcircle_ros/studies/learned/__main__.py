@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`python -m socialcircle_ros.studies.learned`: make the corpus, train the network, and write it as ONNX."""
 
 from pathlib import Path

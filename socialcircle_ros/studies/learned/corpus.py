@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The corpus: patches with their features and labels on disk, made once and used by many trainings."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of judged clouds and of learning curves, as PNG bytes."""
 
 from collections.abc import Sequence

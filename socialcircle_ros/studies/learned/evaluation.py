@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network, the rules of the adaptive mode, and both, on the same whole surfaces with the same outliers."""
 
 from collections.abc import Callable, Sequence

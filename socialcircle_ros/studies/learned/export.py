@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network as an ONNX file, and back: what the product uses, and what a later training starts from.
 
 Needs PyTorch and ONNX, and is imported only on demand. The file depends on the weights and the card alone. Weights

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the network sees of a height map: six channels for each point, and one number for the cloud.
 
 Every channel is a difference of heights relative to the spread s of the cloud, so that unit, offset and tilt of

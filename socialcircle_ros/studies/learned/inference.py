@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network on a whole height map, with ONNX Runtime."""
 
 from importlib import resources

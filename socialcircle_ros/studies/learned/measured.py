@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Real surfaces as the training uses them: parts of them, varied."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The network: a small U-Net at half resolution that gives each point a logit of being an outlier.
 
 Needs PyTorch, and is imported only where the network is trained.

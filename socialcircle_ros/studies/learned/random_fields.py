@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random fields that surfaces and outliers are made of."""
 
 import numpy as np

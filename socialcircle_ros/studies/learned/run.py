@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One training from its corpus to the ONNX file, by one or several processes. Needs PyTorch and ONNX."""
 
 import csv

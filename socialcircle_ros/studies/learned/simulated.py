@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Simulated surfaces without outliers: two dozen kinds of texture, with noise, holes and quantisation.
 
 Heights are in standard deviations of the noise. Whatever these surfaces show belongs to them: islands, pits,

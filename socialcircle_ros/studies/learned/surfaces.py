@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The measured surfaces: which ones there are, and which ones the packaged weights were never trained on."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The training of the network, on a CPU or a GPU. Needs PyTorch, and is imported only on demand."""
 
 import io

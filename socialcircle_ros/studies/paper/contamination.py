@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """F1 of each filter from 2 to 45 % outliers: isolated, clustered, and clustered with blurred flanks."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of the paper's experiments, as PNG bytes."""
 
 from collections.abc import Mapping, Sequence

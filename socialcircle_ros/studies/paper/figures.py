@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Figures 4, 8, 10 and 11 of the paper, on clouds of known truth."""
 
 from collections.abc import Sequence

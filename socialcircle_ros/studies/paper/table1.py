@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Table 1 with known truth: good points kept, outliers removed and time of each filter on each scene."""
 
 from collections.abc import Sequence

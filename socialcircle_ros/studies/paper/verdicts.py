@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether the paper's claim holds: the social circle keeps more points, removes more outliers and is faster."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Height maps for the tests of the adaptive mode."""
 
 import numpy as np

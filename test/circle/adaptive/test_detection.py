@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The adaptive mode as a whole."""
 
 from dataclasses import replace

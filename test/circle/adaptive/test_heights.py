@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Heights: relative to a middle one, and with holes filled."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Islands among the communities of every height."""
 
 import numpy as np

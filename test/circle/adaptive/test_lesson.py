@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a lesson judges."""
 
 from dataclasses import dataclass, replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Outliers and walls by the depth of field."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cloud at reduced resolution."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The spread of the differences between neighbours."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goals: a measured quantity, its bound, and whether it is met."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Large, irregular and blurred outliers."""
 
 import numpy as np

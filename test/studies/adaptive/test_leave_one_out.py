@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Leave-one-out validation of the adaptive mode's rules."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 import pytest
 
 from socialcircle_ros.studies.bench.two_hosts import why_impossible

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The candidates of the benchmark."""
 
 from socialcircle_ros.circle.seed import elect_seed

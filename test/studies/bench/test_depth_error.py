@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Error of the depth from simulated stacks, on seeds that nothing was fitted on."""
 
 import pytest

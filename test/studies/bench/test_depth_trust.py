@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figures about order, losses, light, drift and blank areas hold."""
 
 from socialcircle_ros.studies.bench.depth_trust import trust_rows

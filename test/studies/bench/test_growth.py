@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Growth of the time with the size of the cloud."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Times of the live node from outside: what is measured, not how long it takes."""
 
 import pytest

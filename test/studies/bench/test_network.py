@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clouds over a network that loses packets: a small version of the benchmark."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Candidates that take turns, and the goals of their ratios."""
 
 import pytest

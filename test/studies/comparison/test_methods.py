@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The compared filters."""
 
 from socialcircle_ros.baselines.settings import MedianSettings

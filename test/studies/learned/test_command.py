@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`python -m socialcircle_ros.studies.learned`, from the data to the file."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Simulated surfaces, varied real ones, and the patches made of them."""
 
 import numpy as np

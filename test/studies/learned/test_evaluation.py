@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The comparison of a network with the rules: tables, goals and pictures, with a stand-in for the network."""
 
 import numpy as np

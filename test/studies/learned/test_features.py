@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the network sees: independent of unit, offset and tilt, and of what lies in holes."""
 
 import numpy as np

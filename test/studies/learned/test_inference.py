@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The packaged network: what it says of itself, and that it judges."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Generators of outliers for the training: their truth is what they displaced."""
 
 import numpy as np

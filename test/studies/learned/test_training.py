@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The training, on a tiny corpus, and the file that it writes."""
 
 import json
