@@ -58,6 +58,10 @@ class FocusResult:
     """Standard deviation of the mean light of the frames, as a share; it is divided out with `focus.normalize`."""
 
 
+_MOST_FLICKER = 4.0
+"""Greatest ratio between the mean light of a frame and of the first one that is divided out."""
+
+
 class FocusStack:
     """Takes the frames of a focus stack one at a time, in constant memory, and measures the depth.
 
@@ -83,7 +87,8 @@ class FocusStack:
         self._order = FrameOrder()
         self._curves: Curves | None = None
         self._noise: NoiseSampler | None = None
-        self._lights: list[float] = []
+        self._lights: list[float] = []  # mean light of each frame
+        self._divisors: list[float] = []  # what each frame is divided by with `focus.normalize`
 
     @property
     def places(self) -> int:
@@ -115,7 +120,7 @@ class FocusStack:
             raise StackError(f'A stack holds at most {_MOST_PLACES} frames: finish it and start another.')
         if self._noise is None or not order.z:
             curves.begin(frame)
-            self._noise, self._lights = NoiseSampler(frame, self._parameters), []
+            self._noise, self._lights, self._divisors = NoiseSampler(frame, self._parameters), [], []
         if len(order.z) < RECENT:
             curves.clear_slots(len(order.z))
         rows, recent, places = list(order.rows), order.recent, order.places
@@ -123,12 +128,28 @@ class FocusStack:
         if arrival.turns:
             curves.release_all(rows, recent, places)
         to_reference = scale_of(frame)
+        light = REFERENCE[frame.dtype] / to_reference
+        divisor = self._divisor(light)
+        if divisor != light:
+            to_reference = REFERENCE[frame.dtype] / divisor
         scale = to_reference if self._settings.normalize else 1.0
         if not arrival.is_known:  # the same frame again would show no noise
             self._noise.add(frame, scale)
-            self._lights.append(REFERENCE[frame.dtype] / to_reference)
+            self._lights.append(light)
+            self._divisors.append(divisor)
         curves.add(frame, arrival, scale, self._parameters)
         self._curves = curves
+
+    def _divisor(self, light: float) -> float:
+        """What a frame is divided by: its mean light, but no more than `_MOST_FLICKER` from the first frame's.
+
+        No lamp and no exposure changes by more. Light that does follows the focus of the part itself, and is not
+        divided out: the peak would go with it.
+        """
+        if not self._lights:
+            return light
+        first = self._lights[0]
+        return min(max(light, first / _MOST_FLICKER), first * _MOST_FLICKER)
 
     def reset(self) -> None:
         """Forget all frames. The memory is kept, so that the next stack need not allocate it."""
@@ -155,7 +176,7 @@ class FocusStack:
             raise StackError(f'The z of a stack must ascend, one for each of its {len(order.z)} different z.')
         three_point = settings.fit == 'gauss3'
         image = self._curves.image.copy()
-        light = float(np.mean(self._lights))
+        light = float(np.mean(self._divisors))
         floor = self._noise.floor(image, REFERENCE[image.dtype] / light if settings.normalize else 1.0)
         depth, quality, reasons, widths = fit_peaks(self._curves, order, z, floor, three_point=three_point)
         if not three_point:
@@ -163,7 +184,7 @@ class FocusStack:
         level = settings.saturation or np.iinfo(image.dtype).max
         _mark_saturated(image, level, settings.half_window, reasons, quality)
         width = widths.median(quality)
-        flicker = float(np.std(self._lights)) / light
+        flicker = float(np.std(self._lights) / np.mean(self._lights))
         return FocusResult(depth, quality, image, reasons, width and width / _WIDTH, flicker)
 
 

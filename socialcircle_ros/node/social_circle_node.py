@@ -202,7 +202,12 @@ class SocialCircleNode(LifecycleNode):
     def _parameters_changed(self, before: Configuration) -> None:
         """Filter the last cloud again, where the change makes a difference to it."""
         now = self._configuration()
-        different = (now.circle, now.repair, now.output) != (before.circle, before.repair, before.output)
+        different = (now.circle, now.repair, now.output, now.limits) != (
+            before.circle,
+            before.repair,
+            before.output,
+            before.limits,
+        )
         if now.node.reprocess_last and different and self._filter is not None and self._filter.input is not None:
             self._filter.filter_again()
 

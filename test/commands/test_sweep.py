@@ -159,7 +159,8 @@ def test_a_search_needs_no_step(run, tmp_path):
 
 def test_a_focus_parameter_makes_the_cloud_of_a_stack_anew(run, tmp_path):
     done = run(
-        'sweep', BAGS / 'stack.mcap', '--params-file', BAGS / 'stack.yaml', '--param', 'focus.half_window=1,4'
+        'sweep', BAGS / 'stack.mcap', '--params-file', BAGS / 'stack.yaml', '--param', 'focus.half_window=1,4',
+        '--param', 'circle.mode=paper',
     )  # fmt: skip
     assert done.code == 0, done.err
     assert '2 trials on 1 cloud, scored against the truth' in done.out

@@ -17,7 +17,7 @@ def test_the_node_keeps_a_row_of_each_cloud(start_cell, tmp_path):
     folder = tmp_path / 'plant'
     cell = start_cell({'measurements.folder': str(folder), 'measurements.cell': 'hall 3'})
     cell.clean(cloud(stamp=1_790_000_000_000_000_000))
-    cell.set(measurements__part='lid', circle__radius_scale=1.5)
+    cell.set(measurements__part='lid', output__mask=True, circle__not_measured='nan')
     cell.clean(cloud(stamp=1_790_000_001_000_000_000, seed=1))
     cell.transition(Transition.TRANSITION_DEACTIVATE)
     cell.transition(Transition.TRANSITION_CLEANUP)
@@ -26,5 +26,5 @@ def test_the_node_keeps_a_row_of_each_cloud(start_cell, tmp_path):
     )
     assert open_measurements(folder).sql(query).fetchall() == [
         ('hall 3', None, 'ok', 26, '{}', True, True),
-        ('hall 3', 'lid', 'ok', 26, '{"circle.radius_scale": 1.5}', True, True),
+        ('hall 3', 'lid', 'ok', 26, '{"circle.not_measured": "nan"}', True, True),
     ]
