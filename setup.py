@@ -64,6 +64,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
+        (f'lib/{NAME}', ['scripts/tune']),  # for ros2 run
         shared('launch', '*.launch.py'),
         shared('config', '*.yaml'),
         shared('config', '*.xml'),
@@ -101,7 +102,6 @@ setup(
         'console_scripts': [
             'socialcircle = socialcircle_ros.commands.main:main',
             'social_circle_node = socialcircle_ros.node.main:main',
-            'tune = socialcircle_ros.commands.tune:main',
         ],
     },
 )

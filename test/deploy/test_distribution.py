@@ -7,8 +7,10 @@ import subprocess
 import sys
 import tarfile
 from pathlib import Path
+from unittest import mock
 
 import pytest
+import setuptools
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -38,3 +40,15 @@ def test_every_file_that_names_the_version_names_the_same():
     texts = {name: (ROOT / name).read_text(encoding='utf-8') for name in names}
     found = {re.search(pattern, texts[name], re.MULTILINE)[1] for name, pattern in names.items()}
     assert len(found) == 1
+
+
+def test_ros2_run_finds_tune_and_no_path_does():
+    source = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    with mock.patch.object(setuptools, 'setup') as setup:
+        exec(compile(source, 'setup.py', 'exec'), {'__file__': str(ROOT / 'setup.py')})  # noqa: S102
+    given = setup.call_args.kwargs
+    assert ('lib/socialcircle_ros', ['scripts/tune']) in given['data_files']
+    assert not [line for line in given['entry_points']['console_scripts'] if line.startswith('tune')]
+    done = subprocess.run([ROOT / 'scripts' / 'tune', '--help'], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert 'Tune' in done.stdout
