@@ -10,7 +10,7 @@ import pytest
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or shutil.which('google-chrome')
 SWITCHES = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist', '--no-sandbox']
-TIMEOUT_MS = 60_000  # far longer than any step takes, even with rendering in software
+TIMEOUT_MS = 300_000  # a fresh checkout compiles meanwhile, and the pictures are rendered in software
 
 
 @contextlib.contextmanager

@@ -38,7 +38,7 @@ def test_a_recording_is_exported_and_described(run, tmp_path):
     assert '2 files written to out.' in done.out
     described = run('info', 'c.mcap', 'out/points_filtered_0000.x3p')
     assert '/points_filtered  sensor_msgs/msg/PointCloud2  1, 20 × 30 (x, y, z), in m' in described.out
-    assert 'pitch     500 nm × 500 nm' in described.out
+    assert 'pitch     500 × 500 nm' in described.out
 
 
 def test_an_error_is_one_sentence(run, tmp_path):
@@ -62,5 +62,5 @@ def test_heights_without_a_pitch_are_imported_with_the_pitch_that_is_given(run, 
     assert 'does not state its pitch' in refused.err
     done = run('import', 'a.npy', '-o', 'a.mcap', '--pitch', '2', '--unit', 'um')
     assert done.code == 0, done.err
-    assert 'a.npy: 4×4 points in um' in done.out
-    assert 'in um' in run('info', 'a.mcap').out
+    assert 'a.npy (µm, given): 4×4 points' in done.out
+    assert '4 × 4 (x, y, z), in m' in run('info', 'a.mcap').out

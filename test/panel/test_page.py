@@ -11,7 +11,7 @@ from browser import Visitor
 from examples import cloud, surface
 from panel.fake import descriptors
 
-from socialcircle_ros import remove_outliers
+from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.panel.link import Descriptor, ParameterKind, Presence
@@ -27,7 +27,7 @@ def test_the_last_cloud_is_shown_with_counts_pictures_and_times(tuning):
     tuning.link.publish(cloud())
     assert tuning.visitor.sees('Showing all 5,568 kept points and all 26 outliers.')
     assert tuning.visitor.sees('expansion')
-    row, column = remove_outliers(surface()).seed
+    row, column = remove_outliers(surface(), CircleSettings(mode='paper')).seed
     assert tuning.visitor.sees(f'{row}, {column}')
     assert tuning.visitor.sees('0.46 %')
     assert tuning.visitor.page.locator('.sc-chart:visible').count() == 3  # map, profile and histogram
