@@ -22,7 +22,7 @@ def test_the_only_node_is_taken_and_one_of_several_is_chosen_by_a_person(start_c
         assert finder.taken() is None
         assert finder.sentence() == f'2 nodes can be tuned; choose one: {", ".join(names)}.'
     with NodeFinder() as found:
-        assert found.nodes() == names
+        assert second.wait_for(lambda: found.nodes() == names)
     with NodeFinder(cells=(second.namespace, '/nowhere', first.name)) as named:
         assert named.nodes() == (second.name, '/nowhere/social_circle', first.name)
         assert named.taken() == second.name

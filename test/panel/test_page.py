@@ -298,6 +298,8 @@ def test_a_recording_is_stepped_cloud_by_cloud(tuning):
     assert visitor.sees('Cloud 3 of 8 of parts.mcap, recorded')
     visitor.press('◀ previous')
     assert visitor.sees('Cloud 2 of 8')
+    with link.changed:  # the page says where it is before the node has the cloud
+        link.changed.wait_for(lambda: len(link.published) == 4, 60)
     assert link.published == [recorded[0], recorded[1], recorded[2], recorded[1]]
     visitor.field('path').fill('/nowhere.mcap')
     visitor.press('Open')
