@@ -29,7 +29,7 @@ html_static_path: list[str] = []
 
 
 def add_contents(_: Sphinx, page: str, source: list[str]) -> None:
-    """Make the contents of the site from the table of the first page, whose bold rows are captions."""
+    """Make the contents of the site from the table of the first page; its bold rows are captions."""
     if page != root_doc:
         return
     trees = []

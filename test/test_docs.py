@@ -83,7 +83,7 @@ def test_examples_in_python_run(page, tmp_path, monkeypatch):
     names = {'xyz': np.dstack([x, y, np.zeros_like(x)]), 'bags': TOP / 'bags'}
     script = tmp_path / 'examples.py'
     script.write_text('\n'.join(python_examples(page)), encoding='utf-8')
-    runpy.run_path(str(script), init_globals=names)
+    assert names.keys() <= runpy.run_path(str(script), init_globals=names).keys()
 
 
 def test_the_rooms_are_described_in_the_order_of_their_levels():
