@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from .options import LIMITS_FAILED, parameter_options, parameter_values, quantity
+from .options import LIMITS_FAILED, parameter_options, parameter_values, quantity, topics_option
 
 if TYPE_CHECKING:
     from socialcircle_ros.archive import BatchResult
@@ -31,12 +31,7 @@ if TYPE_CHECKING:
     help='Cell and part from the end of the path, such as "{cell}/{part}_*.mcap". Default: the entries cell and'
     ' part of the metadata of a recording; as cell also the namespace of the topic.',
 )  # fmt: skip
-@click.option(
-    '--topic',
-    'topics',
-    multiple=True,
-    help='Topic of clouds to filter. May be repeated. Default: all topics named points, and all focus stacks.',
-)
+@topics_option
 @click.option(
     '--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='none', show_default=True,
     help='Compression of the written recordings.',

@@ -6,7 +6,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import parameter_options, parameter_values, progress_bar, quantity, tell_failures, tell_refusals
+from .options import (
+    parameter_options,
+    parameter_values,
+    progress_bar,
+    quantity,
+    tell_failures,
+    tell_refusals,
+    topics_option,
+)
 
 if TYPE_CHECKING:
     from socialcircle_ros.pipeline.clouds import CloudOutputs
@@ -24,12 +32,7 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help='Recording to write: NAME.mcap, or a directory. For one cloud also a file, such as part.x3p.',
 )
-@click.option(
-    '--topic',
-    'topics',
-    multiple=True,
-    help='Topic of clouds to filter. May be repeated. Default: all topics named points, and all focus stacks.',
-)
+@topics_option
 @click.option(
     '--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='none', show_default=True,
     help='Compression of the written recording.',

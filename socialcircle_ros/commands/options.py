@@ -191,3 +191,12 @@ def require_ros() -> None:
         import rclpy  # noqa: F401
     except ImportError:
         raise SocialCircleError(f'This command needs ROS 2: source Jazzy, or {install_command("ros")}.') from None
+
+
+topics_option = click.option(
+    '--topic',
+    'topics',
+    multiple=True,
+    help='Topic of clouds to filter. May be repeated. Default: all topics named points, and all focus stacks.',
+)
+"""The option of the commands that filter recordings."""

@@ -5,7 +5,15 @@ from pathlib import Path
 
 import click
 
-from .options import parameter_options, parameter_values, progress_bar, quantity, tell_failures, tell_refusals
+from .options import (
+    parameter_options,
+    parameter_values,
+    progress_bar,
+    quantity,
+    tell_failures,
+    tell_refusals,
+    topics_option,
+)
 
 
 @click.command('report', epilog='Example: socialcircle report bags/parts.mcap -o report.html')
@@ -14,12 +22,7 @@ from .options import parameter_options, parameter_values, progress_bar, quantity
     '-o', '--output', type=click.Path(path_type=Path), default=Path('report.html'), show_default=True,
     help='HTML page to write. An existing page is replaced.',
 )  # fmt: skip
-@click.option(
-    '--topic',
-    'topics',
-    multiple=True,
-    help='Topic of clouds to filter. May be repeated. Default: all topics named points, and all focus stacks.',
-)
+@topics_option
 @click.option(
     '--compare',
     nargs=2,

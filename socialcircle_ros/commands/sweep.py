@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .options import parameter_options, parameter_values, progress_bar, quantity, tell_refusals
+from .options import parameter_options, parameter_values, progress_bar, quantity, tell_refusals, topics_option
 
 
 @click.command('sweep', epilog='Example: socialcircle sweep bags/parts.mcap --param circle.radius_scale=0.5:3:0.1')
@@ -30,12 +30,7 @@ from .options import parameter_options, parameter_values, progress_bar, quantity
     '--clouds', 'max_clouds', type=click.IntRange(min=1), default=10, show_default=True,
     help='Most clouds to filter, spread evenly over the recording.',
 )  # fmt: skip
-@click.option(
-    '--topic',
-    'topics',
-    multiple=True,
-    help='Topic of clouds to filter. May be repeated. Default: all topics named points, and all focus stacks.',
-)
+@topics_option
 @click.option('--restart', is_flag=True, help='Delete the trials of an earlier sweep in the same folder.')
 @parameter_options
 def command(
