@@ -49,6 +49,7 @@ def test_ros2_run_finds_tune_and_no_path_does():
     given = setup.call_args.kwargs
     assert ('lib/socialcircle_ros', ['scripts/tune']) in given['data_files']
     assert not [line for line in given['entry_points']['console_scripts'] if line.startswith('tune')]
-    done = subprocess.run([ROOT / 'scripts' / 'tune', '--help'], capture_output=True, text=True, check=False)
+    tune = [sys.executable, ROOT / 'scripts' / 'tune', '--help']
+    done = subprocess.run(tune, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert 'Tune' in done.stdout
