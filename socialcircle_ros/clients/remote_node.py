@@ -97,6 +97,12 @@ class RemoteNode:
         """The full name of the node."""
         return self._name
 
+    @property
+    def newest(self) -> Snapshot:
+        """The newest snapshot; a change that was accepted is in it."""
+        with self._changed:
+            return self._snapshot
+
     def wait(self, revision: int, timeout_s: float) -> Snapshot:
         """The newest snapshot, as soon as it is newer than `revision`, or after `timeout_s` seconds."""
         with self._changed:

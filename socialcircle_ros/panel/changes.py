@@ -36,7 +36,6 @@ class Changes:
 
     Args:
         link: to the node.
-        current: returns the current values.
         refused: called with the names and the reason of a change that was refused.
         accepted: called with the names of a change that was accepted.
     """
@@ -44,12 +43,10 @@ class Changes:
     def __init__(
         self,
         link: Link,
-        current: Callable[[], Mapping[str, RosValue]],
         refused: Callable[[tuple[str, ...], str], None],
         accepted: Callable[[tuple[str, ...]], None],
     ) -> None:
         self._link = link
-        self._current = current
         self._refused = refused
         self._accepted = accepted
         self._changed = threading.Condition()
@@ -86,7 +83,7 @@ class Changes:
             gesture: whether rapid changes of the same parameters are undone as one.
         """
         with self._asking:
-            current = self._current()
+            current = self._link.newest.values  # the page may not show the last change yet
             wanted = {name: value for name, value in values.items() if current.get(name) != value}
             if not wanted:
                 return ''

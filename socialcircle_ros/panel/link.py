@@ -170,6 +170,10 @@ class Link(Protocol):
     def name(self) -> str:
         """The node's full name."""
 
+    @property
+    def newest(self) -> Snapshot:
+        """All that is known now; a change that was accepted is in it."""
+
     def wait(self, revision: int, timeout_s: float) -> Snapshot:
         """Return the newest snapshot, as soon as it is newer than `revision`, or after `timeout_s`."""
 

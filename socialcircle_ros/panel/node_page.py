@@ -39,7 +39,6 @@ class NodePage:
         self._current = CurrentState(self._show)
         self._changes = Changes(
             link,
-            lambda: self._current.now.snapshot.values,
             lambda *refusal: self._log.guarded('Showing a refusal', self._refused, *refusal),
             lambda names: self._log.guarded('Showing a change', self._accepted, names),
         )

@@ -44,7 +44,7 @@ class PresetTab:
         current: CurrentState,
         log: Log,
     ) -> None:
-        self._presets, self._changes, self._current, self._log = presets, changes, current, log
+        self._link, self._presets, self._changes, self._log = link, presets, changes, log
         self._name = gui.add_text('name', 'my setting', hint='Letters, digits, spaces and - _ . +')
         save = gui.add_button(
             'Save current settings', icon=icon('device-floppy'),
@@ -70,7 +70,7 @@ class PresetTab:
         self.comparison.offer(names)
 
     def _save(self) -> None:
-        snapshot = self._current.now.snapshot
+        snapshot = self._link.newest
         writable = snapshot.writable()
         values = {name: value for name, value in snapshot.values.items() if name in writable}
         if not values:
@@ -95,7 +95,7 @@ class PresetTab:
         except SocialCircleError as error:
             self._say(str(error), bad=True)
             return
-        snapshot = self._current.now.snapshot
+        snapshot = self._link.newest
         writable = snapshot.writable()
         unknown = sorted(values.keys() - snapshot.values.keys())
         reason = self._changes.apply({key: value for key, value in values.items() if key in writable})

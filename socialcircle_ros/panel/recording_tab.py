@@ -94,7 +94,7 @@ class RecordingTab:
                 reported = time.monotonic()
                 self._note.content = markup.note(f'Reading {path.name}: {done:,} of {total:,} messages …')
 
-        values = self._current.now.snapshot.values
+        values = self._link.newest.values  # the page may not show the last change yet
         try:
             settings = PipelineSettings.from_ros({name: values[name] for name in PARAMETERS if name in values})
             recorded = RecordedClouds(path, settings, progress)
@@ -136,9 +136,8 @@ class RecordingTab:
         """Set the parameters beside a recording, and open it again."""
         if self._beside is None:
             return
-        snapshot = self._current.now.snapshot
         found = read_parameter_file(self._beside, self._link.name.rpartition('/')[2])
-        writable = snapshot.writable()
+        writable = self._link.newest.writable()
         reason = self._changes.apply({name: value for name, value in found.items() if name in writable})
         if reason:
             self._refuse(reason)

@@ -55,6 +55,11 @@ class FakeLink:
             )  # fmt: skip
             self.changed.notify_all()
 
+    @property
+    def newest(self):
+        with self.changed:
+            return self.snapshot
+
     def wait(self, revision, timeout_s):
         with self.changed:
             self.changed.wait_for(lambda: self.snapshot.revision > revision, timeout_s)

@@ -16,7 +16,6 @@ class Desk:
         self.refusals, self.acceptances = [], []
         self.changes = Changes(
             self.link,
-            lambda: self.link.snapshot.values,
             lambda names, reason: self.refusals.append((names, reason)),
             self.acceptances.append,
         )

@@ -309,14 +309,18 @@ def test_a_recording_is_stepped_cloud_by_cloud(tuning):
     assert visitor.sees('Cloud 2 of 8 of parts.mcap')
 
 
-def test_a_recording_of_frames_is_opened_with_the_parameters_beside_it(tuning):
+def test_a_recording_of_frames_is_opened_with_the_parameters_beside_it(tuning, monkeypatch):
     visitor, link = tuning.visitor, tuning.link
     visitor.open_tab('Recording')
     visitor.field('path').fill(str(BAGS / 'stack.mcap'))
     visitor.press('Open')
     assert visitor.sees('stack.pitch_x is not set')
-    visitor.press('Load stack.yaml into the node, and open')
-    assert visitor.sees('Stack 1 of 1 of stack.mcap')
+    before = link.snapshot
+    with monkeypatch.context() as patch:
+        # The page follows the node some time after the change: opening must not wait for that, nor miss it.
+        patch.setattr(link, 'wait', lambda revision, timeout_s: before)
+        visitor.press('Load stack.yaml into the node, and open')
+        assert visitor.sees('Stack 1 of 1 of stack.mcap')
     assert visitor.sees('pixels: saturated')
     assert visitor.sees('of measured')
     assert visitor.no_longer_sees('stack.pitch_x is not set')
