@@ -1,24 +1,78 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text becomes numbers without loss."""
+"""Files of points in every encoding become the same columns, and text becomes numbers without loss."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from recording.point_samples import COLUMNS, POINTS, RECORD, ROWS, pcd, ply
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.recording.pcd import read_pcd
+from socialcircle_ros.recording.ply import read_ply
 from socialcircle_ros.recording.point_table import ascii_columns, unique_names
 
 PATH = Path('cloud.pcd')
+READERS = {'pcd': read_pcd, 'ply': read_ply}
+SAMPLES = {
+    **{('pcd', encoding): pcd(encoding) for encoding in ('ascii', 'binary', 'binary_compressed')},
+    **{('ply', encoding): ply(encoding) for encoding in ('ascii', 'binary_little_endian', 'binary_big_endian')},
+}
+every_encoding = pytest.mark.parametrize('sample', SAMPLES, ids='-'.join)
 # As the C libraries of GNU, Microsoft (old and new), IBM and others print them, also with few digits.
 NANS = """
 nan -nan NaN NAN +nan nan(ind) -nan(ind) nan(snan) -nan(snan) NaN(0x7ff8) 1.#QNAN -1.#QNAN 1.#SNAN 1.#IND -1.#IND
 1.#QNAN0 -1.#IND00 1.#QO 1.#R -1.#J NaNQ NANS -NaNQ qnan
 """.split()  # noqa: SIM905 - too many to quote
 INFINITIES = ['inf', '-inf', 'Infinity', '-Infinity', 'INF', '1.#INF', '-1.#INF', '1.#INF00']
+
+
+def read(folder, suffix, content):
+    path = folder / f'cloud.{suffix}'
+    path.write_bytes(content)
+    return READERS[suffix](path)
+
+
+@every_encoding
+def test_every_encoding_gives_the_same_columns(tmp_path, sample):
+    table = read(tmp_path, sample[0], SAMPLES[sample])
+    assert table.shape == (ROWS, COLUMNS)
+    assert list(table.columns) == list(RECORD.names)
+    for column in RECORD.names:
+        np.testing.assert_array_equal(table.columns[column], POINTS[column])
+    assert table.notes == []
+
+
+@every_encoding
+def test_a_file_cut_off_at_any_byte_is_refused(tmp_path, sample):
+    content = SAMPLES[sample]
+    # An ascii file is still valid without its last line break or its last digits.
+    for length in range(len(content) - 5):
+        with pytest.raises(ImportFileError, match=rf'cloud\.{sample[0]} '):
+            read(tmp_path, sample[0], content[:length])
+
+
+@pytest.mark.parametrize('suffix', READERS)
+@given(content=st.binary(max_size=200))
+def test_garbage_is_refused(content, suffix, tmp_path_factory):
+    with pytest.raises(ImportFileError):
+        read(tmp_path_factory.getbasetemp(), suffix, content)
+
+
+@settings(max_examples=400)
+@given(data=st.data(), sample=st.sampled_from(list(SAMPLES)))
+def test_changed_bytes_give_columns_or_a_refusal(data, sample, tmp_path_factory):
+    content = bytearray(SAMPLES[sample])
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        table = read(tmp_path_factory.getbasetemp(), sample[0], bytes(content))
+    except ImportFileError:
+        return
+    assert len({len(values) for values in table.columns.values()}) == 1
 
 
 @pytest.mark.parametrize('text', NANS)
