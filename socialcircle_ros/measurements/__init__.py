@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measurements as data: one row per cloud in Parquet files, and DuckDB as the database over them.
 
-The schema of a row, the files and the queries live here. Who makes rows does not: `archive` makes them of
+The schema of a row, the files and the queries live here. Rows are made elsewhere: `archive` makes them of
 recordings, the node of live clouds. Nothing here reads recordings.
 """
 

@@ -2,12 +2,15 @@
 """Names for the clouds of a recording: the topic and the number of the cloud on it."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
 from socialcircle_ros.pipeline.stacks import Refusal
+from socialcircle_ros.settings import PipelineSettings
 
-from .offline import SourceCloud
+from .offline import SourceCloud, source_clouds
+from .reader import RecordingReader
+from .topics import Message
 
 Item = TypeVar('Item')
 
@@ -19,10 +22,34 @@ class NamedCloud(NamedTuple):
     cloud: SourceCloud
 
 
-def named_clouds(events: Iterable[SourceCloud | Refusal]) -> Iterator[NamedCloud | Refusal]:
-    """Give each cloud its name; refusals pass unchanged."""
+def named_clouds(
+    reader: RecordingReader,
+    settings: PipelineSettings,
+    *,
+    topics: tuple[str, ...] = (),
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[NamedCloud | Refusal]:
+    """The clouds of `source_clouds` with their names; refusals pass unchanged.
+
+    Args:
+        reader: the recording.
+        settings: how stacks become clouds.
+        topics: which topics of clouds; none: those of `clouds_of`, and every stack.
+        progress: called with the number of messages that are read, and the number of all.
+
+    Raises:
+        RecordingError: as `source_clouds`.
+    """
     counts: Counter[str] = Counter()
-    for event in events:
+    read = 0
+
+    def seen(message: Message | None) -> None:
+        nonlocal read
+        read += message is not None
+        if progress is not None:
+            progress(read, reader.message_count)
+
+    for event in source_clouds(reader, settings, topics=topics, seen=seen):
         if isinstance(event, Refusal):
             yield event
         else:

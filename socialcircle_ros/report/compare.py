@@ -20,7 +20,6 @@ from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
-from socialcircle_ros.recording.offline import source_clouds
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, PipelineSettings
@@ -155,13 +154,6 @@ def _compared(
 ) -> Iterator[ComparedCloud | Refusal]:
     with open_recording(recording) as reader:
         truths = truths_of(reader)
-        read = 0
-
-        def count(message: object) -> None:
-            nonlocal read
-            read += message is not None
-            if progress is not None:
-                progress(read, reader.message_count)
 
         def compare(item: NamedCloud | Refusal) -> ComparedCloud | Refusal:
             if isinstance(item, Refusal):
@@ -176,7 +168,7 @@ def _compared(
             unit = 'm' if cloud.image is not None else unit_of(reader, cloud.topic)
             return _compared_cloud(item.name, cloud.points, unit, (found[0], found[1]), masks)
 
-        yield from in_order(compare, named_clouds(source_clouds(reader, settings[0], topics=topics, seen=count)))
+        yield from in_order(compare, named_clouds(reader, settings[0], topics=topics, progress=progress))
 
 
 def _compared_cloud(

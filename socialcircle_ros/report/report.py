@@ -19,7 +19,7 @@ from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import RecordingReader, open_recording
 from socialcircle_ros.recording.any_file import is_measurement_file
 from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
-from socialcircle_ros.recording.offline import measurements_of, source_clouds
+from socialcircle_ros.recording.offline import measurements_of
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettings, RosValue
@@ -151,13 +151,6 @@ def _entries(
     """Filter the clouds of a recording on all cores, and describe them in their order."""
     truths, recorded = truths_of(reader), measurements_of(reader)
     wanted = replace(settings, output=OutputSettings(mask=True, repaired=settings.output.repaired))
-    read = 0
-
-    def count(message: object) -> None:
-        nonlocal read
-        read += message is not None
-        if progress is not None:
-            progress(read, reader.message_count)
 
     def entry_of(item: NamedCloud | Refusal) -> ReportEntry | Refusal:
         if isinstance(item, Refusal):
@@ -179,7 +172,7 @@ def _entries(
             recorded=recorded.get((cloud.namespace, result.measurement.values.stamp)),
         )
 
-    clouds = named_clouds(source_clouds(reader, settings, topics=topics, seen=count))
+    clouds = named_clouds(reader, settings, topics=topics, progress=progress)
     return in_order(entry_of, _compiled_beforehand(clouds, wanted))
 
 

@@ -17,7 +17,6 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.named_clouds import NamedCloud, evenly_spread, named_clouds
-from socialcircle_ros.recording.offline import source_clouds
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import FocusSettings, PipelineSettings, RosValue
@@ -125,7 +124,7 @@ class SweptRecording:
         settings = PipelineSettings.from_ros(self._parameters | focus.to_ros())
         with open_recording(self._recording) as reader:
             truths = truths_of(reader)
-            events = named_clouds(source_clouds(reader, settings, topics=self._topics))
+            events = named_clouds(reader, settings, topics=self._topics)
             chosen = evenly_spread(self._not_refused(events), self._max_clouds)
             self.damage = reader.damage
             units = {topic: unit_of(reader, topic) for topic in reader.topics}

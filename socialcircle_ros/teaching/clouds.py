@@ -18,7 +18,6 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.named_clouds import NamedCloud, evenly_spread, named_clouds
-from socialcircle_ros.recording.offline import source_clouds
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PipelineSettings
 
@@ -105,7 +104,7 @@ def read_good_clouds(
     for path in files:
         progress(f'reading {path.name}')
         with open_recording(path) as reader:
-            events = named_clouds(source_clouds(reader, settings, topics=topics))
+            events = named_clouds(reader, settings, topics=topics)
             chosen = evenly_spread(_not_refused(events, refused), most)
             units = ['m' if cloud.image is not None else unit_of(reader, cloud.topic) for _, cloud in chosen]
         for (name, cloud), unit in zip(chosen, units, strict=True):
