@@ -29,6 +29,8 @@ TEST = [
     'hypothesis>=6.98',
     'rosbags>=0.10.4',
     'mcap-ros2-support>=0.5',
+    's3fs>=2024.1',  # an object store, and a server that answers as one
+    'moto[server]>=5',
     'playwright>=1.40',  # drives the system's Chromium; brings no browser of its own
 ]
 SITE = ['sphinx>=7', 'myst-parser>=3', 'furo']  # the documents as a site

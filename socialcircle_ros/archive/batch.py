@@ -12,11 +12,13 @@ from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.recording.mcap_output import Compression
 from socialcircle_ros.report.page import environment, prepare
 from socialcircle_ros.settings import PipelineSettings
+from socialcircle_ros.storage import is_url
 
 from .engine import Engine
 from .inputs import ArchiveInput, find_inputs
 from .ledger import Ledger, LedgerEntry
 from .names import NamePattern
+from .results import ResultFolder
 from .work import BatchTask, TaskResult, do_task, failed_result
 
 
@@ -72,7 +74,8 @@ def run_batch(
 
     Args:
         inputs: recordings, folders, globs, measurement files, and URLs, see `find_inputs`.
-        output: folder of the results: `recordings`, `measurements`, `reports`, and `inputs` with what is done.
+        output: folder of the results, or its URL: `recordings`, `measurements`, `reports`, and `inputs` with what
+            is done.
         settings: how to filter; the defaults if None.
         names: pattern of the names, which gives cell and part, see `NamePattern`. Otherwise the entries `cell`
             and `part` of a recording's metadata count, and the namespace of the topic as cell.
@@ -91,16 +94,17 @@ def run_batch(
         SocialCircleError: an input does not exist, the folder cannot be used, a library is missing, or no
             scheduler answers.
     """
-    output, settings = Path(output).absolute(), settings or PipelineSettings()
+    results, settings = ResultFolder(output), settings or PipelineSettings()
     pattern = NamePattern(names)
     if reports:
         new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after hours
         environment()
-    prepare(output)
-    template = _template(output, settings, pattern, tuple(topics), recordings, reports, compression)
+    if not is_url(results.location):
+        prepare(Path(results.location))
+    template = _template(results.location, settings, pattern, tuple(topics), recordings, reports, compression)
     all_inputs = find_inputs(inputs, found)
     result = BatchResult(inputs=len(all_inputs))
-    earlier = {entry.location: entry for entry in Ledger(output).entries() if entry.failure is None}
+    earlier = {entry.location: entry for entry in Ledger(results).entries() if entry.failure is None}
     tasks = []
     for each in all_inputs:
         entry = earlier.get(each.location)
@@ -120,7 +124,7 @@ def run_batch(
 
 
 def _template(
-    output: Path,
+    output: str,
     settings: PipelineSettings,
     names: NamePattern,
     topics: tuple[str, ...],

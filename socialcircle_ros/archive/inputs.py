@@ -11,8 +11,9 @@ from hashlib import blake2b
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from socialcircle_ros.errors import RecordingError, SocialCircleError, install_command
+from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.formats import format_of
+from socialcircle_ros.storage import file_system, is_url, reason_of
 
 if TYPE_CHECKING:
     import fsspec
@@ -104,16 +105,16 @@ def local_copy(location: str) -> Iterator[Path]:
     Raises:
         SocialCircleError: it cannot be read.
     """
-    if '://' not in location:
+    if not is_url(location):
         yield Path(location)
         return
-    files, path = _file_system(location)
+    files, path = file_system(location)
     with tempfile.TemporaryDirectory(prefix='socialcircle-') as folder:
         target = Path(folder, PurePosixPath(path).name)
         try:
             files.get(path, str(target), recursive=files.isdir(path))
         except Exception as error:  # noqa: BLE001 - each file system has errors of its own
-            raise RecordingError(f'{location} cannot be read: {_reason(error)}') from None
+            raise RecordingError(f'{location} cannot be read: {reason_of(error)}') from None
         yield target
 
 
@@ -140,11 +141,10 @@ def content_hash(path: Path) -> str:
 
 
 def _found_at(text: str) -> Iterator[_Found]:
-    if text.startswith('file://'):
-        text = text.removeprefix('file://')
-    if '://' in text:
+    if is_url(text):
         yield from _found_at_url(text)
         return
+    text = text.removeprefix('file://')
     path = Path(text).absolute()
     if path.exists():
         yield from _found_under(path, path)
@@ -171,7 +171,7 @@ def _found_under(path: Path, top: Path) -> Iterator[_Found]:
 
 
 def _found_at_url(url: str) -> Iterator[_Found]:
-    files, path = _file_system(url)
+    files, path = file_system(url)
     try:
         if any(sign in path for sign in '*?['):
             tops = sorted(files.glob(path))
@@ -182,7 +182,7 @@ def _found_at_url(url: str) -> Iterator[_Found]:
     except SocialCircleError:
         raise
     except Exception as error:  # noqa: BLE001 - each file system has errors of its own
-        raise RecordingError(f'{url} cannot be listed: {_reason(error)}') from None
+        raise RecordingError(f'{url} cannot be listed: {reason_of(error)}') from None
     if not tops:
         raise RecordingError(f'{url} does not exist: check the name.')
 
@@ -219,23 +219,6 @@ def _remote(
     return _Found(files.unstrip_protocol(path), relative, size, changed, time_ns)
 
 
-def _file_system(url: str) -> tuple['fsspec.AbstractFileSystem', str]:
-    """The file system of a URL, and the path in it.
-
-    Raises:
-        SocialCircleError: fsspec, or the library of the protocol, is not installed, or there is no such protocol.
-    """
-    try:
-        from fsspec.core import url_to_fs  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise SocialCircleError(f'URLs need fsspec: {install_command("batch")}.') from None
-    try:
-        files, path = url_to_fs(url)
-    except (ImportError, ValueError) as error:
-        raise SocialCircleError(f'{url} cannot be opened: {_reason(error)}') from None
-    return files, path
-
-
 def _is_bag(names: Sequence[str]) -> bool:
     return _METADATA in names and any(name.endswith(_RECORDINGS) for name in names)
 
@@ -246,7 +229,3 @@ def _is_found_in_folders(name: str) -> bool:
         return True
     form = format_of(Path(name))
     return form is not None and bool(form.reads) and not lowered.endswith(_NOT_FOUND_IN_FOLDERS)
-
-
-def _reason(error: BaseException) -> str:
-    return f'{type(error).__name__}: {error}'.splitlines()[0].rstrip('.') + '.'

@@ -7,14 +7,11 @@ version, is not opened again.
 
 import json
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.storage import write_file
-
 from .inputs import ArchiveInput, short_hash
+from .results import ResultFolder
 
 FOLDER = 'inputs'
 
@@ -61,23 +58,22 @@ class Ledger:
     """The entries in a folder of results.
 
     Args:
-        output: the folder of the results.
+        output: the folder of the results, or its location.
     """
 
-    def __init__(self, output: Path) -> None:
-        self._output = output
-        self._folder = output / FOLDER
+    def __init__(self, output: ResultFolder | str | Path) -> None:
+        self._output = output if isinstance(output, ResultFolder) else ResultFolder(output)
 
     def entries(self) -> Iterator[LedgerEntry]:
         """All entries; a file that is not an entry is passed over, and its input is done again."""
-        for path in sorted(self._folder.glob('*.json')):
-            entry = self._read(path)
+        for content in self._output.read_all(FOLDER, '.json'):
+            entry = _parsed(content)
             if entry is not None:
                 yield entry
 
     def of_content(self, content: str) -> LedgerEntry | None:
         """The entry of a content; None: there is none."""
-        return self._read(self._folder / f'{content}.json')
+        return _parsed(self._output.read(f'{FOLDER}/{content}.json'))
 
     def record(self, content: str, entry: LedgerEntry) -> None:
         """Record what is done, and remove the rows that an earlier run, or a failure, had left for this input.
@@ -85,12 +81,12 @@ class Ledger:
         Raises:
             SocialCircleError: it cannot be written.
         """
-        failed = self._failure_path(entry.location)
-        for earlier in (self.of_content(content), self._read(failed)):
+        failed = _failure_file(entry.location)
+        for earlier in (self.of_content(content), _parsed(self._output.read(failed))):
             if earlier is not None:
                 self._remove(set(earlier.files) - set(entry.files))
-        self._write(self._folder / f'{content}.json', entry)
-        failed.unlink(missing_ok=True)
+        self._write(f'{FOLDER}/{content}.json', entry)
+        self._output.remove(failed)
 
     def record_failure(self, entry: LedgerEntry) -> None:
         """Record a failure, in the place of an earlier one at the same location.
@@ -98,35 +94,32 @@ class Ledger:
         Raises:
             SocialCircleError: it cannot be written.
         """
-        path = self._failure_path(entry.location)
-        earlier = self._read(path)
+        path = _failure_file(entry.location)
+        earlier = _parsed(self._output.read(path))
         if earlier is not None:
             self._remove(set(earlier.files) - set(entry.files))
         self._write(path, entry)
 
-    def _failure_path(self, location: str) -> Path:
-        return self._folder / f'{failure_name(location)}.json'
-
-    def _read(self, path: Path) -> LedgerEntry | None:
-        try:
-            record = json.loads(path.read_bytes())
-            return LedgerEntry(**{**record, 'files': tuple(record['files'])})
-        except (OSError, ValueError, TypeError, KeyError):
-            return None
-
-    def _write(self, path: Path, entry: LedgerEntry) -> None:
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise SocialCircleError(f'{self._folder} cannot be written: {error.strerror}.') from None
-        write_file(path, json.dumps(asdict(entry)))
+    def _write(self, name: str, entry: LedgerEntry) -> None:
+        self._output.write(name, json.dumps(asdict(entry)))
 
     def _remove(self, files: set[str]) -> None:
         for name in files:
-            with suppress(OSError):
-                (self._output / name).unlink()
+            self._output.remove(name)
 
 
 def failure_name(location: str) -> str:
     """Name of the files of a failure, without a suffix."""
     return f'failed-{short_hash(location)}'
+
+
+def _failure_file(location: str) -> str:
+    return f'{FOLDER}/{failure_name(location)}.json'
+
+
+def _parsed(content: bytes | None) -> LedgerEntry | None:
+    try:
+        record = json.loads(content or b'')
+        return LedgerEntry(**{**record, 'files': tuple(record['files'])})
+    except (ValueError, TypeError, KeyError):
+        return None

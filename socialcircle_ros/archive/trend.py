@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.measurements import open_measurements
 from socialcircle_ros.report.entry import anchor_of
+from socialcircle_ros.storage import is_url
 
 from .control_chart import ControlLimits, control_limits, signals
 from .ledger import Ledger
@@ -136,7 +137,7 @@ def read_series(folder: str | Path, page: Path, *, baseline: int = 50) -> list[S
 
     Args:
         folder: output of a batch, or `measurements.folder` of nodes.
-        page: the page that links to the reports, relative to itself.
+        page: the page that links to the reports, relative to itself; not to those at a URL.
         baseline: number of values after each change that the control limits are computed from.
 
     Returns:
@@ -145,10 +146,9 @@ def read_series(folder: str | Path, page: Path, *, baseline: int = 50) -> list[S
     Raises:
         SocialCircleError: the folder has no measurements.
     """
-    folder = Path(folder)
     database = open_measurements(folder)
     rows = database.execute(f'select {_COLUMNS} from measurements order by cell, part, time').fetchall()  # noqa: S608 - constants
-    reports = _reports(folder.absolute(), page.absolute().parent)
+    reports = {} if is_url(folder) else _reports(Path(folder).absolute(), page.absolute().parent)
     by_series: dict[tuple[str, str], list[TrendRow]] = {}
     for row in map(TrendRow._make, rows):
         by_series.setdefault((row.cell, row.part), []).append(row)

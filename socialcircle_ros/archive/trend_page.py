@@ -14,6 +14,7 @@ from socialcircle_ros.storage import write_file
 
 from .control_chart import RULES
 from .ledger import Ledger
+from .results import ResultFolder
 from .trend import MEASURES, Series, read_series, short_label
 from .trend_charts import charts
 
@@ -72,15 +73,15 @@ def write_trend(folder: str | Path, output: str | Path, *, baseline: int = 50) -
     page = file_html(
         charts(all_series),
         INLINE,
-        title=f'Trends of {Path(folder).absolute().name}',
+        title=f'Trends of {ResultFolder(folder).name}',
         template=_TEMPLATE,
-        template_variables={'above': _above(Path(folder), all_series, baseline)},
+        template_variables={'above': _above(ResultFolder(folder), all_series, baseline)},
     )
     write_file(output, page)
     return all_series
 
 
-def _above(folder: Path, all_series: Sequence[Series], baseline: int) -> str:
+def _above(folder: ResultFolder, all_series: Sequence[Series], baseline: int) -> str:
     """The part of the page above the charts: what it shows, what drifts, and a table of all series."""
     now = datetime.now(timezone.utc)
     rows = []
@@ -104,7 +105,7 @@ def _above(folder: Path, all_series: Sequence[Series], baseline: int) -> str:
     warnings = f'<ul class="warnings">{"".join(reasons)}</ul>' if reasons else ''
     rules = ''.join(f'<li>{rule}</li>' for rule in RULES)
     return (
-        f'<h1>Trends of {html.escape(folder.absolute().name)}</h1>'
+        f'<h1>Trends of {html.escape(folder.name)}</h1>'
         f'<p>Made on {now:%Y-%m-%d %H:%M} UTC. Individuals charts: the centre line is the mean of the first'
         f' {baseline} clouds after a change of settings or version, and sigma is their mean moving range divided'
         ' by 1.128. A point is red if it completes a Western Electric rule:</p>'

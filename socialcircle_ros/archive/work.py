@@ -24,6 +24,7 @@ from socialcircle_ros.settings import PipelineSettings
 from .inputs import ArchiveInput, content_hash, local_copy
 from .ledger import Ledger, LedgerEntry, failure_name
 from .names import NamePattern
+from .results import ResultFolder
 
 RECORDINGS, REPORTS = 'recordings', 'reports'
 """Folders of the results."""
@@ -35,7 +36,7 @@ class BatchTask:
 
     Attributes:
         found: the input.
-        output: folder of the results, which all workers see.
+        output: folder of the results, which all workers see: absolute path, or URL.
         settings: how to filter.
         names: pattern of the names of the inputs.
         topics: topics of clouds to filter; none: those of `clouds_of`.
@@ -47,7 +48,7 @@ class BatchTask:
     """
 
     found: ArchiveInput
-    output: Path
+    output: str
     settings: PipelineSettings
     names: NamePattern
     topics: tuple[str, ...]
@@ -108,21 +109,25 @@ def failed_result(task: BatchTask, reason: str) -> TaskResult:
     cell, part = task.names.read(found.location)
     origin = _origin(task, None, cell or '', part, '', 0, found.time_ns or time.time_ns())
     rows = [refused_row(origin, reason, 'failed')]
-    files = tuple(write_rows(task.output, failure_name(found.location), rows))
+    results = ResultFolder(task.output)
+    with results.writing() as folder:
+        files = tuple(write_rows(folder, failure_name(found.location), rows))
     entry = LedgerEntry(found.location, found.size, found.changed, task.digest, files=files, failure=reason)
-    Ledger(task.output).record_failure(entry)
+    Ledger(results).record_failure(entry)
     return TaskResult(found.location, '', entry)
 
 
 def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
     collector = _RowCollector(task, path, content)
-    summary = _filtered(task, path, collector)
-    if not summary.clouds and not collector.rows:
-        reasons = ' '.join([*summary.refused, *([summary.damage] if summary.damage else [])])
-        raise SocialCircleError(f'{task.found.location} has no cloud. {reasons}'.strip())
-    if task.reports and summary.clouds:
-        make_report(path, task.output / REPORTS / f'{task.found.name}.html', task.settings, topics=task.topics)
-    files = tuple(write_rows(task.output, content, collector.rows))
+    results = ResultFolder(task.output)
+    with results.writing() as folder:
+        summary = _filtered(task, path, folder, collector)
+        if not summary.clouds and not collector.rows:
+            reasons = ' '.join([*summary.refused, *([summary.damage] if summary.damage else [])])
+            raise SocialCircleError(f'{task.found.location} has no cloud. {reasons}'.strip())
+        if task.reports and summary.clouds:
+            make_report(path, folder / REPORTS / f'{task.found.name}.html', task.settings, topics=task.topics)
+        files = tuple(write_rows(folder, content, collector.rows))
     found = task.found
     entry = LedgerEntry(
         location=found.location,
@@ -136,14 +141,14 @@ def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
         limits_failed=sum(row.limits_passed is False for row in collector.rows),
         files=files,
     )
-    Ledger(task.output).record(content, entry)
+    Ledger(results).record(content, entry)
     return TaskResult(found.location, content, entry)
 
 
-def _filtered(task: BatchTask, path: Path, collector: '_RowCollector') -> Summary:
+def _filtered(task: BatchTask, path: Path, folder: Path, collector: '_RowCollector') -> Summary:
     if not task.recordings:
         return measure_recording(path, task.settings, collector, topics=task.topics)
-    target = task.output / RECORDINGS / f'{task.found.name.removesuffix(".mcap")}.mcap'
+    target = folder / RECORDINGS / f'{task.found.name.removesuffix(".mcap")}.mcap'
     target.parent.mkdir(parents=True, exist_ok=True)
     return filter_recording(
         path,

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 @click.command('batch', epilog='Example: socialcircle batch nights/ -o out --names "{cell}/{part}_*.mcap"')
 @click.argument('inputs', nargs=-1, required=True, metavar='IN...')
 @click.option(
-    '-o', '--output', required=True, type=click.Path(path_type=Path),
-    help='Folder of the results. A rerun with the same folder does only what is new.',
+    '-o', '--output', required=True,
+    help='Folder of the results, or its URL. A rerun with the same folder does only what is new.',
 )  # fmt: skip
 @click.option('--no-recordings', is_flag=True, help='Write rows of measurements only, and no cleaned recordings.')
 @click.option(
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 @parameter_options
 def command(
     inputs: tuple[str, ...],
-    output: Path,
+    output: str,
     no_recordings: bool,
     reports: bool,
     names: str,
@@ -123,7 +123,7 @@ def _progress() -> Iterator[tuple[Callable[[int], None], Callable[[int, int], No
         )
 
 
-def _tell(result: 'BatchResult', output: Path) -> None:
+def _tell(result: 'BatchResult', output: str) -> None:
     """Print what was done, and what a person should look at."""
     skipped = f', {result.skipped} done before' if result.skipped else ''
     click.echo(

@@ -5,7 +5,6 @@ import csv
 import json
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Literal
 
 import click
@@ -24,17 +23,17 @@ from measurements group by cell order by cell
     epilog='Example: socialcircle measurements out "select cell, day, avg(outlier_share) from measurements'
     ' group by all order by all"',
 )
-@click.argument('folder', type=click.Path(path_type=Path))
+@click.argument('folder')
 @click.argument('query', required=False)
 @click.option(
     '--format', 'form', type=click.Choice(['table', 'csv', 'json']), default='table', show_default=True,
     help='How the rows are printed.',
 )  # fmt: skip
-def command(folder: Path, query: str | None, form: Literal['table', 'csv', 'json']) -> None:
+def command(folder: str, query: str | None, form: Literal['table', 'csv', 'json']) -> None:
     """Ask the measurements in FOLDER with SQL.
 
-    FOLDER is the output of `socialcircle batch`, or the measurements.folder of nodes. QUERY is SQL of DuckDB on
-    the table `measurements`, which has one row per cloud. Without QUERY, one row per cell is printed.
+    FOLDER is the output of `socialcircle batch`, also its URL, or the measurements.folder of nodes. QUERY is SQL
+    of DuckDB on the table `measurements`, which has one row per cloud. Without QUERY, one row per cell is printed.
 
     \b
     socialcircle measurements out "describe measurements"

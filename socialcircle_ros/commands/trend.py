@@ -9,7 +9,7 @@ from .options import quantity
 
 
 @click.command('trend', epilog='Example: socialcircle trend out -o trend.html')
-@click.argument('folder', type=click.Path(path_type=Path))
+@click.argument('folder')
 @click.option(
     '-o', '--output', type=click.Path(path_type=Path), default=Path('trend.html'), show_default=True,
     help='HTML page to write. An existing page is replaced.',
@@ -18,11 +18,11 @@ from .options import quantity
     '--baseline', type=click.IntRange(min=8), default=50, show_default=True,
     help='Number of clouds after each change of settings or version from which control limits are computed.',
 )  # fmt: skip
-def command(folder: Path, output: Path, baseline: int) -> None:
+def command(folder: str, output: Path, baseline: int) -> None:
     """Write an HTML page that shows the measurements in FOLDER over time.
 
-    FOLDER is the output of `socialcircle batch`, or the measurements.folder of nodes. The page shows for each cell
-    and part:
+    FOLDER is the output of `socialcircle batch`, also its URL, or the measurements.folder of nodes. The page shows
+    for each cell and part:
 
     \b
     - share of outliers, measured share, Sa, Sq, Sz, latency

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError, install_command
+from socialcircle_ros.storage import file_system, is_url
 
 from .files import FOLDER
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 TABLE = 'measurements'
 """The name of the table in queries."""
 
+_FILES = 'day=*/cell=*/*.parquet'
+
 
 def open_measurements(folder: str | Path) -> 'duckdb.DuckDBPyConnection':
     """Open the measurements of a folder as a database in memory with the table `measurements`.
@@ -23,7 +26,7 @@ def open_measurements(folder: str | Path) -> 'duckdb.DuckDBPyConnection':
     rows that are written later are in the next query.
 
     Args:
-        folder: the results of `socialcircle batch`, or the `measurements.folder` of nodes.
+        folder: the results of `socialcircle batch`, also at a URL, or the `measurements.folder` of nodes.
 
     Returns:
         A connection of DuckDB. `connection.sql('select ...').df()` is a DataFrame, `.arrow()` a table of Arrow,
@@ -41,14 +44,20 @@ def open_measurements(folder: str | Path) -> 'duckdb.DuckDBPyConnection':
         import duckdb  # noqa: PLC0415 - an extra
     except ImportError:
         raise SocialCircleError(f'Queries need DuckDB: {install_command("measurements")}.') from None
-    folder = Path(folder).absolute()
-    if next((folder / FOLDER).glob('day=*/cell=*/*.parquet'), None) is None:
+    connection = duckdb.connect(':memory:')
+    if is_url(folder):
+        files, path = file_system(str(folder))
+        connection.register_filesystem(files)
+        top, has_rows = str(files.unstrip_protocol(path)), bool(files.glob(f'{path}/{FOLDER}/{_FILES}'))
+    else:
+        top = str(Path(str(folder).removeprefix('file://')).absolute())
+        has_rows = next(Path(top, FOLDER).glob(_FILES), None) is not None
+    if not has_rows:
         raise SocialCircleError(
             f'{folder} has no measurements: give the output of `socialcircle batch`, or'
             ' measurements.folder of a node.'
         )
-    pattern = re.sub(r'([*?\[])', r'[\1]', str(folder / FOLDER)) + '/day=*/cell=*/*.parquet'
-    connection = duckdb.connect(':memory:')
+    pattern = re.sub(r'([*?\[])', r'[\1]', f'{top}/{FOLDER}') + f'/{_FILES}'
     # Progress bars of DuckDB would mix with the output of commands.
     connection.execute('SET enable_progress_bar = false')
     quoted = pattern.replace("'", "''")

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writing files safely: whole or not at all, in spite of signals and full disks.
+"""Writing files safely: whole or not at all, in spite of signals and full disks; and files at URLs.
 
 Nothing here knows what a file holds; the rooms above write their recordings, reports and parameters with it.
 """
 
+from .remote import file_system, is_url, reason_of
 from .signals import SignalExit, noted_signals
 from .space import Reserve, free_bytes, is_full
 from .unfinished import Unfinished, kind_of_target, open_in_place, remove_leftovers, write_file
@@ -12,11 +13,14 @@ __all__ = [
     'Reserve',
     'SignalExit',
     'Unfinished',
+    'file_system',
     'free_bytes',
     'is_full',
+    'is_url',
     'kind_of_target',
     'noted_signals',
     'open_in_place',
+    'reason_of',
     'remove_leftovers',
     'write_file',
 ]

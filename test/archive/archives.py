@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small archives, and an engine without processes, for the tests of batches."""
+"""Small archives, an engine without processes, and an object store on this machine, for the tests of batches."""
 
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,3 +38,26 @@ def engine_in_this_process():
     )
     with cluster:
         yield cluster.scheduler_address
+
+
+@contextmanager
+def object_store(monkeypatch):
+    """A bucket `plant` of an S3 server on this machine, as its file system; s3fs finds it by the environment."""
+    import s3fs
+    from moto.server import ThreadedMotoServer
+
+    server = ThreadedMotoServer('127.0.0.1', 0, verbose=False)
+    server.start()
+    try:
+        host, port = server.get_host_and_port()
+        monkeypatch.setenv('AWS_ENDPOINT_URL', f'http://{host}:{port}')
+        for name in ('AWS_ACCESS_KEY_ID', 'AWS_SECRET_ACCESS_KEY'):
+            monkeypatch.setenv(name, 'test')
+        monkeypatch.setenv('AWS_DEFAULT_REGION', 'us-east-1')
+        s3fs.S3FileSystem.clear_instance_cache()  # those of another test know another port
+        files = s3fs.S3FileSystem(skip_instance_cache=True)
+        files.mkdir('plant')
+        yield files
+    finally:
+        s3fs.S3FileSystem.clear_instance_cache()
+        server.stop()

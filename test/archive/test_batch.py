@@ -9,11 +9,15 @@ import sys
 import time
 
 import pytest
-from archive.archives import engine_in_this_process, recorded
+from archive.archives import engine_in_this_process, object_store, recorded
 
 from socialcircle_ros import open_measurements, run_batch
 from socialcircle_ros.archive.engine import Engine
+from socialcircle_ros.archive.trend_page import write_trend
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.offline import filter_recording
+from socialcircle_ros.settings import PipelineSettings
 
 for library in ('distributed', 'fsspec', 'pyarrow', 'duckdb'):
     pytest.importorskip(library)
@@ -88,6 +92,46 @@ def test_a_url_is_done_and_not_copied_again(tmp_path, scheduler):
     assert (first.done, first.clouds) == (1, 2)
     assert (second.done, second.skipped, second.same) == (0, 1, {})
     assert len(rows(tmp_path / 'out')) == 2
+
+
+def test_an_object_store_takes_the_results_and_a_rerun_does_what_is_new(tmp_path, scheduler, monkeypatch):
+    pytest.importorskip('moto.server')
+    pytest.importorskip('s3fs')
+    with object_store(monkeypatch) as files:
+
+        def run(**options):
+            return run_batch(['s3://plant/in'], 's3://plant/out', scheduler=scheduler, **options)
+
+        for number in range(2):
+            files.put(str(recorded(tmp_path / f'{number}.mcap', seed=number)), f'plant/in/{number}.mcap')
+        files.pipe('plant/in/bad.mcap', b'no recording')
+        first = run()
+        assert (first.done, first.clouds, list(first.failed)) == (2, 4, ['s3://plant/in/bad.mcap'])
+        files.put(str(recorded(tmp_path / 'bad.mcap', seed=2)), 'plant/in/bad.mcap')
+        second = run()
+        assert (second.done, second.skipped, second.failed) == (1, 2, {})
+        assert rows('s3://plant/out', EACH_ONCE) == [(6, 6, 3)]
+        assert rows('s3://plant/out', 'select count(*) from measurements') == [(6,)]  # the failure is gone
+        third = run(recordings=False)
+        assert (third.done, third.skipped) == (3, 0)
+        assert rows('s3://plant/out', EACH_ONCE) == [(6, 6, 3)]
+        kept = [name for name in files.find('plant/out') if '/measurements/' not in name]
+        assert sorted({name.rpartition('/')[0] for name in kept}) == ['plant/out/inputs', 'plant/out/recordings']
+        files.get('plant/out/recordings/0.mcap', str(tmp_path / 'cleaned.mcap'))
+        filter_recording(tmp_path / '0.mcap', tmp_path / 'filtered.mcap', PipelineSettings())
+        assert contents(tmp_path / 'cleaned.mcap') == contents(tmp_path / 'filtered.mcap')
+        assert [series.title for series in write_trend('s3://plant/out', tmp_path / 'trend.html')] == ['cell1']
+        with pytest.raises(SocialCircleError, match='s3://plant/none has no measurements'):
+            open_measurements('s3://plant/none')
+        with pytest.raises(
+            SocialCircleError, match='s3://none/out/inputs cannot be read: .* bucket does not exist'
+        ):
+            run_batch(['s3://plant/in/0.mcap'], 's3://none/out', scheduler=scheduler)
+
+
+def contents(path):
+    with open_recording(path) as reader:
+        return [(message.topic, message.log_time, bytes(message.data)) for message in reader.messages()]
 
 
 def test_a_scheduler_that_does_not_answer_is_told(tmp_path, monkeypatch):

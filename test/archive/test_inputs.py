@@ -4,7 +4,7 @@
 import os
 
 import pytest
-from archive.archives import BAGS
+from archive.archives import BAGS, object_store
 
 from socialcircle_ros.archive import find_inputs
 from socialcircle_ros.archive.inputs import content_hash, local_copy
@@ -103,3 +103,26 @@ class TestUrls:
         pytest.importorskip('fsspec')
         with pytest.raises(SocialCircleError, match=sentence):
             find_inputs([url])
+
+
+def test_an_object_store_is_searched_anew_each_time(monkeypatch):
+    pytest.importorskip('moto.server')
+    pytest.importorskip('s3fs')
+    with object_store(monkeypatch) as files:
+        for name in ('cell1/a.mcap', 'bag/bag_0.mcap', 'bag/metadata.yaml', 'notes.txt'):
+            files.pipe(f'plant/{name}', name.encode())
+        before = find_inputs(['s3://plant'])
+        assert [(each.location, each.name) for each in before] == [
+            ('s3://plant/bag', 'bag'),
+            ('s3://plant/cell1/a.mcap', 'cell1/a.mcap'),
+        ]
+        assert all(each.changed and each.time_ns for each in before)
+        with local_copy('s3://plant/bag') as path:
+            assert sorted(each.name for each in path.iterdir()) == ['bag_0.mcap', 'metadata.yaml']
+        files.pipe('plant/cell1/a.mcap', b'longer than it was')
+        files.pipe('plant/cell1/b.mcap', b'new')
+        after = find_inputs(['s3://plant/cell1/*'])
+        assert [(each.name, each.size) for each in after] == [('a.mcap', 18), ('b.mcap', 3)]
+        assert after[0].changed != before[1].changed
+        with pytest.raises(SocialCircleError, match='s3://other does not exist'):
+            find_inputs(['s3://other'])
