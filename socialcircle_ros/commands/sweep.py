@@ -58,7 +58,8 @@ def command(
     sweep.csv     table of all trials
     candidates    parameters of each candidate, 1.yaml and more, for --params-file of all commands
     best.yaml     the better parameters; only if the margin is beyond the spread
-    trials.jsonl  finished trials; after an interruption the same command continues from here
+    trials.log    finished trials; after an interruption the same command continues from here, and machines that
+                  run it with the same folder at once work together
 
     --params-file and -p set the parameters that are not varied. A parameter that only the mode paper uses, such as
     circle.radius_scale, sets circle.mode to paper; --param circle.mode=paper,adaptive compares the modes.

@@ -4,14 +4,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.settings import RosValue
 
+from .journal import import_optuna
 from .search_space import Choice, ParameterValues, Range, SearchDimension, check_search_space, contains
 from .trials import Trial, key_of
 
 if TYPE_CHECKING:
     from optuna.distributions import BaseDistribution
+    from optuna.storages import BaseStorage
     from optuna.trial import Trial as OptunaTrial
 
 _RANDOM_SHARE = 5  # one of five settings, and at least 8, are random before the estimator takes over
@@ -28,6 +29,8 @@ class Search:
         search_space: the parameters that are varied.
         count: number of different settings, including those of `done`.
         done: earlier trials; those outside the search space are ignored.
+        storage: of Optuna, where other processes search as well; None: this search is alone.
+        name: of the search in the storage; the search space is added.
 
     Raises:
         SettingError: the search space is empty, or has a parameter twice.
@@ -38,41 +41,55 @@ class Search:
         Neural Information Processing Systems 24 (2011).
     """
 
-    def __init__(self, search_space: Sequence[SearchDimension], count: int, done: Sequence[Trial]) -> None:
+    def __init__(
+        self,
+        search_space: Sequence[SearchDimension],
+        count: int,
+        done: Sequence[Trial],
+        storage: 'BaseStorage | None' = None,
+        name: str = '',
+    ) -> None:
         check_search_space(search_space)
-        try:
-            import optuna  # noqa: PLC0415 - an extra
-        except ImportError:
-            raise SocialCircleError(
-                f'A search needs Optuna: {install_command("tuning")}; a grid (without --search) does not.'
-            ) from None
-        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        optuna = import_optuna()
         self._optuna, self._search_space, self._count = optuna, search_space, count
         self._distributions = {dimension.name: self._distribution(dimension) for dimension in search_space}
         known = [trial for trial in done if contains(search_space, trial.values)]
         # A sweep that continues needs another seed; with the same one it would propose the same random settings.
         sampler = optuna.samplers.TPESampler(seed=len(known), n_startup_trials=max(8, count // _RANDOM_SHARE))
-        self._study = optuna.create_study(direction='maximize', sampler=sampler)
+        self._study = optuna.create_study(
+            direction='maximize',
+            sampler=sampler,
+            storage=storage,
+            study_name=f'{name} {search_space}',
+            load_if_exists=True,
+        )
+        self._scores: dict[str, float] = {}
+        self._look_around()
         for trial in known:
-            self._study.add_trial(
-                optuna.trial.create_trial(
-                    params=self._to_optuna(trial.values), distributions=self._distributions, value=trial.score
+            if key_of(trial.values) not in self._scores:
+                self._study.add_trial(
+                    optuna.trial.create_trial(
+                        params=self._to_optuna(trial.values), distributions=self._distributions, value=trial.score
+                    )
                 )
-            )
-        self._scores: dict[str, float] = {key_of(trial.values): trial.score for trial in known}
-        self._asked: set[str] = set(self._scores)
+        self._look_around()
+        self._asked: set[str] = set()  # and not told yet
         self._waiting: dict[str, list[OptunaTrial]] = {}
 
     def __iter__(self) -> Iterator[ParameterValues]:
         """Propose settings that were not tried yet."""
         for _ in range(_MAX_ASKED * self._count):
-            if len(self._asked) >= self._count:
+            self._look_around()
+            if len(self._asked) + len(self._scores) >= self._count:
                 return
             asked = self._study.ask(self._distributions)
             values = self._from_optuna(asked.params)
             key = key_of(values)
             if key in self._scores:
                 self._study.tell(asked, self._scores[key])
+                continue
+            if key not in self._asked and self._is_tried_elsewhere(asked, key):
+                self._study.tell(asked, state=self._optuna.trial.TrialState.FAIL)
                 continue
             self._waiting.setdefault(key, []).append(asked)
             if key not in self._asked:
@@ -81,9 +98,24 @@ class Search:
 
     def tell(self, trial: Trial) -> None:
         """Pass the score of a proposed setting to the estimator."""
+        self._asked.discard(key_of(trial.values))
         self._scores[key_of(trial.values)] = trial.score
         for asked in self._waiting.pop(key_of(trial.values), []):
             self._study.tell(asked, trial.score)
+
+    def _is_tried_elsewhere(self, asked: 'OptunaTrial', key: str) -> bool:
+        """Whether another process, which may have been killed, has proposed the same setting and told no score."""
+        return any(
+            each.number != asked.number and key_of(self._from_optuna(each.params)) == key
+            for each in self._study.get_trials(deepcopy=False, states=[self._optuna.trial.TrialState.RUNNING])
+            if len(each.params) == len(self._search_space)
+        )
+
+    def _look_around(self) -> None:
+        """Learn what other processes have found."""
+        for each in self._study.get_trials(deepcopy=False):
+            if each.value is not None:
+                self._scores.setdefault(key_of(self._from_optuna(each.params)), each.value)
 
     def _distribution(self, dimension: SearchDimension) -> 'BaseDistribution':
         distributions = self._optuna.distributions

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`run_sweep`: filter the same clouds with many settings, and write down what can be concluded."""
 
+import random
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -19,13 +20,14 @@ from socialcircle_ros.storage import write_file
 
 from .clouds import CloudSource, SweptRecording, cached
 from .decision import decide
+from .journal import TrialJournal, import_optuna
 from .page import sweep_page, trials_table
 from .result import SweepResult
 from .search import Search
 from .search_space import ParameterValues, SearchDimension, check_search_space, grid, with_mode
-from .trials import Trial, TrialFile, best_of, fingerprint_of, run_trial, untried
+from .trials import Trial, best_of, fingerprint_of, key_of, run_trial
 
-PAGE, TABLE, BEST, TRIALS, CANDIDATES = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.jsonl', 'candidates'
+PAGE, TABLE, BEST, TRIALS, CANDIDATES = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.log', 'candidates'
 
 _GROUPS: tuple[type[Settings], ...] = (FocusSettings, StackSettings, CircleSettings)
 
@@ -50,8 +52,9 @@ def run_sweep(
 
     Writes `sweep.html`, a page with the decision, the candidates side by side, a chart and a table; `sweep.csv`,
     all trials; `candidates/1.yaml` and more, the parameters of each candidate; `best.yaml`, if a setting is better
-    than the one as given beyond the spread between the clouds (`sweep.decision.STATISTIC`); and `trials.jsonl`,
-    from which the same call continues after an interruption.
+    than the one as given beyond the spread between the clouds (`sweep.decision.STATISTIC`); and `trials.log`, a
+    journal of Optuna. From it the same call continues after an interruption, and several machines that make the
+    same call with the same folder, which they share, work on one sweep.
 
     Args:
         recording: an MCAP file or a rosbag2 directory.
@@ -87,15 +90,17 @@ def run_sweep(
     base = _all_parameters(parameters)
     as_given = {dimension.name: base[dimension.name] for dimension in search_space}
     others = [] if search else [values for values in grid(search_space) if values != as_given]
-    _check_extras(search_space, search)
+    _check_extras()
     prepare(output)
     clouds = cached((recorded := SweptRecording(recording, base, tuple(topics), max_clouds)).load)
     fixed = {name: value for name, value in base.items() if name not in as_given}
     fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
-    with TrialFile(output / TRIALS, fingerprint, restart=restart) as file:
-        resumed = len(file.trials)
-        _run_trials(file, base, clouds, [as_given, *others], search_space, search, progress)
-    result = _concluded(recording.name, search_space, base, file.trials, as_given, clouds, recorded, resumed)
+    journal = TrialJournal(output / TRIALS, fingerprint, restart=restart)
+    resumed = len(journal.trials)
+    wanted = [as_given, *others]
+    _run_trials(journal, base, clouds, wanted, search_space, search, progress)
+    trials = _in_order_of(wanted, journal.trials)
+    result = _concluded(recording.name, search_space, base, trials, as_given, clouds, recorded, resumed)
     write_file(output / TABLE, trials_table(result).csv())
     _write_settings(output, result, parameters)
     write_file(output / PAGE, sweep_page(result, made_by))
@@ -148,15 +153,14 @@ def _all_parameters(given: Mapping[str, RosValue]) -> ParameterValues:
     return {name: value for group in groups for name, value in group.to_ros().items()}
 
 
-def _check_extras(search_space: Sequence[SearchDimension], search: int | None) -> None:
+def _check_extras() -> None:
     """Fail where matplotlib or Optuna is missing, before the work and not after it."""
     new_figure(1, 1)
-    if search:
-        Search(search_space, search, ())
+    import_optuna()
 
 
 def _run_trials(
-    file: TrialFile,
+    journal: TrialJournal,
     base: ParameterValues,
     clouds: CloudSource,
     wanted: Sequence[ParameterValues],
@@ -164,28 +168,35 @@ def _run_trials(
     search: int | None,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    """Run the trials that the file does not hold yet: first `wanted`, then those of a search."""
-    left = untried(wanted, file.trials)
-    done = len(file.trials) if search else len(wanted) - len(left)
+    """Run the trials that the journal does not hold yet: first `wanted`, then those of a search."""
+    keys = {key_of(values) for values in wanted}
 
     def report() -> None:
         if progress is not None:
+            found = journal.trials
+            done = len(found) if search else sum(key_of(trial.values) in keys for trial in found)
             progress(done, search or len(wanted))
 
     def finish(trial: Trial) -> None:
-        nonlocal done
-        file.add(trial)
-        done += 1
+        journal.add(trial)
         report()
 
     def trial_of(values: ParameterValues) -> Trial:
         return run_trial(base, values, clouds)
 
     report()
-    for trial in in_order(trial_of, left):
+    # Machines that work on one grid each take their own way through it, so that they seldom try a setting twice.
+    shuffled = random.sample(wanted[1:], len(wanted) - 1)
+    for trial in in_order(trial_of, journal.untried([wanted[0], *shuffled])):
         finish(trial)
     if search:
-        study = Search(search_space, search, file.trials)
+        study = Search(search_space, search, journal.trials, journal.storage, journal.fingerprint)
         for trial in in_order(trial_of, study):
             study.tell(trial)
             finish(trial)
+
+
+def _in_order_of(wanted: Sequence[ParameterValues], trials: Sequence[Trial]) -> list[Trial]:
+    """The trials in the order of a grid, then all others."""
+    places = {key_of(values): place for place, values in enumerate(wanted)}
+    return sorted(trials, key=lambda trial: places.get(key_of(trial.values), len(places)))

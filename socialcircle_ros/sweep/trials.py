@@ -1,21 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trials of a sweep: one setting and its score over all clouds, and the file that keeps finished trials."""
+"""Trials of a sweep: one setting and its score over all clouds."""
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from hashlib import blake2b
-from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.errors import CloudError, SocialCircleError
+from socialcircle_ros.errors import CloudError
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.settings import CircleSettings, FocusSettings, RosValue
-from socialcircle_ros.storage import open_in_place, write_file
 
 from .clouds import CloudSource, SweepCloud
 from .search_space import ParameterValues
@@ -114,70 +111,6 @@ def best_of(trials: Sequence[Trial]) -> Trial:
     return max(trials, key=lambda trial: (trial.score, -trial.removed))
 
 
-class TrialFile:
-    """Finished trials on disk, one per line, so that an interrupted sweep can continue; a context manager.
-
-    Args:
-        path: the file.
-        fingerprint: fingerprint of the clouds and of the parameters that are not varied.
-        restart: whether to delete the trials that the file holds.
-
-    Attributes:
-        trials: the finished trials.
-
-    Raises:
-        SocialCircleError: the file belongs to another sweep, or cannot be read or written.
-    """
-
-    def __init__(self, path: Path, fingerprint: str, *, restart: bool = False) -> None:
-        self.path = path
-        try:
-            lines = [] if restart or not path.exists() else path.read_bytes().split(b'\n')[:-1]
-            self.trials = self._parse(lines, fingerprint)
-            # Writing the file anew drops a line that an interruption cut short.
-            complete = [json.dumps({'sweep': fingerprint}), *(json.dumps(asdict(trial)) for trial in self.trials)]
-            write_file(path, '\n'.join(complete) + '\n')
-            self._file = open_in_place(path, append=True)
-        except OSError as error:
-            raise SocialCircleError(
-                f'{path} cannot be used: {error.strerror}; choose another output folder.'
-            ) from None
-
-    def _parse(self, lines: Sequence[bytes], fingerprint: str) -> list[Trial]:
-        try:
-            records = [json.loads(line) for line in lines]
-            found = records[0]['sweep'] if records else fingerprint
-            trials = [Trial(**record) for record in records[1:]]
-        except (ValueError, KeyError, TypeError, IndexError):
-            raise SocialCircleError(
-                f'{self.path} is not a file of trials; choose another output folder, or start over with --restart.'
-            ) from None
-        if found != fingerprint:
-            raise SocialCircleError(
-                f'{self.path} holds trials on other clouds or with other fixed parameters; choose another output'
-                ' folder, or start over with --restart.'
-            )
-        return trials
-
-    def add(self, trial: Trial) -> None:
-        """Append one trial, and write it to the disk at once."""
-        self.trials.append(trial)
-        self._file.write(json.dumps(asdict(trial)).encode() + b'\n')
-        self._file.flush()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def __enter__(self) -> 'TrialFile':  # noqa: PYI034 - Self is not in Python 3.10
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
 def fingerprint_of(clouds: Sequence[SweepCloud], fixed: Mapping[str, RosValue]) -> str:
     """Hash what two sweeps must have in common to share trials.
 
@@ -196,9 +129,3 @@ def fingerprint_of(clouds: Sequence[SweepCloud], fixed: Mapping[str, RosValue]) 
 def key_of(values: Mapping[str, RosValue]) -> str:
     """A hashable key of a setting, independent of the order of its parameters."""
     return json.dumps(sorted(values.items()))
-
-
-def untried(wanted: Sequence[ParameterValues], done: Sequence[Trial]) -> list[ParameterValues]:
-    """The settings that have no trial yet, in their order."""
-    known = {key_of(trial.values) for trial in done}
-    return [values for values in wanted if key_of(values) not in known]

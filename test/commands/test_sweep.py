@@ -13,11 +13,13 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip('matplotlib')
+pytest.importorskip('optuna')
 
 from examples import cloud
 
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.recording import RecordingWriter, ros_topic
+from socialcircle_ros.sweep.journal import TrialJournal
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 GRID = ('sweep', BAGS / 'parts.mcap', '--param', 'circle.radius_scale=0.5:1.5:0.5', '--clouds', '3')
@@ -108,20 +110,20 @@ def test_an_interrupted_sweep_continues_with_the_trials_that_are_left(run, tmp_p
     assert run(*GRID).code == 0
     folder = tmp_path / 'out/sweep'
     complete = rows_of(folder)
-    lines = (folder / 'trials.jsonl').read_text().splitlines(keepends=True)
-    (folder / 'trials.jsonl').write_text(''.join(lines[:3]) + lines[3][:10])
+    lines = (folder / 'trials.log').read_text().splitlines(keepends=True)
+    (folder / 'trials.log').write_text(''.join(lines[:3]) + lines[3][:10])
     done = run(*GRID)
     assert done.code == 0, done.err
-    assert f'2 trials of an earlier run taken from {Path("out/sweep/trials.jsonl")}' in done.err
+    assert f'2 trials of an earlier run taken from {Path("out/sweep/trials.log")}' in done.err
     timeless = [{name: value for name, value in row.items() if name != 'time [ms]'} for row in complete]
     assert [{name: row[name] for name in row if name != 'time [ms]'} for row in rows_of(folder)] == timeless
-    assert (folder / 'trials.jsonl').read_text().splitlines(keepends=True)[:3] == lines[:3]
+    assert (folder / 'trials.log').read_text().splitlines(keepends=True)[:3] == lines[:3]
 
 
 def test_ctrl_c_keeps_the_finished_trials(tmp_path):
     command = [sys.executable, '-m', 'socialcircle_ros.commands.main', *map(str, GRID[:3])]
     command.append('circle.radius_scale=0.5:3:0.001')
-    trials = tmp_path / 'out/sweep/trials.jsonl'
+    trials = tmp_path / 'out/sweep/trials.log'
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
         for _ in range(10_000):
             if trials.exists() and trials.read_text().count('\n') > 3:
@@ -137,10 +139,10 @@ def test_ctrl_c_keeps_the_finished_trials(tmp_path):
     assert 'Traceback' not in err
     finished = [json.loads(line) for line in trials.read_text().splitlines()]
     assert 3 <= len(finished) - 1 < 2501
+    assert not trials.with_name('trials.log.lock').is_symlink()
 
 
 def test_a_search_needs_no_step(run, tmp_path):
-    pytest.importorskip('optuna')
     search = (
         'sweep',
         BAGS / 'padded.mcap',
@@ -185,7 +187,7 @@ def test_a_focus_parameter_makes_the_cloud_of_a_stack_anew(run, tmp_path):
 )
 def test_an_error_is_one_sentence(run, tmp_path, arguments, sentence):
     (tmp_path / 'other').mkdir()
-    (tmp_path / 'other/trials.jsonl').write_text('{"sweep": "of something else"}\n')
+    TrialJournal(tmp_path / 'other/trials.log', 'of something else')
     done = run('sweep', *arguments)
     assert done.code == 1, done.err
     assert sentence in done.err

@@ -56,5 +56,5 @@ class TestSearch:
 
 def test_a_search_without_optuna_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, 'optuna', None)
-    with pytest.raises(SocialCircleError, match='needs Optuna: pip install '):
+    with pytest.raises(SocialCircleError, match='A sweep needs Optuna: pip install '):
         Search(SPACE, 5, ())

@@ -11,6 +11,7 @@ from socialcircle_ros.errors import SettingError
 from socialcircle_ros.sweep.search_space import Choice, Range
 
 pytest.importorskip('matplotlib')
+pytest.importorskip('optuna')
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 SPACE = [Choice('circle.radius_scale', [0.5, 1.5])]
@@ -34,7 +35,7 @@ def test_a_notebook_gets_the_trials_and_the_files(tmp_path):
     assert result.decision.winner is None  # two clouds show no spread
     assert 'Made by: my notebook' in (tmp_path / 'new/sweep/sweep.html').read_text()
     assert {path.name for path in (tmp_path / 'new/sweep').iterdir()} == {
-        'sweep.html', 'sweep.csv', 'candidates', 'trials.jsonl',
+        'sweep.html', 'sweep.csv', 'candidates', 'trials.log',
     }  # fmt: skip
 
 
@@ -57,7 +58,6 @@ def test_progress_counts_the_trials_and_an_earlier_run_is_continued(tmp_path):
 
 
 def test_a_search_tries_the_given_number_of_settings(tmp_path):
-    pytest.importorskip('optuna')
     space = [Range('circle.radius_scale', 0.5, 3)]
     result = socialcircle_ros.run_sweep(BAGS / 'padded.mcap', space, tmp_path, search=5, max_clouds=1)
     assert len(result.trials) == 5

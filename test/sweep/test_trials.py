@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trials of a sweep, and the file that keeps them."""
+"""Trials of a sweep."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from examples import surface
-from hypothesis import given
-from hypothesis import strategies as st
 from sweep.sweep_examples import BASE, labelled, scale, trial, truth
 
 from socialcircle_ros import CircleSettings, remove_outliers
-from socialcircle_ros.errors import SettingError, SocialCircleError
+from socialcircle_ros.errors import SettingError
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.metrics.scores import score
 from socialcircle_ros.sweep.clouds import sweep_cloud
-from socialcircle_ros.sweep.trials import TrialFile, best_of, fingerprint_of, run_trial, untried
+from socialcircle_ros.sweep.trials import best_of, fingerprint_of, run_trial
 
 
 def test_clouds_weigh_alike_however_many_outliers_they_have():
@@ -65,45 +63,6 @@ def test_the_best_of_equal_trials_removes_the_fewest_points():
     assert best_of(trials) == trials[2]
 
 
-class TestTrialFile:
-    def test_finished_trials_are_read_back(self, tmp_path):
-        file = TrialFile(tmp_path / 'trials.jsonl', 'print')
-        file.add(trial(0.5))
-        file.add(trial(1.0))
-        file.close()
-        again = TrialFile(tmp_path / 'trials.jsonl', 'print')
-        assert again.trials == [trial(0.5), trial(1.0)]
-
-    @given(cut=st.integers(1, 60))
-    def test_a_line_that_was_cut_short_is_dropped(self, cut, tmp_path_factory):
-        path = tmp_path_factory.mktemp('sweep') / 'trials.jsonl'
-        file = TrialFile(path, 'print')
-        file.add(trial(0.5))
-        file.add(trial(1.0))
-        file.close()
-        path.write_bytes(path.read_bytes()[:-cut])
-        again = TrialFile(path, 'print')
-        assert again.trials == [trial(0.5)]
-        again.add(trial(2.0))
-        again.close()
-        assert TrialFile(path, 'print').trials == [trial(0.5), trial(2.0)]
-
-    def test_trials_on_other_clouds_are_refused(self, tmp_path):
-        file = TrialFile(tmp_path / 'trials.jsonl', 'print')
-        file.add(trial(0.5))
-        file.close()
-        with pytest.raises(SocialCircleError, match='other clouds'):
-            TrialFile(tmp_path / 'trials.jsonl', 'another')
-        assert not TrialFile(tmp_path / 'trials.jsonl', 'another', restart=True).trials
-
-    @pytest.mark.parametrize('content', ['hello\n', '{"sweep": 1}\n{"odd": 2}\n', '[]\n', '{}\n', '3\n'])
-    def test_a_file_of_another_kind_is_refused_and_left_unchanged(self, tmp_path, content):
-        (tmp_path / 'trials.jsonl').write_text(content)
-        with pytest.raises(SocialCircleError):
-            TrialFile(tmp_path / 'trials.jsonl', 'print')
-        assert (tmp_path / 'trials.jsonl').read_text() == content
-
-
 def test_a_fingerprint_depends_on_clouds_truth_and_fixed_parameters():
     found = labelled()
     prints = {
@@ -115,7 +74,3 @@ def test_a_fingerprint_depends_on_clouds_truth_and_fixed_parameters():
     }
     assert len(prints) == 5
     assert fingerprint_of([labelled()], dict(reversed(BASE.items()))) in prints
-
-
-def test_tried_settings_are_left_out():
-    assert untried([scale(1.0), scale(2.0)], [trial(1.0)]) == [scale(2.0)]
