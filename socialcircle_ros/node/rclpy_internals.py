@@ -12,6 +12,7 @@ Facts without a public way: the state of the lifecycle, and the parameters that 
 
 import ctypes
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
@@ -19,6 +20,7 @@ from typing import Protocol
 import numpy as np
 from lifecycle_msgs.srv import ChangeState
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -149,10 +151,16 @@ def publish(publisher: LifecyclePublisher, message: bytes | memoryview) -> None:
     """
     if not publisher.is_activated:
         return
-    rcl = _rcl()
-    if rcl is None:
-        publisher.publish(bytes(message))
-        return
+    # From Kilted on a publisher ends with its context.
+    with suppress(InvalidHandle):
+        rcl = _rcl()
+        if rcl is None:
+            publisher.publish(bytes(message))
+        else:
+            _publish_by_rcl(rcl, publisher, message)
+
+
+def _publish_by_rcl(rcl: _Rcl, publisher: LifecyclePublisher, message: bytes | memoryview) -> None:
     values = np.frombuffer(message, np.uint8)
     given = _Bytes(values.ctypes.data, len(values), len(values))
     with publisher.handle:

@@ -17,11 +17,10 @@ PROFILE = Path(__file__).with_name('fastdds.xml')
 NETWORK_PROFILE = Path(__file__).with_name('fastdds_network.xml')
 """For the publishers of clouds that cross a network; docs/network.md says when."""
 
-_CHOSEN_BY_USER = (
-    'FASTRTPS_DEFAULT_PROFILES_FILE',
-    'FASTDDS_DEFAULT_PROFILES_FILE',
-    'FASTDDS_BUILTIN_TRANSPORTS',
-)
+_PROFILE_VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+"""Of Jazzy, and of Kilted, which calls the first deprecated."""
+
+_CHOSEN_BY_USER = (*_PROFILE_VARIABLES, 'FASTDDS_BUILTIN_TRANSPORTS')
 
 
 def prepare_process() -> None:
@@ -34,4 +33,4 @@ def use_large_segment() -> None:
     """Give Fast DDS a shared memory segment that holds several clouds, by the profile of this package."""
     other_middleware = 'fastrtps' not in os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp')
     if not other_middleware and not any(name in os.environ for name in _CHOSEN_BY_USER):
-        os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(PROFILE)
+        os.environ.update(dict.fromkeys(_PROFILE_VARIABLES, str(PROFILE)))

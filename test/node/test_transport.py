@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from socialcircle_ros.node.transport import NETWORK_PROFILE, PROFILE
+from socialcircle_ros.node.transport import NETWORK_PROFILE, PROFILE, use_large_segment
 
 PROGRAM = 'import rclpy, rclpy.node; rclpy.init(); rclpy.node.Node("profile"); rclpy.shutdown()'
 
@@ -29,6 +29,23 @@ def test_fast_dds_complains_about_a_profile_that_it_cannot_use(tmp_path):
     wrong = tmp_path / 'wrong.xml'
     wrong.write_text(NETWORK_PROFILE.read_text().replace('heartbeatPeriod', 'heartbeat_period'))
     assert 'XML' in complaints_about(wrong)
+
+
+@pytest.mark.parametrize(
+    ('given', 'expected'),
+    [
+        ({}, [str(PROFILE)] * 2),
+        ({'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}, [None, None]),
+        ({'FASTRTPS_DEFAULT_PROFILES_FILE': 'mine.xml'}, ['mine.xml', None]),
+        ({'FASTDDS_DEFAULT_PROFILES_FILE': 'mine.xml'}, [None, 'mine.xml']),
+        ({'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}, [None, None]),
+    ],
+)
+def test_the_profile_is_set_for_jazzy_and_kilted_unless_a_person_has_chosen(given, expected, monkeypatch):
+    monkeypatch.setattr(os, 'environ', dict(given))
+    use_large_segment()
+    variables = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+    assert [os.environ.get(name) for name in variables] == expected
 
 
 def test_both_profiles_have_the_same_shared_memory():
