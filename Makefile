@@ -62,6 +62,7 @@ demo: $(DEMO)
 	$(BIN)/socialcircle demo $(DATA)
 
 test: $(ALL)
+	@$(BIN)/socialcircle warm-up  # once, lest each test process compile the same kernels
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
 test-oldest: $(OLDEST)

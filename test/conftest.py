@@ -26,6 +26,11 @@ hypothesis.settings.register_profile('socialcircle', deadline=None)
 hypothesis.settings.load_profile('socialcircle')
 
 
+def pytest_collection_modifyitems(items):
+    """Begin with the long tests, lest one of them run alone at the end."""
+    items.sort(key=lambda item: item.get_closest_marker('long') is None)
+
+
 @pytest.fixture(scope='session')
 def real_measurements() -> Path:
     folder = os.environ.get('SOCIALCIRCLE_DATA')

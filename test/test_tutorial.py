@@ -67,6 +67,7 @@ def test_the_launch_files_take_the_arguments():
         assert commands(TOP / 'launch' / file, given)
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_the_commands_run_one_after_the_other(tmp_path):
     pytest.importorskip('rclpy', reason='the tutorial needs ROS 2')

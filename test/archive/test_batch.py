@@ -38,6 +38,7 @@ def rows(output, query='select recording, number, status from measurements order
     return open_measurements(output).sql(query).fetchall()
 
 
+@pytest.mark.long
 def test_an_archive_is_done_once_and_then_only_what_is_new(tmp_path, scheduler):
     for number in range(3):
         recorded(tmp_path / f'nights/{number}.mcap', seed=number)

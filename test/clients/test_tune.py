@@ -83,6 +83,7 @@ def test_the_page_listens_on_the_loopback_interface_only(start_tuning):
         assert b'<title>Social circle</title>' in page.read()
 
 
+@pytest.mark.long
 def test_an_operator_tunes_a_node_that_is_killed_and_started_again(start_cell, start_tuning, tmp_path):
     with browser() as chromium:
         cell = start_cell({'circle.mode': 'paper'})
@@ -128,6 +129,7 @@ def test_an_operator_tunes_a_node_that_is_killed_and_started_again(start_cell, s
         visitor.leave()
 
 
+@pytest.mark.long
 def test_an_integrator_tunes_on_a_recording_of_frames_and_launches_the_cell_with_what_was_saved(
     start_cell, start_tuning, tmp_path
 ):

@@ -7,6 +7,7 @@ import os
 import pytest
 
 
+@pytest.mark.long
 def test_ratios_are_printed_and_written_with_the_hardware(run, tmp_path):
     done = run('bench', '--repeats', '1', '--json', 'bench.json')
     assert done.code == 0, done.err

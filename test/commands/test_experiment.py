@@ -14,6 +14,7 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_all_experiments_write_one_page_its_tables_and_its_pictures(run, tmp_path):
     heights = np.random.default_rng(1).normal(0, 0.1, (70, 90))
     heights[30:33, 40:43] += 20

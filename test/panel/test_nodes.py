@@ -54,6 +54,7 @@ def test_the_page_waits_for_a_node_offers_several_and_shows_each_with_its_own_cl
         server.stop()
 
 
+@pytest.mark.long
 def test_frames_that_are_given_at_the_start_wait_for_the_parameters_of_the_node(tmp_path, monkeypatch):
     monkeypatch.setattr('socialcircle_ros.panel.page._PATIENCE_S', 0.0)  # the first try comes too early
     link, stop = FakeLink(), threading.Event()

@@ -13,6 +13,7 @@ def flat():
     return [row for row in depth_errors(SEEDS) if (row.specimen, row.fit) == ('flat', 'gauss')]
 
 
+@pytest.mark.long
 def test_the_error_is_within_its_bounds(flat):
     """0.04 steps without noise, 0.08 at 6000 electrons and 8 bits, 0.10 at a quarter of the depth of field."""
     assert [row.scenario.noisy for row in flat] == [False, True, True]
