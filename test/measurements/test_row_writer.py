@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from measurements.row_examples import measurement, origin
+from storage.disks import fill, small_disk
 
 from socialcircle_ros.measurements import open_measurements, row_writer
 from socialcircle_ros.measurements.row_writer import LiveCloud, RowWriter
@@ -82,6 +83,25 @@ def test_what_cannot_be_written_waits_and_the_oldest_rows_are_lost(tmp_path, mon
     wait_for(lambda: list(tmp_path.rglob('*.parquet')))
     writer.close()
     assert numbers(tmp_path) == [2, 3, 4]
+
+
+def test_a_full_disk_keeps_rows_waiting_until_there_is_room(tmp_path):
+    told = []
+    with small_disk(tmp_path / 'disk', 1 << 20) as disk:
+        writer = RowWriter(disk, 'live', 0.02, told.append)
+        writer.put(refused(0))
+        wait_for(lambda: list(disk.rglob('*.parquet')))
+        fill(disk, left=4096)
+        for number in (1, 2):
+            writer.put(refused(number))
+        wait_for(lambda: told)
+        assert 'No space left on device' in told[0]
+        assert numbers(disk) == [0]  # and no file is half written
+        (disk / 'ballast').unlink()
+        wait_for(lambda: len(list(disk.rglob('*.parquet'))) == 2)
+        writer.close()
+        assert numbers(disk) == [0, 1, 2]
+        assert {path.suffix for path in disk.rglob('*') if path.is_file()} == {'.parquet'}
 
 
 def test_a_cloud_never_waits_for_the_disk(tmp_path, monkeypatch):
