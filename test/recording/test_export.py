@@ -6,7 +6,6 @@ import zipfile
 
 import numpy as np
 import pytest
-from PIL import Image
 from surfaces import same_bits
 
 from socialcircle_ros.errors import ImportFileError, RecordingError, SettingError, SocialCircleError
@@ -18,6 +17,8 @@ from socialcircle_ros.recording.export import export_recording, filter_to_file
 from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import OutputSettings, PipelineSettings
+
+Image = pytest.importorskip('PIL.Image', reason='needs Pillow: pip install Pillow')
 
 SETTINGS = PipelineSettings(output=OutputSettings(mask=True, repaired=True))
 WRITTEN = suffixes(written=True)
