@@ -8,6 +8,7 @@ from datetime import date, timedelta
 
 import numpy as np
 import pytest
+from browser import TIMEOUT_MS, browser
 from measurements.row_examples import row
 
 from socialcircle_ros.archive.ledger import Ledger, LedgerEntry
@@ -94,6 +95,37 @@ def test_a_cloud_links_to_its_report_where_there_is_one(out, tmp_path):
     Ledger(out).record('abc', LedgerEntry('nights/a.mcap', 1, '1', 'd', name='a b.mcap'))
     one, _ = read_series(out, tmp_path / 'pages/trend.html')
     assert one.links[7] == '../out/reports/a%20b.mcap.html#measurement--cell1-points-7'
+
+
+ON_THE_SCREEN = """() => {
+  const below = (view) => [view, ...[...(view.children?.() ?? [])].flatMap(below)]
+  const plot = [...Bokeh.index.roots].flatMap(below).find((view) => view.model.title?.text?.startsWith('Sq'))
+  const data = plot.model.renderers.find((each) => each.glyph?.type === 'Scatter').data_source.data
+  plot.el.scrollIntoView()
+  const box = plot.el.getBoundingClientRect()
+  return [box.x + plot.frame.x_scale.compute(data.time[7]), box.y + plot.frame.y_scale.compute(data.sq[7])]
+}"""
+"""Gives where the chart of Sq shows its cloud 7."""
+
+
+def test_a_click_on_a_point_opens_the_report_of_its_cloud(tmp_path, example):
+    out = tmp_path / 'out'
+    write_rows(out, 'a', list(rows_of(example, 'cell1', 0, count=30)))
+    (out / 'reports').mkdir()
+    (out / 'reports/a b.mcap.html').write_text('<h1>The report of it</h1>')
+    Ledger(out).record('abc', LedgerEntry('nights/a.mcap', 1, '1', 'd', name='a b.mcap'))
+    write_trend(out, tmp_path / 'trend.html')
+    with browser() as chromium:
+        page = chromium.new_page()
+        page.set_default_timeout(TIMEOUT_MS)
+        page.goto((tmp_path / 'trend.html').as_uri())
+        page.wait_for_function('Bokeh.documents.length && Bokeh.documents[0].is_idle')
+        with page.expect_popup() as opened:
+            page.mouse.click(*page.evaluate(ON_THE_SCREEN))
+        report = opened.value
+        assert report.url.endswith('/out/reports/a%20b.mcap.html#measurement--cell1-points-7')
+        assert report.get_by_role('heading', name='The report of it').is_visible()
+        assert page.get_by_role('link', name='Report of this cloud').is_visible()
 
 
 def test_the_page_needs_no_other_file_and_names_are_escaped(tmp_path, example):
