@@ -5,7 +5,18 @@ Frames are gray images here. Messages, colour, and the conversion of depth into 
 """
 
 from .measure import Frame, focus_measure
+from .pixel_curve import FocusCurve, PixelCurve
 from .reasons import Reason, count_reasons
 from .stack import FocusResult, FocusStack, depth_from_focus
 
-__all__ = ['FocusResult', 'FocusStack', 'Frame', 'Reason', 'count_reasons', 'depth_from_focus', 'focus_measure']
+__all__ = [
+    'FocusCurve',
+    'FocusResult',
+    'FocusStack',
+    'Frame',
+    'PixelCurve',
+    'Reason',
+    'count_reasons',
+    'depth_from_focus',
+    'focus_measure',
+]

@@ -89,6 +89,7 @@ class FocusStack:
         self._noise: NoiseSampler | None = None
         self._lights: list[float] = []  # mean light of each frame
         self._divisors: list[float] = []  # what each frame is divided by with `focus.normalize`
+        self._scale = 1.0  # factor on F of the last frame
 
     @property
     def places(self) -> int:
@@ -132,7 +133,7 @@ class FocusStack:
         divisor = self._divisor(light)
         if divisor != light:
             to_reference = REFERENCE[frame.dtype] / divisor
-        scale = to_reference if self._settings.normalize else 1.0
+        self._scale = scale = to_reference if self._settings.normalize else 1.0
         if not arrival.is_known:  # the same frame again would show no noise
             self._noise.add(frame, scale)
             self._lights.append(light)

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.lengths import LengthScale, known_unit, length_text
+from socialcircle_ros.focus import FocusCurve
+from socialcircle_ros.lengths import LengthScale, known_unit, length_scale, length_text
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER
 from socialcircle_ros.pictures.thinning import any_in_tile, thinned
 
@@ -53,13 +54,15 @@ def map_svg(
     drawing: Drawing,
     picked: tuple[int, int] | None = None,
     region: Sequence[int] = (),
+    of_interest: Sequence[int] = (),
 ) -> str:
-    """The map with axes, a scale bar, the place that was clicked, the line of the profile and the vote region.
+    """The map with axes, a scale bar, the place that was clicked, the line of the profile and the regions.
 
     Args:
         drawing: the cloud.
         picked: row and column that were clicked.
         region: row, column, height and width of the vote region; empty: none is set.
+        of_interest: row, column, height and width of the region of interest; empty: there is none.
     """
     across, down = drawing.across, drawing.down
     plot = _WIDTH - _LEFT - _RIGHT
@@ -82,11 +85,13 @@ def map_svg(
         *_side_axis(down, lengths, (_TOP, tall), _LEFT, upright=True),
         *_scale_bar(across.length, drawing.unit, lengths, (_LEFT, _TOP + tall, wide)),
     ]
-    if len(region) == 4 and region[2] > 0:
-        row, column, height, width = region
+    for kind, place in (('sc-region', region), ('sc-interest', of_interest)):
+        if not (len(place) == 4 and place[2] > 0):
+            continue
+        row, column, height, width = place
         left, top = x(column - 0.5), y(row - 0.5)
         parts.append(
-            f'<rect class="sc-region" x="{left:.1f}" y="{top:.1f}" width="{x(column + width - 0.5) - left:.1f}"'
+            f'<rect class="{kind}" x="{left:.1f}" y="{top:.1f}" width="{x(column + width - 0.5) - left:.1f}"'
             f' height="{y(row + height - 0.5) - top:.1f}"/>'
         )
     if picked is not None:
@@ -185,6 +190,46 @@ def histogram_svg(drawing: Drawing) -> str:
     for count in (10**power for power in range(1, 1 + math.floor(tallest))):
         at = _TOP + _PLOT - _PLOT * math.log10(1 + count) / tallest
         parts.append(f'<text x="{_LEFT - 4}" y="{at + 3:.1f}" text-anchor="end">{count:,}</text>')
+    return _svg(parts, _TOP + _PLOT + _BOTTOM)
+
+
+def curve_svg(curve: FocusCurve) -> str:
+    """The focus measure of a pixel over the z of the stage, with the depth that the fit found.
+
+    Args:
+        curve: of the pixel, with z in m.
+    """
+    low, high = float(curve.z[0]), float(curve.z[-1])
+    top = float(curve.measure.max()) or 1.0
+    wide = _WIDTH - _LEFT - _RIGHT
+    scale = length_scale(curve.z, 'm')
+
+    def x(z: float) -> float:
+        return _LEFT + wide * (z - low) / (high - low)
+
+    def y(measure: float) -> float:
+        return _TOP + _PLOT * (1 - measure / top)
+
+    places = [(x(z), y(measure)) for z, measure in zip(curve.z.tolist(), curve.measure.tolist(), strict=True)]
+    found = [curve.depth] if low <= curve.depth <= high else []
+    ticks, heights = nice_ticks(low * scale.factor, high * scale.factor, 5), nice_ticks(0.0, top, 3)
+    middle = _TOP + _PLOT / 2
+    parts = [
+        *(
+            f'<line class="sc-cut" x1="{x(z):.1f}" x2="{x(z):.1f}" y1="{_TOP}" y2="{_TOP + _PLOT}"/>'
+            for z in found
+        ),
+        f'<polyline class="sc-line" points="{" ".join(f"{left:.1f},{up:.1f}" for left, up in places)}"/>',
+        *(f'<circle class="sc-kept" cx="{left:.1f}" cy="{up:.1f}" r="1.6"/>' for left, up in places),
+        *_ticks_below(
+            [(x(tick / scale.factor), tick) for tick in ticks], _TOP + _PLOT, scale.label('z of the stage')
+        ),
+        *(
+            f'<text x="{_LEFT - 6}" y="{y(tick) + 3:.1f}" text-anchor="end">{text}</text>'
+            for tick, text in zip(heights, tick_texts(heights), strict=True)
+        ),
+        f'<text transform="translate(9 {middle:.1f}) rotate(-90)" text-anchor="middle">focus measure</text>',
+    ]
     return _svg(parts, _TOP + _PLOT + _BOTTOM)
 
 

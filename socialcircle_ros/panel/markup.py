@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The texts and tables of the page as HTML. Text from outside this module is escaped and shortened."""
 
+import math
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -8,7 +9,9 @@ from html import escape as html_escape
 from pathlib import Path
 
 from socialcircle_ros.errors import printable
+from socialcircle_ros.focus import FocusCurve
 from socialcircle_ros.interface import STAGE_TIME, MeasurementValues
+from socialcircle_ros.lengths import length_text
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.settings import RosValue
 
@@ -17,6 +20,7 @@ from .comparison import Comparison
 from .display import Drawing
 from .link import LogEntry, Presence, ShownCloud, Snapshot
 from .recorded import RecordedStack
+from .regions import RegionNumbers
 from .state import State
 from .view import View
 
@@ -200,6 +204,54 @@ def chart(title: str, content: str) -> str:
 def why(sentences: Iterable[str]) -> str:
     """Why a point was called an outlier, or was kept."""
     return _box(f'<div class="sc-card sc-idle">{" ".join(escape(sentence) for sentence in sentences)}</div>')
+
+
+def curve(found: FocusCurve, content: str) -> str:
+    """The focus curve of a point, what the fit made of it, and the objections to it.
+
+    Args:
+        found: the curve, with z in m.
+        content: its picture.
+    """
+    peak = 'no peak' if math.isnan(found.depth) else f'peak at {length_text(found.depth, "m")}'
+    objections = f'; {", ".join(reason.replace("_", " ") for reason in found.reasons)}' if found.reasons else ''
+    return chart(f'focus curve: {peak}, quality {found.quality:.2f}{objections}', content)
+
+
+def region(numbers: RegionNumbers, unit: str | None) -> str:
+    """The counts, the texture and the verdict of a region of interest.
+
+    Args:
+        numbers: of the region.
+        unit: of the lengths; None: it is not known.
+    """
+    row, column, height, width = numbers.place
+    share = f' ({100 * numbers.outliers / numbers.measured:.2f} %)' if numbers.measured else ''
+    counts = {
+        'points': f'{numbers.points:,}',
+        'measured': f'{numbers.measured:,}',
+        'outliers': f'{numbers.outliers:,}{share}',
+    }
+    with_outliers, kept = numbers.texture_measured, numbers.texture_kept
+    values = [
+        (name, getattr(with_outliers, name.lower()), getattr(kept, name.lower())) for name in ('Sa', 'Sq', 'Sz')
+    ]
+    cells = ''.join(
+        f'<tr><td>{name}</td><td class="sc-num">{escape(_length(one, unit))}</td>'
+        f'<td class="sc-num">{escape(_length(other, unit))}</td></tr>'
+        for name, one, other in values
+    )
+    head = '<tr><td></td><td class="sc-num">measured</td><td class="sc-num">kept</td></tr>'
+    passed = ''
+    if numbers.verdict is not None:
+        kind, word = ('good', 'passed') if numbers.verdict.passed else ('bad', 'failed')
+        passed = f'<div class="sc-card sc-{kind}"><b>{word}</b> {escape(" ".join(numbers.verdict.reasons))}</div>'
+    where = f'rows {row} to {row + height - 1}, columns {column} to {column + width - 1}'
+    return _box(f'<div class="sc-title">Region: {where}</div>{_table(counts)}<table>{head}{cells}</table>{passed}')
+
+
+def _length(value: float, unit: str | None) -> str:
+    return '–' if math.isnan(value) else length_text(value, unit)
 
 
 def log(entries: Iterable[LogEntry]) -> str:

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from socialcircle_ros.focus import FocusCurve
+
 from . import markup
 from .changes import Changes
 from .controls import Controls
@@ -109,9 +111,18 @@ class NodePage:
         with log:
             self._log = Log(self._server)
         with result:
-            self._result_tab = ResultTab(self._server, self._changes, self._current, self._log)
+            self._result_tab = ResultTab(
+                self._server,
+                self._changes,
+                self._current,
+                self._log,
+                self._focus_curve,
+            )
         dock.dock_right()
         dock.set_width(_RIGHT_PIXELS)
+
+    def _focus_curve(self, number: int, place: tuple[int, int]) -> FocusCurve | None:
+        return self._recording_tab.focus_curve(number, place)
 
     def _build_left_dock(self, presets: Presets) -> None:
         gui = self._server.gui

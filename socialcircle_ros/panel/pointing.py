@@ -6,8 +6,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.settings.groups import VOTERS
-
 from .view import View
 
 Vector = npt.NDArray[np.float64]
@@ -40,15 +38,18 @@ def on_ground(origin: npt.ArrayLike, direction: Vector) -> tuple[float, float] |
     return float(found[0]), float(found[1])
 
 
-def region_between(view: View, one: tuple[float, float], other: tuple[float, float]) -> list[int]:
-    """The vote region [row, column, height, width] between two corners in the scene.
+def region_between(
+    view: View, one: tuple[float, float], other: tuple[float, float], most: float = math.inf
+) -> list[int]:
+    """The region [row, column, height, width] between two corners in the scene.
 
-    It lies within the cloud. A larger one than can vote is reduced round its middle.
+    It lies within the cloud. A larger one than is allowed is reduced round its middle.
 
     Args:
         view: the cloud.
         one: x and y of a corner in the scene, seen from above.
         other: x and y of the opposite corner.
+        most: number of points that it may have.
     """
     drawing = view.drawing
     corners = [view.place(*corner) for corner in (one, other)]
@@ -58,7 +59,7 @@ def region_between(view: View, one: tuple[float, float], other: tuple[float, flo
         first, last = min(max(first, 0), count - 1), min(max(last, 0), count - 1)
         found.append((first, last - first + 1))
     (row, height), (column, width) = found
-    shrink = math.sqrt(height * width / VOTERS)
+    shrink = math.sqrt(height * width / most)
     if shrink > 1:
         smaller = [max(1, math.floor(side / shrink)) for side in (height, width)]
         row, column = row + (height - smaller[0]) // 2, column + (width - smaller[1]) // 2

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.focus import FocusCurve
 from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.settings.files import read_parameter_file
 
 from . import markup
 from .changes import Changes
 from .elements import icon, on_choice, set_value
+from .focus_curves import focus_curve
 from .link import Link, Presence
 from .log import Log
 from .recorded import RecordedClouds
@@ -94,10 +96,8 @@ class RecordingTab:
                 reported = time.monotonic()
                 self._note.content = markup.note(f'Reading {path.name}: {done:,} of {total:,} messages …')
 
-        values = self._link.newest.values  # the page may not show the last change yet
         try:
-            settings = PipelineSettings.from_ros({name: values[name] for name in PARAMETERS if name in values})
-            recorded = RecordedClouds(path, settings, progress)
+            recorded = RecordedClouds(path, self._settings(), progress)
         except SocialCircleError as error:
             self._refuse(str(error))
             self._offer_parameters(path)
@@ -116,10 +116,30 @@ class RecordingTab:
         if recording is not None:
             self._go(recording.number)
 
+    def focus_curve(self, number: int, place: tuple[int, int]) -> FocusCurve | None:
+        """The focus curve of a pixel, with the settings of the node; None: no recording is open.
+
+        Args:
+            number: of the stack in the recording, from 1 on.
+            place: row and column of the pixel.
+
+        Raises:
+            SocialCircleError: the stack cannot be read or measured.
+        """
+        with self._stepping:
+            if self._recorded is None:
+                return None
+            return focus_curve(self._recorded.stack_messages(number - 1), self._settings(), place)
+
     def close(self) -> None:
         """Close the recording."""
         if self._recorded is not None:
             self._recorded.close()
+
+    def _settings(self) -> PipelineSettings:
+        """How the node measures now; the page may not show the last change yet."""
+        values = self._link.newest.values
+        return PipelineSettings.from_ros({name: values[name] for name in PARAMETERS if name in values})
 
     def _open_typed(self) -> None:
         self.open(Path(self._path.value.strip()).expanduser())

@@ -2,6 +2,7 @@
 """The tab Result: the cloud that is shown in numbers, in the scene, and as map, profile and histogram."""
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,15 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.focus import FocusCurve
 from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.settings import LimitSettings
 from socialcircle_ros.settings.effects import VOTE_REGION
 
 from . import charts, colours, markup
 from .changes import Changes
 from .display import ALONG, QUANTITIES, Display, Drawing, drawing_of, fields_of
-from .elements import on_choice
+from .elements import icon, on_choice
 from .link import ShownCloud
 from .log import Log
+from .regions import region_numbers
 from .scene import CloudScene
 from .state import CurrentState, State
 from .view import View, view_of
@@ -27,6 +31,11 @@ if TYPE_CHECKING:
     import viser
 
     from .comparison import Comparison
+
+_LIMITS = f'{LimitSettings.group}.'
+
+ReadCurve = Callable[[int, tuple[int, int]], FocusCurve | None]
+"""Gives the focus curve of a pixel, by the number of its stack in the recording that is open, row and column."""
 
 NO_PICTURE = np.zeros((24, 32, 3), np.uint8)
 """What an image shows before there is a cloud."""
@@ -48,11 +57,20 @@ class ResultTab:
         changes: takes a vote region that is drawn.
         current: the state of the page.
         log: gets the reason where a cloud cannot be shown.
+        focus_curve: of a pixel, from the recording that is open.
     """
 
-    def __init__(self, server: 'viser.ViserServer', changes: Changes, current: CurrentState, log: Log) -> None:
+    def __init__(
+        self,
+        server: 'viser.ViserServer',
+        changes: Changes,
+        current: CurrentState,
+        log: Log,
+        focus_curve: ReadCurve,
+    ) -> None:
         gui = server.gui
         self._changes, self._current, self._log = changes, current, log
+        self._focus_curve = focus_curve
         self._shown: ShownCloud | None = None
         self._drawn: _Drawn | None = None
         self._compared: tuple[Comparison, Display] | None = None
@@ -61,10 +79,17 @@ class ResultTab:
         self._scores: tuple[ShownCloud, npt.NDArray[np.float32] | None] | None = None
         self._title = gui.add_html('')
         self._measurement = gui.add_html(markup.measurement(None))
-        self._scene = CloudScene(server, log, self._pick, self._draw_region)
+        self._scene = CloudScene(server, log, self._pick, self._draw_region, self._look_at)
         self._build_display(gui)
         self._map = gui.add_html('')
+        self._region = gui.add_html('')
         self._why = gui.add_html('')
+        self._curve_button = gui.add_button(
+            'Focus curve of this point', icon=icon('chart-histogram'), visible=False,
+            hint='Measures the frames of the recording again.',
+        )  # fmt: skip
+        self._curve_button.on_click(lambda _: log.guarded('Measuring the focus curve', self._measure_curve))
+        self._curve = gui.add_html('')
         self._profile = gui.add_html('')
         self._histogram = gui.add_html('')
         self._details = gui.add_html(markup.details(None))
@@ -79,12 +104,17 @@ class ResultTab:
         if drawn is None or drawn.cloud is not shown or drawn.how != (state.display, state.unit):
             self._draw(shown, state)
         self._show_comparison(state)
-        charted = (id(self._drawn), state.picked, state.region, state.votes, id(self._scores))
+        limits = [value for name, value in state.snapshot.values.items() if name.startswith(_LIMITS)]
+        charted = (
+            id(self._drawn), state.picked, state.region, state.votes, id(self._scores), state.region_of_interest,
+            id(state.curve), state.stack_number, *limits,
+        )  # fmt: skip
         if self._view is not None and charted != self._charted:
             self._charted = charted
             with self._scene.update():
-                self._scene.mark(state.picked, state.region, votes=state.votes)
+                self._scene.mark(state.picked, state.region, state.region_of_interest, votes=state.votes)
                 self._draw_charts(self._view.drawing, state)
+                self._show_region(self._view.drawing, state)
 
     def _build_display(self, gui: 'viser.GuiApi') -> None:
         with gui.add_folder('display', expand_by_default=False):
@@ -134,7 +164,8 @@ class ResultTab:
             except SocialCircleError as error:
                 self._view = None
                 self._log.add(str(error), bad=True)
-                for element in (self._map, self._why, self._profile, self._histogram):
+                self._curve_button.visible = False
+                for element in (self._map, self._region, self._why, self._curve, self._profile, self._histogram):
                     element.content = ''
                 self._scene.clear(str(error))
                 return
@@ -161,13 +192,26 @@ class ResultTab:
 
     def _draw_charts(self, drawing: Drawing, state: State) -> None:
         self._map.content = markup.chart(
-            f'map: {drawing.range_sentence}', charts.map_svg(drawing, state.picked, state.region)
+            f'map: {drawing.range_sentence}',
+            charts.map_svg(drawing, state.picked, state.region, state.region_of_interest),
         )
         place = state.picked or (drawing.down.count // 2, drawing.across.count // 2)
         which = f'row {place[0]}' if drawing.display.along == 'row' else f'column {place[1]}'
         self._profile.content = markup.chart(f'profile: {which}', charts.profile_svg(drawing, place))
         self._histogram.content = markup.chart('heights, number of points', charts.histogram_svg(drawing))
         self._why.content = self._reason(drawing, state)
+        self._curve_button.visible = state.picked is not None and state.stack_number is not None
+        self._curve.content = (
+            '' if state.curve is None else markup.curve(state.curve, charts.curve_svg(state.curve))
+        )
+
+    def _show_region(self, drawing: Drawing, state: State) -> None:
+        place = state.region_of_interest
+        if not place:
+            self._region.content = ''
+            return
+        limits = LimitSettings.from_ros(state.snapshot.values)
+        self._region.content = markup.region(region_numbers(drawing, place, limits), drawing.unit)
 
     def _reason(self, drawing: Drawing, state: State) -> str:
         if state.picked is None or state.shown is None:
@@ -185,6 +229,24 @@ class ResultTab:
         xyz = PointCloud.decode(shown.cloud).xyz()
         self._scores = shown, scores_of(xyz, state.snapshot.values, shown.depth_of_field)
         self._current.change(dataclasses.replace)
+
+    def _measure_curve(self) -> None:
+        """Show the focus curve of the point that was clicked."""
+        state = self._current.now
+        shown, place, number = state.shown, state.picked, state.stack_number
+        if shown is None or place is None or number is None:
+            return
+        self._curve.content = markup.note('Measuring the frames …')
+        try:
+            curve = self._focus_curve(number, place)
+        except SocialCircleError as error:
+            self._curve.content = markup.note(str(error), bad=True)
+            return
+        if curve is not None:
+            self._current.change(lambda state: state.with_curve((shown.cloud, place), curve))
+
+    def _look_at(self, region: list[int]) -> None:
+        self._current.change(lambda state: state.looking_at(tuple(region)))
 
     def _draw_region(self, region: list[int]) -> None:
         reason = self._changes.apply({VOTE_REGION: region})

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The 3D scene with its legend, its switches, and what a visitor points at."""
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ import numpy.typing as npt
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.messages.image import OUTLIER
 from socialcircle_ros.settings import RosValue
+from socialcircle_ros.settings.groups import VOTERS
 
 from . import colours, markup
 from .axes import axes_of
@@ -31,14 +33,14 @@ _STRETCH = Descriptor(
     'z scale', ParameterKind.REAL, 'Factor on the heights in the scene.', low=1.0, high=_MOST_STRETCH
 )
 _FROM_THE_FRONT = (0.0, -1.75 * SIDE, 1.55 * SIDE), (0.0, -0.08 * SIDE, 0.0)
-_FROM_ABOVE = (0.0, -1e-3 * SIDE, 2.3 * SIDE), (0.0, 0.0, 0.0)
-_AXES, _MARK = (150, 156, 166), (255, 255, 255)
+_FROM_ABOVE = (0.0, -1e-3 * SIDE, 2.7 * SIDE), (0.0, 0.0, 0.0)
+_AXES, _MARK, _INTEREST = (150, 156, 166), (255, 255, 255), (255, 212, 59)
 
 TakePoint = Callable[[tuple[int, int]], None]
 """Takes row and column of a point that was clicked."""
 
 TakeRegion = Callable[[list[int]], None]
-"""Takes a vote region that was drawn."""
+"""Takes a region that was drawn: row, column, height and width."""
 
 
 class CloudScene:
@@ -51,15 +53,25 @@ class CloudScene:
         log: gets the reason where the scene cannot be drawn.
         pick: called with a point that is clicked.
         draw_region: called with a vote region that is drawn.
+        look_at: called with a region of interest that is drawn; [] where it is to be forgotten.
     """
 
-    def __init__(self, server: 'viser.ViserServer', log: Log, pick: TakePoint, draw_region: TakeRegion) -> None:
-        self._server, self._log, self._pick, self._draw_region = server, log, pick, draw_region
+    def __init__(
+        self,
+        server: 'viser.ViserServer',
+        log: Log,
+        pick: TakePoint,
+        draw_region: TakeRegion,
+        look_at: TakeRegion,
+    ) -> None:
+        self._server, self._log, self._pick = server, log, pick
+        self._draw_region, self._look_at = draw_region, look_at
         self._drawing = threading.RLock()
         self._view: View | None = None
         self._comparison: tuple[Comparison, View, View] | None = None
         self._picked: tuple[int, int] | None = None
         self._region: tuple[int, ...] = ()
+        self._of_interest: tuple[int, ...] = ()
         self._stretch = 1.0
         self._labels: list[viser.LabelHandle] = []
         self._set_camera()
@@ -67,11 +79,7 @@ class CloudScene:
         self._legend = gui.add_html(markup.legend(None, 0))
         looks = gui.add_button_group('view', ('3D', 'from above'), hint='Resets the view.')
         looks.on_click(lambda event: log.guarded('Turning the view', self._look, event.target.value))
-        self._drawn = gui.add_button(
-            'Draw the vote region', icon=icon('marquee-2'), visible=False,
-            hint='Drag a rectangle over the cloud, seen from above.',
-        )  # fmt: skip
-        self._drawn.on_click(lambda _: log.guarded('Drawing the vote region', self._begin_region))
+        self._build_regions(gui)
         with gui.add_folder('scene', expand_by_default=False):
             self._show_kept = gui.add_checkbox('kept points', initial_value=True)
             self._show_outliers = gui.add_checkbox('outliers', initial_value=True)
@@ -96,16 +104,26 @@ class CloudScene:
         if self._comparison is None:
             self._draw_node_cloud(view)
 
-    def mark(self, picked: tuple[int, int] | None, region: tuple[int, ...], *, votes: bool) -> None:
-        """Mark the point that was clicked and the vote region.
+    def mark(
+        self,
+        picked: tuple[int, int] | None,
+        region: tuple[int, ...],
+        of_interest: tuple[int, ...],
+        *,
+        votes: bool,
+    ) -> None:
+        """Mark the point that was clicked and the regions.
 
         Args:
             picked: row and column; None: no point.
-            region: row, column, height and width; empty: none.
+            region: row, column, height and width of the vote region; empty: none.
+            of_interest: row, column, height and width of the region of interest; empty: none.
             votes: whether the mode of the node has a vote region, so that one can be drawn.
         """
-        self._drawn.visible = votes
-        self._picked, self._region = picked, region
+        self._vote_button.visible = votes
+        self._interest_button.visible = self._view is not None
+        self._forget_button.visible = bool(of_interest)
+        self._picked, self._region, self._of_interest = picked, region, of_interest
         self._draw_marks()
 
     def clear(self, reason: str) -> None:
@@ -128,6 +146,23 @@ class CloudScene:
         self._server.scene.remove_by_name('/compare')
         if self._view is not None:
             self._draw_node_cloud(self._view)
+
+    def _build_regions(self, gui: 'viser.GuiApi') -> None:
+        drag = 'Drag a rectangle over the cloud, seen from above.'
+        self._interest_button = gui.add_button(
+            'Look at a region', icon=icon('zoom-in-area'), visible=False, hint=drag
+        )
+        self._forget_button = gui.add_button('Close the region', icon=icon('x'), visible=False)
+        self._vote_button = gui.add_button(
+            'Draw the vote region', icon=icon('marquee-2'), visible=False, hint=drag
+        )
+        self._interest_button.on_click(
+            lambda _: self._log.guarded('Drawing a region', self._begin_region, self._look_at, math.inf)
+        )
+        self._forget_button.on_click(lambda _: self._log.guarded('Closing the region', self._look_at, []))
+        self._vote_button.on_click(
+            lambda _: self._log.guarded('Drawing the vote region', self._begin_region, self._draw_region, VOTERS)
+        )
 
     def _set_camera(self) -> None:
         self._server.scene.set_up_direction('+z')
@@ -152,18 +187,24 @@ class CloudScene:
         if found is not None:
             self._pick(found)
 
-    def _begin_region(self) -> None:
+    def _begin_region(self, take: TakeRegion, most: float) -> None:
+        """Let a visitor drag a rectangle.
+
+        Args:
+            take: called with the region below it.
+            most: number of points that it may have.
+        """
         self._look('from above')
-        self._log.notify('Drag a rectangle over the cloud.')
 
         def selected(event: 'viser.SceneRectSelectEvent') -> None:
             self._server.scene.remove_rect_select_callback('all')
-            self._log.guarded('Drawing the vote region', self._end_region, event)
+            self._log.guarded('Drawing the region', self._end_region, event, take, most)
 
         self._server.scene.remove_rect_select_callback('all')
         self._server.scene.on_rect_select()(selected)
+        self._log.notify('Drag a rectangle over the cloud.')
 
-    def _end_region(self, event: 'viser.SceneRectSelectEvent') -> None:
+    def _end_region(self, event: 'viser.SceneRectSelectEvent', take: TakeRegion, most: float) -> None:
         view, camera = self._view, event.client.camera
         if view is None:
             return
@@ -172,7 +213,7 @@ class CloudScene:
             for corner in (event.screen_min, event.screen_max)
         ]
         if corners[0] is not None and corners[1] is not None:
-            self._draw_region(region_between(view, corners[0], corners[1]))
+            take(region_between(view, corners[0], corners[1], most))
 
     def _redraw(self) -> None:
         with self.update():
@@ -261,7 +302,7 @@ class CloudScene:
             )
 
     def _draw_marks(self) -> None:
-        """Draw a ring at the point that was clicked, and the outline of the vote region."""
+        """Draw a ring at the point that was clicked, and the outlines of the regions."""
         scene, view = self._server.scene, self._view
         scene.remove_by_name('/marks')
         if view is None or self._comparison is not None:
@@ -273,8 +314,10 @@ class CloudScene:
                 '/marks/picked', radius=SIDE / 90, color=_MARK, wireframe=True,
                 position=(x, y, float(np.clip(z, -SIDE, SIDE))),
             )  # fmt: skip
-        if self._region:
-            row, column, tall, wide = self._region
+        for name, region, colour in (('vote', self._region, _MARK), ('interest', self._of_interest, _INTEREST)):
+            if not region:
+                continue
+            row, column, tall, wide = region
             top = view.drawing.height_span[1]
             places = [
                 (row - 0.5, column - 0.5), (row - 0.5, column + wide - 0.5),
@@ -282,7 +325,7 @@ class CloudScene:
             ]  # fmt: skip
             corners = [view.position(*place, top, self._stretch) for place in places]
             lines = np.array(list(zip(corners, [*corners[1:], corners[0]], strict=True)), np.float32)
-            scene.add_line_segments('/marks/region', lines, _MARK, thickness=2.0, thickness_units='screen')
+            scene.add_line_segments(f'/marks/{name}', lines, colour, thickness=2.0, thickness_units='screen')
 
     def _fit(self, view: View) -> None:
         """Fit the z scale to the cloud, where that is switched on."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from socialcircle_ros.errors import MessageError
+from socialcircle_ros.focus import FocusCurve
 from socialcircle_ros.messages.header import stamp_of, stamp_text
 from socialcircle_ros.settings import RosValue
 from socialcircle_ros.settings.effects import VOTE_REGION, has_effect
@@ -110,6 +111,8 @@ class State:
         compared: two settings on the cloud that is shown; None: the result of the node is shown.
         lost: the settings that the node has lost by a restart, and not got back.
         picked: row and column of the point that was clicked, of the cloud that is shown; None: none was.
+        curve: the focus curve of that point; None: nobody asked for it.
+        region_of_interest: row, column, height and width; (): none. It stays while all clouds have one size.
         restarted: whether the cloud that is shown was filtered before the node was started again.
         display: how the cloud is displayed.
     """
@@ -121,6 +124,8 @@ class State:
     compared: Compared | None = None
     lost: Lost = field(default_factory=dict)
     picked: tuple[int, int] | None = None
+    curve: FocusCurve | None = None
+    region_of_interest: tuple[int, ...] = ()
     restarted: bool = False
     display: Display = field(default_factory=Display)
 
@@ -138,6 +143,8 @@ class State:
             lost=_lost_after(self.lost, before, now),
             restarted=new is not None and new is old and (self.restarted or is_restart),
             picked=self.picked if kept else None,
+            curve=self.curve if kept else None,
+            region_of_interest=self.region_of_interest if _same_size(old, new) else (),
         )
 
     def opened(self, recording: OpenRecording) -> 'State':
@@ -186,7 +193,22 @@ class State:
 
     def picking(self, place: tuple[int, int] | None) -> 'State':
         """With another point that was clicked."""
-        return dataclasses.replace(self, picked=place)
+        return dataclasses.replace(self, picked=place, curve=None)
+
+    def with_curve(self, of: tuple[bytes, tuple[int, int]], curve: FocusCurve) -> 'State':
+        """With the focus curve of a point; of no effect where another cloud or point is shown by now.
+
+        Args:
+            of: the serialized cloud, and row and column of the point.
+            curve: of the point.
+        """
+        if self.shown is None or of != (self.shown.cloud, self.picked):
+            return self
+        return dataclasses.replace(self, curve=curve)
+
+    def looking_at(self, region: tuple[int, ...]) -> 'State':
+        """With a region of interest: row, column, height and width within the cloud that is shown; (): none."""
+        return dataclasses.replace(self, region_of_interest=region)
 
     def displaying(self, display: Display) -> 'State':
         """With the cloud displayed in another way."""
@@ -232,6 +254,14 @@ class State:
             return f'Cloud {self.sent.number} of {self.sent.count} of {self.sent.path.name}'
         stamp = _stamp(self.shown)
         return 'A cloud of the node' if stamp is None else f'The cloud with the stamp {stamp_text(stamp)} s'
+
+    @property
+    def stack_number(self) -> int | None:
+        """The number of the recorded stack that is shown, from 1 on; None: another cloud is shown."""
+        sent, recording = self.sent, self.recording
+        if sent is None or sent.stamp is None or recording is None or recording.path != sent.path:
+            return None
+        return sent.number if sent.is_of(self.shown) else None
 
     @property
     def unit(self) -> str | None:
@@ -355,6 +385,10 @@ def _lost_after(lost: Lost, before: Snapshot, now: Snapshot) -> Lost:
         for name, (value, after) in lost.items()
         if now.values.get(name) == after and value != after
     }
+
+
+def _same_size(old: ShownCloud | None, new: ShownCloud | None) -> bool:
+    return old is None or new is None or old.mask.shape == new.mask.shape
 
 
 def _stamp(shown: ShownCloud) -> int | None:

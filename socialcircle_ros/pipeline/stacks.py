@@ -8,7 +8,7 @@ the next stack.
 import contextlib
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from socialcircle_ros.errors import MessageError, SocialCircleError, StackError, printable
@@ -55,9 +55,13 @@ class StackAssembler:
 
     Each call yields the events that it causes, in order. The assembler reads no clock: the caller checks
     `timeout`.
+
+    Args:
+        make_focus: makes what measures the frames.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, make_focus: Callable[[FocusSettings], FocusStack] = FocusStack) -> None:
+        self._make_focus = make_focus
         self._focus, self._settings = FocusSettings(), StackSettings()
         self._stack: RunningStack | None = None
         # The memory of the last stack is reused for the next one of its kind: a new allocation of 50 MB costs
@@ -270,7 +274,7 @@ class StackAssembler:
         kind = self._focus, shape, frame.encoding
         if self._memory is None or self._memory[0] != kind:
             self.release_memory()
-            self._memory = kind, FocusStack(self._focus)
+            self._memory = kind, self._make_focus(self._focus)
         _, focus = self._memory
         focus.reset()
         self._stack = RunningStack(focus, self._settings, shape, frame.encoding, frame.header)

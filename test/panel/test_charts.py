@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Map, profile and histogram."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from panel.test_view import drawing, masked
 
+from socialcircle_ros.focus import FocusCurve
 from socialcircle_ros.panel import charts, colours
 
 numbers = st.floats(-1e6, 1e6)
@@ -76,6 +78,17 @@ def test_a_long_profile_keeps_its_extremes():
     points = re.search('<polyline[^>]*points="([^"]*)"', drawn)[1].split()
     assert len(points) < 1500
     assert min(float(point.split(',')[1]) for point in points) < 20
+
+
+def test_the_focus_curve_has_one_mark_per_frame_and_a_line_at_its_depth():
+    z = np.linspace(-3e-6, 5e-6, 17)
+    curve = FocusCurve(z, 900 * np.exp(-((z / 1e-6) ** 2)), 0.0, 0.9, ())
+    drawn = charts.curve_svg(curve)
+    assert drawn.count('<circle') == 17
+    assert drawn.count('sc-cut') == 1
+    assert 'z of the stage [µm]' in drawn
+    assert charts.curve_svg(dataclasses.replace(curve, depth=np.nan)).count('sc-cut') == 0
+    assert 'nan' not in charts.curve_svg(dataclasses.replace(curve, measure=0 * z))
 
 
 def test_the_histogram_counts_each_outlier_also_one_beyond_its_range():

@@ -3,6 +3,7 @@
 
 import dataclasses
 import re
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,31 @@ from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.panel.link import Descriptor, ParameterKind, Presence
 from socialcircle_ros.panel.recorded import RecordedClouds
 from socialcircle_ros.panel.result_tab import ResultTab
+from socialcircle_ros.panel.view import SIDE
 from socialcircle_ros.panel.widgets import widget_of
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 SCALE = 'circle.radius_scale'
+
+
+def look_from_above(tuning):
+    """Turn the view, and wait until the browser says that it looks from above."""
+    arrived = threading.Event()
+    for client in tuning.server.get_clients().values():
+        client.camera.on_update(lambda camera: camera.position[2] > 2.6 * SIDE and arrived.set())
+    tuning.visitor.press('from above')
+    assert arrived.wait(60)
+
+
+def on_screen(tuning, row, column, *, at_its_height=True):
+    """Where a point of the cloud is on the screen, seen from above; or that of the middle height at its place."""
+    scene = tuning.page._node._result_tab._scene
+    view = scene._view
+    height = float(view.drawing.heights[row, column]) if at_its_height else view.centre[2]
+    x, y, z = view.position(row, column, height, scene._stretch)
+    box = tuning.visitor.page.locator('canvas').first.bounding_box()
+    scale = box['height'] / 2 / np.tan(0.75 / 2) / (2.7 * SIDE - np.clip(z, -SIDE, SIDE))
+    return box['x'] + box['width'] / 2 + x * scale, box['y'] + box['height'] / 2 - y * scale
 
 
 def test_the_last_cloud_is_shown_with_counts_pictures_and_times(tuning):
@@ -325,6 +347,10 @@ def test_a_recording_of_frames_is_opened_with_the_parameters_beside_it(tuning, m
     assert visitor.sees('of measured')
     assert visitor.no_longer_sees('stack.pitch_x is not set')
     assert link.snapshot.values['stack.frames'] == 32
+    look_from_above(tuning)
+    visitor.page.mouse.click(*on_screen(tuning, 30, 40))
+    visitor.press('Focus curve of this point')
+    assert visitor.sees(re.compile('focus curve: peak at .* µm, quality 0'))
 
 
 def test_a_cloud_of_a_recording_is_sent_when_the_node_becomes_active(tuning):
@@ -342,6 +368,34 @@ def test_a_cloud_of_a_recording_is_sent_when_the_node_becomes_active(tuning):
     assert visitor.no_longer_sees('It will be sent when the node is active.')
     with RecordedClouds(BAGS / 'parts.mcap') as clouds:
         assert link.published == [clouds.message(1).data]
+
+
+def test_a_click_on_an_outlier_says_why_it_was_removed(tuning):
+    visitor, mouse = tuning.visitor, tuning.visitor.page.mouse
+    tuning.link.publish(cloud())
+    assert visitor.sees('Click a point in the scene to see why it was removed or kept.')
+    look_from_above(tuning)
+    outliers = tuning.page._node._result_tab._view.drawing.outliers
+    row, column = np.argwhere(outliers)[len(np.argwhere(outliers)) // 2].tolist()
+    place = on_screen(tuning, row, column)
+    mouse.click(*place)
+    assert visitor.sees(f'Outlier: row {row}, column {column}')
+
+
+def test_a_region_that_is_drawn_is_measured_on_every_cloud_of_one_size(tuning):
+    visitor, mouse = tuning.visitor, tuning.visitor.page.mouse
+    tuning.link.publish(cloud())
+    visitor.press('Look at a region')
+    assert visitor.sees('Drag a rectangle over the cloud.')
+    mouse.move(*on_screen(tuning, 20, 20, at_its_height=False))
+    mouse.down()
+    mouse.move(*on_screen(tuning, 40, 50, at_its_height=False), steps=5)
+    mouse.up()
+    assert visitor.sees(re.compile('Region: rows (19|20|21) to (39|40|41), columns (19|20|21) to (49|50|51)'))
+    tuning.link.publish(cloud(seed=3, stamp=2))
+    assert visitor.sees('The cloud with the stamp 0.000000002 s')
+    visitor.press('Close the region')
+    assert visitor.no_longer_sees('Region: rows')
 
 
 def test_a_million_points_are_thinned_and_all_outliers_are_drawn(tuning):

@@ -38,9 +38,10 @@ def test_a_region_between_two_points_holds_both_and_nothing_beyond(rows, columns
 
 
 def test_a_region_outside_is_cut_to_the_cloud_and_one_with_too_many_voters_is_reduced():
-    row, column, height, width = region_between(flat(300, 400), (-100, -100), (100, 100))
+    row, column, height, width = region_between(flat(300, 400), (-100, -100), (100, 100), VOTERS)
     assert height * width <= VOTERS
     assert row >= 0
     assert row + height <= 300
     assert column + width <= 400
     assert (row + height / 2, column + width / 2) == pytest.approx((150, 200), abs=1)
+    assert region_between(flat(300, 400), (-100, -100), (100, 100)) == [0, 0, 300, 400]

@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from panel.fake import descriptors
 
 from socialcircle_ros.messages.diagnostics import Status
-from socialcircle_ros.messages.header import Header, stamp_text
+from socialcircle_ros.messages.header import Header, stamp_of, stamp_text
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.panel.link import Presence, ShownCloud
 from socialcircle_ros.panel.recorded import RecordedCloud
@@ -92,7 +92,11 @@ def test_the_offer_can_be_declined(node):
 
 
 def small_cloud(stamp):
-    return encode_point_cloud(Header.at(stamp, 'part'), np.full((2, 3, 3), stamp, np.float32))
+    return encode_point_cloud(Header.at(stamp, 'part'), np.full((*size_of(stamp), 3), stamp, np.float32))
+
+
+def size_of(stamp):
+    return (3, 2) if stamp == 9 else (2, 3)
 
 
 RECORDINGS = {
@@ -116,6 +120,7 @@ class PageOfANode(RuleBasedStateMachine):
         self.waiting, self.last = [], None  # clouds on their way to the node, and the last one that it filtered
         self.wanted = dict(self.values)  # what a person has set, or kept
         self.asked, self.sent, self.filtered = None, None, None
+        self.region = ()
         self.state = State()
         self.tell(presence=Presence.ACTIVE, descriptors=descriptors())
 
@@ -132,11 +137,14 @@ class PageOfANode(RuleBasedStateMachine):
     def answer(self, cloud):
         """The node filters a cloud with its settings."""
         self.number += 1
+        size = size_of(stamp_of(cloud))
+        if self.filtered is not None and size != size_of(stamp_of(self.filtered[0])):
+            self.region = ()
         circle = {name: str(value) for name, value in CircleSettings.from_ros(self.values).to_ros().items()}
         status = Status(0, 'social_circle', '', '', circle)
         self.last = cloud
         self.filtered = (cloud, dict(self.values), self.starts)
-        self.tell(shown_cloud=ShownCloud(self.number, cloud, np.zeros((2, 3), np.uint8), status))
+        self.tell(shown_cloud=ShownCloud(self.number, cloud, np.zeros(size, np.uint8), status))
 
     @rule(path=st.sampled_from(list(RECORDINGS)))
     def open(self, path):
@@ -221,7 +229,13 @@ class PageOfANode(RuleBasedStateMachine):
         assert self.state.comparison is None
 
     @precondition(lambda self: self.filtered)
-    @rule(row=st.integers(0, 1), column=st.integers(0, 2))
+    @rule(drawn=st.sampled_from(((), (0, 1, 2, 1))))
+    def a_region_of_interest_is_drawn_or_closed(self, drawn):
+        self.region = drawn
+        self.state = self.state.looking_at(drawn)
+
+    @precondition(lambda self: self.filtered)
+    @rule(row=st.integers(0, 1), column=st.integers(0, 1))
     def a_point_is_clicked(self, row, column):
         self.state = self.state.picking((row, column))
         self.picked_of = self.filtered[0]
@@ -277,6 +291,10 @@ class PageOfANode(RuleBasedStateMachine):
     def a_point_that_was_clicked_is_of_the_cloud_that_is_shown(self):
         if self.state.picked is not None:
             assert self.picked_of == self.filtered[0]
+
+    @invariant()
+    def the_region_of_interest_stays_until_a_cloud_of_another_size_comes(self):
+        assert self.state.region_of_interest == self.region
 
 
 TestPageOfANode = PageOfANode.TestCase

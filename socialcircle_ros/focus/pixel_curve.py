@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole focus curve of one pixel, for a person who asks why its depth is what it is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from socialcircle_ros.settings import FocusSettings
+
+from .measure import Frame, focus_measure
+from .reasons import Reason
+from .stack import FocusResult, FocusStack
+
+
+@dataclass(frozen=True)
+class FocusCurve:
+    """The focus curve of a pixel, and what the fit made of it.
+
+    Attributes:
+        z: (n,) of the frames, ascending, in the unit of z.
+        measure: (n,) F of the pixel in each frame, divided by the light of the frame with `focus.normalize`.
+        depth: z of the peak; NaN where there is none.
+        quality: 0 to 1.
+        reasons: names of the objections to the depth, in lower case.
+    """
+
+    z: NDArray[np.float64]
+    measure: NDArray[np.float64]
+    depth: float
+    quality: float
+    reasons: tuple[str, ...]
+
+
+class PixelCurve(FocusStack):
+    """A stack that also keeps the focus curve of one pixel.
+
+    Args:
+        settings: as of every stack.
+        place: row and column of the pixel, within the frames.
+
+    Attributes:
+        curve: of the pixel, from the last call of `finish` on; None before it.
+    """
+
+    def __init__(self, settings: FocusSettings, place: tuple[int, int]) -> None:
+        super().__init__(settings)
+        self._place = place
+        self._found: dict[float, float] = {}
+        self.curve: FocusCurve | None = None
+
+    def add(self, frame: Frame, z: float) -> None:
+        """Add a frame, as `FocusStack` does."""
+        super().add(frame, z)
+        row, column = self._place
+        reach = self._settings.step + self._settings.half_window
+        top, left = max(0, row - reach), max(0, column - reach)
+        near = frame[top : row + reach + 1, left : column + reach + 1]
+        measure = self._scale * float(focus_measure(near, self._settings)[row - top, column - left])
+        self._found[float(z)] = max(measure, self._found.get(float(z), 0.0))
+
+    def reset(self) -> None:
+        """Forget all frames."""
+        super().reset()
+        self._found = {}
+
+    def finish(self, z: NDArray[np.float64] | None = None) -> FocusResult:
+        """Measure the depth, as `FocusStack` does."""
+        result = super().finish(z)
+        given = sorted(self._found)
+        reasons = int(result.reasons[self._place])
+        self.curve = FocusCurve(
+            z=np.array(given) if z is None else z,
+            measure=np.array([self._found[each] for each in given]),
+            depth=float(result.depth[self._place]),
+            quality=float(result.quality[self._place]),
+            reasons=tuple(reason.name.lower() for reason in Reason if reason.name and reasons & reason),
+        )
+        return result

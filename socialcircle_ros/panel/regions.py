@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The region of interest that a person draws on the cloud: its counts, its texture and its limits. No viser."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from socialcircle_ros.metrics.areal import Texture, texture
+from socialcircle_ros.pipeline.limits import Verdict, verdict
+from socialcircle_ros.settings import LimitSettings
+
+from .display import Drawing
+
+
+@dataclass(frozen=True)
+class RegionNumbers:
+    """A region of a cloud in numbers.
+
+    Attributes:
+        place: row, column, height and width.
+        points: number of its points.
+        measured: number of its measured points.
+        kept: number of its measured points that are no outliers.
+        texture_measured: of all its measured points, after its own plane is subtracted.
+        texture_kept: of its kept points, after their own plane is subtracted.
+        verdict: whether it passes the limits of the node; None: no limit is set.
+    """
+
+    place: tuple[int, ...]
+    points: int
+    measured: int
+    kept: int
+    texture_measured: Texture
+    texture_kept: Texture
+    verdict: Verdict | None
+
+    @property
+    def outliers(self) -> int:
+        """Number of its outliers."""
+        return self.measured - self.kept
+
+
+def region_numbers(drawing: Drawing, place: tuple[int, ...], limits: LimitSettings) -> RegionNumbers:
+    """Measure a region of a cloud as if it were a cloud of its own.
+
+    Args:
+        drawing: the cloud with its outliers.
+        place: row, column, height and width, within the cloud.
+        limits: of the node.
+    """
+    row, column, height, width = place
+    part = slice(row, row + height), slice(column, column + width)
+    heights, kept = drawing.heights[part], drawing.kept[part]
+    kept_heights = np.where(kept, heights, np.nan)
+    counts = {
+        'points': heights.size,
+        'measured': int(np.count_nonzero(np.isfinite(heights))),
+        'kept': int(np.count_nonzero(kept)),
+    }
+    return RegionNumbers(
+        place=place,
+        texture_measured=texture(heights),
+        texture_kept=texture(kept_heights),
+        verdict=verdict(limits, heights=kept_heights, **counts),
+        **counts,
+    )
