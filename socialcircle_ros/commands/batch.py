@@ -139,9 +139,12 @@ def _tell(result: 'BatchResult', output: str) -> None:
     for location, reason in sorted(result.failed.items()):
         told = reason if location in reason else f'{location}: {reason}'
         click.echo(f'Failed: {told}', err=True)
+    if result.limits_failed:
+        failed = quantity(result.limits_failed, 'cloud')
+        query = 'select recording, topic, number, limits_reason from measurements where not limits_passed'
+        click.echo(f'{failed} failed the limits: socialcircle measurements {output} "{query}"', err=True)
     click.echo(f'Next: socialcircle trend {output} -o trend.html', err=True)
     if result.failed or result.damaged:
         raise click.exceptions.Exit(1)
     if result.limits_failed:
-        click.echo(f'{quantity(result.limits_failed, "cloud")} failed the limits.', err=True)
         raise click.exceptions.Exit(LIMITS_FAILED)
