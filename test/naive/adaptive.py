@@ -337,7 +337,9 @@ def surroundings(relief):
 
 
 def one_sided_islands(relief, around, differences, measured, sign, clip, steep, reduction):
-    shape, largest = relief.shape, max(LARGEST // reduction**2, 4)
+    shape, largest = relief.shape, LARGEST
+    if reduction > 1:
+        largest = max(min(LARGEST // reduction**2, relief.size // 50), 4)
     level = {
         place: int(np.clip(np.rint(sign * STEPS_PER_SPREAD * relief[place]), -32767, 32767))
         for place in places(shape)
@@ -410,7 +412,8 @@ def islands_of_one_height(heights, islands):
         groups = [[part for rise, part in candidates if low <= rise <= 1.35 * low] for low, _ in candidates]
         group = max(groups, key=cover)
         least = max(0.5 * cover([part for _, part in candidates]), LEAST_COVER * np.isfinite(heights).sum())
-        if len(group) >= 8 and cover(group) >= least:
+        effective = cover(group) ** 2 / sum(len(part) ** 2 for part in group)
+        if effective >= 8 and cover(group) >= least:
             number = len(group)
             for point in itertools.chain.from_iterable(group):
                 kept[point] = True

@@ -29,6 +29,9 @@ from .relief import Relief
 
 LARGEST = 640
 """Points of the largest island: a disc of 28 points across. A larger community is a surface of its own."""
+LARGEST_SHARE = 50
+"""At reduced resolution an island is at most one of so many parts of the cloud: on a small cloud, its hills are no
+larger than blurred outliers."""
 FLANK = 0.1
 """A larger community around an island is its flank, and belongs to it, if it is less steep by this at most."""
 
@@ -108,11 +111,12 @@ def find_islands(
     """
     around = _surroundings(relief)
     full = reduction == 1
+    largest = LARGEST if full else min(LARGEST // reduction**2, relief.size // LARGEST_SHARE)
     criteria = _Criteria(
         clip=round(clip * STEPS_PER_SPREAD),
         steep=steep,
         flank=steep - FLANK,
-        largest=max(LARGEST // reduction**2, 4),
+        largest=max(largest, 4),
         narrow=4 if full else 2,
         fill=0.3 if full else 0.45,
     )

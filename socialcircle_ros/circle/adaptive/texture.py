@@ -20,6 +20,8 @@ _LEAST_SIZE = 4
 _ALIKE = 1.35
 """Greatest ratio of the heights of islands that count as one height."""
 _LEAST_NUMBER = 8
+"""Number of islands of one height, as (Σ size)² / Σ size²: a few large outliers and some small ones of their
+height are no texture."""
 _LEAST_SHARE = 0.5
 """Share of the points of all such islands that those of one height must have."""
 
@@ -49,7 +51,8 @@ def islands_of_one_height(heights: RelativeHeights, islands: Mask) -> tuple[Mask
     first = int(np.argmax(alike))
     number = int(ends[first]) - first
     least = max(_LEAST_SHARE * covered[-1], LEAST_COVER * np.count_nonzero(np.isfinite(heights)))
-    if number < _LEAST_NUMBER or alike[first] < least:
+    of_one_height = sizes[candidates[first : first + number]].astype(np.float64)
+    if of_one_height.sum() ** 2 < _LEAST_NUMBER * (of_one_height**2).sum() or alike[first] < least:
         return texture, 0
     texture.flat[points[np.isin(label, candidates[first : first + number])]] = True
     return texture, number

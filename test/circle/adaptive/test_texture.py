@@ -76,6 +76,15 @@ def test_few_islands_or_islands_of_many_heights_are_not_kept():
         assert not islands_of_one_height(heights, heights != 0)[0].any()
 
 
+def test_a_large_outlier_and_small_ones_of_its_height_are_no_texture():
+    heights = lattice(12, [5.0])
+    islands = heights != 0
+    heights[24:38, 2:58] = 5.0
+    islands[24:38, 2:58] = True
+
+    assert not islands_of_one_height(heights, islands)[0].any()
+
+
 def test_islands_that_cover_little_of_the_cloud_are_not_kept():
     heights = np.zeros((200, 200), np.float32)
     heights[:40, :60] = lattice(12, [5.0])
