@@ -20,8 +20,9 @@ TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
 MEASUREMENTS = ['pyarrow>=14', 'duckdb>=1.1']
 BATCH = ['distributed>=2024.1', 'fsspec>=2024.1', 'bokeh>=3.4', *MEASUREMENTS, *PICTURES]
+NETWORK = ['onnxruntime>=1.17']  # circle.judge: network
 # The training of the network that judges touch.
-TRAIN = ['torch>=2.2', 'onnx>=1.15', 'onnxruntime>=1.17', 'scipy>=1.11', *PICTURES]
+TRAIN = ['torch>=2.2', 'onnx>=1.15', 'scipy>=1.11', *NETWORK, *PICTURES]
 PANEL = ['viser>=1.1,<2', 'websockets>=13', *PICTURES]
 TEST = [
     'pytest>=7.4',
@@ -60,7 +61,7 @@ setup(
             'recording/definitions/*',
             'panel/*.css',
             'report/templates/*',
-            'studies/learned/*.onnx',
+            'circle/network/*.onnx',
         ]
     },
     data_files=[
@@ -92,12 +93,13 @@ setup(
         'tuning': [*TUNING, *PICTURES],
         'panel': PANEL,
         'formats': FORMATS,
+        'network': NETWORK,
         'train': TRAIN,
         'measurements': MEASUREMENTS,
         'batch': BATCH,
         'site': SITE,
-        'test': [*TEST, *PANEL, *TUNING, *BATCH],
-        'dev': [*TEST, *PANEL, *TUNING, *BATCH, *SITE, *LINT],
+        'test': [*TEST, *PANEL, *TUNING, *BATCH, *NETWORK],
+        'dev': [*TEST, *PANEL, *TUNING, *BATCH, *NETWORK, *SITE, *LINT],
     },
     zip_safe=True,
     entry_points={

@@ -53,6 +53,8 @@ def doubts_of(
         f'{name} has no effect in the adaptive mode; set circle.mode to paper to use it.'
         for name in settings.without_effect()
     ]
+    if adaptive and settings.lesson and settings.judge == 'network':
+        doubts.append('circle.judge has no effect with circle.lesson, which decides by itself; leave one out.')
     if removed > kept:
         doubts.append(
             'the outliers are more than half of the points: '

@@ -116,7 +116,7 @@ def remove_outliers(
     if unmeasured.points is not None:
         cloud = np.where(unmeasured.points[..., None], cloud.dtype.type(np.nan), cloud)
     if settings.mode == 'adaptive':
-        result = _remove_adaptively(cloud, settings.depth_of_field, settings.lesson)
+        result = _remove_adaptively(cloud, settings)
     else:
         result = _remove_as_in_the_paper(cloud, settings)
     notes = (unmeasured.note,) if unmeasured.note else ()
@@ -144,14 +144,19 @@ def _remove_as_in_the_paper(cloud: Cloud, settings: CircleSettings) -> CircleRes
     )
 
 
-def _remove_adaptively(cloud: Cloud, depth_of_field: float | None, lesson_path: str) -> CircleResult:
+def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     """Separate the outliers in the adaptive mode: the surface's own spread, and many communities."""
     measured = measured_points(cloud)
     if not measured.any():
         raise NoSeedError('No point of the cloud is measured.')
-    lesson = known_lesson(lesson_path) if lesson_path else None
-    judge = None if lesson is None else LessonJudge(lesson)
-    found = find_outliers(np.where(measured, cloud[..., 2], np.nan), depth_of_field, judge=judge)
+    lesson = known_lesson(settings.lesson) if settings.lesson else None
+    judge, likelihood = None if lesson is None else LessonJudge(lesson), None
+    if settings.judge == 'network' and lesson is None:
+        from .network import packaged_network  # noqa: PLC0415 - needs an extra
+
+        likelihood = packaged_network().probabilities
+    heights = np.where(measured, cloud[..., 2], np.nan)
+    found = find_outliers(heights, settings.depth_of_field, judge=judge, likelihood=likelihood)
     inliers = measured & ~found.outliers
     warnings = [] if lesson is None else unlike(lesson, found.spread)
     if found.islands_kept:

@@ -119,7 +119,8 @@ class SocialCircleNode(LifecycleNode):
         """Compile the filter, make the publishers, start the workers."""
         self._filter = CloudFilter(self, self._configuration, self._health)
         began_s = time.monotonic()
-        if not self.warm_up.wait(self.context.ok, self._configuration().circle.mode):
+        circle = self._configuration().circle
+        if not self.warm_up.wait(self.context.ok, circle.mode, circle.judge):
             return TransitionCallbackReturn.FAILURE
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began_s:.1f} s).')
         self._stack = StackInput(self, self._configuration, self._health, self._filter.filter)

@@ -12,6 +12,9 @@ from typing import get_args
 
 import numpy as np
 
+from socialcircle_ros.circle.adaptive.likelihood import judged_by
+from socialcircle_ros.circle.network.features import Part, planes_of, scales_of
+from socialcircle_ros.circle.network.inference import write_probabilities
 from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
@@ -23,6 +26,7 @@ from socialcircle_ros.pipeline.stacks import StackAssembler
 from socialcircle_ros.settings import (
     CircleSettings,
     FocusSettings,
+    Judge,
     Mode,
     OutputSettings,
     PipelineSettings,
@@ -50,12 +54,13 @@ class WarmUp:
         """Whether kernels are still being compiled."""
         return self._thread is not None and self._thread.is_alive()
 
-    def wait(self, wanted: Callable[[], bool], mode: Mode) -> bool:
+    def wait(self, wanted: Callable[[], bool], mode: Mode, judge: Judge) -> bool:
         """Begin on the first call, and wait until the common kernels are ready.
 
         Args:
             wanted: called periodically; the wait ends when it returns False.
             mode: the mode of the filter that is compiled first.
+            judge: what decides in the adaptive mode; the network is read.
 
         Returns:
             Whether they are ready.
@@ -64,7 +69,7 @@ class WarmUp:
             SocialCircleError: a kernel could not be compiled.
         """
         if self._thread is None:
-            self._thread = threading.Thread(target=self._run, args=(mode,), name='warm_up', daemon=True)
+            self._thread = threading.Thread(target=self._run, args=(mode, judge), name='warm_up', daemon=True)
             self._thread.start()
         while wanted():
             if self._ready.wait(_PERIOD_S):
@@ -73,9 +78,9 @@ class WarmUp:
                 return True
         return False
 
-    def _run(self, mode: Mode) -> None:
+    def _run(self, mode: Mode, judge: Judge) -> None:
         try:
-            _compile_common(mode)
+            _compile_common(mode, judge)
         except Exception as error:  # noqa: BLE001 - raised in the thread that waits
             self._error = error
         self._ready.set()
@@ -83,7 +88,7 @@ class WarmUp:
             _compile_rare()
 
 
-def _compile_common(mode: Mode) -> None:
+def _compile_common(mode: Mode, judge: Judge = 'rules') -> None:
     """Clouds of both types under default settings, and a stack of 8 bits.
 
     On the first start a helper process compiles for the stack meanwhile, because Numba compiles one kernel at a
@@ -94,7 +99,8 @@ def _compile_common(mode: Mode) -> None:
         with contextlib.suppress(OSError):  # no process can be started: this one compiles everything
             helper = _helper()
     for kind in (np.float32, np.float64):
-        filter_cloud(_cloud(kind), PipelineSettings(circle=CircleSettings(mode=mode)), depth_of_field=1.0)
+        circle = CircleSettings(mode=mode, judge=judge)
+        filter_cloud(_cloud(kind), PipelineSettings(circle=circle), depth_of_field=1.0)
     if helper is not None:
         with helper:
             helper.wait()
@@ -155,6 +161,7 @@ def _rare() -> Iterator[Callable[[], object]]:
             repair = RepairSettings(method=method)
             output = OutputSettings(repaired=True)
             yield partial(filter_cloud, cloud, PipelineSettings(output=output, repair=repair))
+    yield _see
     yield partial(_measure, np.uint16)
     pixels = np.frombuffer(bytes(48), np.uint8)  # read-only, as in a message
     for blue_first in (False, True):
@@ -168,6 +175,17 @@ def _cloud(kind: type[np.floating], frame: str = '') -> bytes:
     heights = (rows % 2).astype(float)
     heights[6, 5] = 99.0
     return encode_point_cloud(Header.at(0, frame), np.dstack([columns, rows, heights]).astype(kind))
+
+
+def _see() -> None:
+    """All kernels round the network, which itself is read only where it is wanted, since that takes memory."""
+    heights = np.ones((6, 8), np.float32)
+    heights[2, 3] = np.nan
+    whole, measured = Part(0, 6, 0, 8), np.isfinite(heights)
+    planes = planes_of(heights, scales_of(heights), whole, 3, 4)
+    probabilities = np.empty_like(heights)
+    write_probabilities(planes[:4], 0, 0, whole, measured, probabilities)
+    judged_by(probabilities, measured, measured, np.zeros_like(heights))
 
 
 def _measure(kind: type[np.unsignedinteger]) -> None:

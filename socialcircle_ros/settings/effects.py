@@ -12,6 +12,7 @@ _ONLY_WITH: Mapping[str, tuple[str, RosValue]] = {
     VOTE_REGION: ('circle.mode', 'paper'),
     'circle.radius': ('circle.mode', 'paper'),
     'circle.radius_scale': ('circle.mode', 'paper'),
+    'circle.judge': ('circle.mode', 'adaptive'),
     'circle.depth_of_field': ('circle.mode', 'adaptive'),
     'circle.lesson': ('circle.mode', 'adaptive'),
     'output.score': ('circle.mode', 'adaptive'),

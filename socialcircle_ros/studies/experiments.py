@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from socialcircle_ros.kernels.machine import hardware
+from socialcircle_ros.circle.network import NetworkJudge, packaged_network
+from socialcircle_ros.kernels.machine import hardware, usable_cores
 from socialcircle_ros.report.content import Section
 from socialcircle_ros.report.page import render
 from socialcircle_ros.storage import write_file
@@ -14,7 +15,6 @@ from .adaptive.experiment import adaptive
 from .comparison.measured import MeasuredCloud, measured_surfaces
 from .comparison.study import Study
 from .learned.evaluation import learned
-from .learned.inference import Judge, packaged_network
 from .learned.surfaces import read_surfaces
 from .paper.contamination import contaminations
 from .paper.figures import figure4, figure8, figure10, figure11
@@ -62,7 +62,7 @@ def learned_steps(study: Study, data: Path, network: Path | None, *, quick: bool
     Raises:
         SocialCircleError: the network cannot be read, or ONNX Runtime is not installed.
     """
-    judge = Judge(network or packaged_network())
+    judge = packaged_network() if network is None else NetworkJudge(network, usable_cores())
 
     def compare() -> list[Section]:
         surfaces = read_surfaces(data)

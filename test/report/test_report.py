@@ -84,7 +84,7 @@ def test_settings_with_an_effect_are_shown_and_changed_ones_marked():
     assert not any(name.startswith(('focus.', 'stack.', 'repair.', 'output.')) for name in rows)
     assert 'circle.depth_of_field' not in rows
     adaptive = settings_table(PipelineSettings(circle=CircleSettings(mode='adaptive')), [])
-    shown = ['circle.mode', 'circle.depth_of_field', 'circle.lesson', 'circle.not_measured']
+    shown = ['circle.mode', 'circle.judge', 'circle.depth_of_field', 'circle.lesson', 'circle.not_measured']
     assert [row[0] for row in adaptive.rows] == shown
 
 

@@ -10,6 +10,7 @@ Its steps, in order:
 - `islands`: communities that rise from their surroundings on all sides.
 - `texture`: islands that belong to the surface.
 - `communities`, `lesson`: a lesson about one kind of part, which judges what the other steps found.
+- `likelihood`: the same by the probability of each point, which a network gives.
 - `pyramid`: the same at reduced resolution.
 - `optics`: for focus stacks, the tolerance that the depth of field gives, and walls.
 
@@ -19,5 +20,9 @@ Its steps, in order:
 from .detection import AdaptiveResult, Rules, find_outliers
 from .isolated import TOUCH
 from .lesson import CommunityJudge, LessonJudge, unlike
+from .likelihood import Likelihood, Probabilities
 
-__all__ = ['TOUCH', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Rules', 'find_outliers', 'unlike']
+__all__ = [
+    'TOUCH', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood', 'Probabilities', 'Rules',
+    'find_outliers', 'unlike',
+]  # fmt: skip

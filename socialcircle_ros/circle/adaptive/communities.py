@@ -66,8 +66,7 @@ def communities_of(heights: RelativeHeights, found: Mask, steepness: Steepness, 
         steepness: (H, W) float32, of the steepest community that a point belongs to; 1 for an isolated point.
         spread: of the cloud, in its unit; above 0.
     """
-    points = np.flatnonzero(found)
-    labels, number = _label(points, found)
+    points, labels, number = label_communities(found)
     order = np.argsort(labels, kind='stable')
     starts = np.searchsorted(labels[order], np.arange(number + 1))
     measures = _measure(heights, found, steepness, points[order], starts, spread)
@@ -75,6 +74,16 @@ def communities_of(heights: RelativeHeights, found: Mask, steepness: Steepness, 
     traits[:, _SIZE] = np.log(measures[:, _SIZE])
     traits[:, _LENGTHS] = np.log1p(measures[:, _LENGTHS])
     return Communities(points, labels, traits)
+
+
+def label_communities(found: Mask) -> tuple[_PointNumbers, _CommunityNumbers, int]:
+    """Number the connected sets of the found points; points that touch at a corner belong together.
+
+    Returns:
+        (m,) the found points in row order, (m,) the number of the community of each, and how many there are.
+    """
+    points = np.flatnonzero(found)
+    return points, *_label(points, found)
 
 
 @kernel

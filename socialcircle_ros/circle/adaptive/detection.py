@@ -17,6 +17,7 @@ from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
 from .lesson import CommunityJudge
+from .likelihood import Likelihood, judged_by
 from .optics import beside_walls, beyond_tolerance
 from .pyramid import halved, mark_expanded, raise_expanded
 from .relief import relief_of
@@ -80,6 +81,7 @@ def find_outliers(
     depth_of_field: float | None = None,
     rules: Rules | None = None,
     judge: CommunityJudge | None = None,
+    likelihood: Likelihood | None = None,
 ) -> AdaptiveResult:
     """Find the outliers of a height map with scales that come from the map itself.
 
@@ -92,6 +94,8 @@ def find_outliers(
         rules: None: the default rules.
         judge: decides about what the rules find. It knows the texture of its kind of part, so that the texture
             rule is left out. None: all that is found are outliers.
+        likelihood: gives the probability of each point to be an outlier, which decides about what the rules find;
+            the texture rule is left out. Not used with a judge. None: the rules alone.
     """
     rules = rules or Rules()
     if judge is not None:
@@ -109,7 +113,8 @@ def find_outliers(
     predicted = search.remove_islands(steep[1], rules.clip, may_predict=depth_of_field is None)
     stopwatch.lap('islands')
 
-    texture, islands_kept = search.texture(judge)
+    by_rule = judge is None and likelihood is None
+    texture, islands_kept = search.texture(by_rule=by_rule)
     stopwatch.lap('texture')
 
     # A surface with predicted differences has been smoothed: at reduced resolution its own hills would be steep.
@@ -117,12 +122,15 @@ def find_outliers(
     if not predicted and not islands_kept:
         search.remove_reduced_islands(steep, rules.clip)
         stopwatch.lap('reduced')
-        texture, islands_kept = search.texture(judge)
+        texture, islands_kept = search.texture(by_rule=by_rule)
         stopwatch.lap('texture')
     outliers = search.found & ~texture
     if judge is not None:
         outliers = search.judged(judge, spread)
         stopwatch.lap('lesson')
+    elif likelihood is not None:
+        outliers = judged_by(likelihood(relative), search.measured, search.found, search.steepness)
+        stopwatch.lap('network')
 
     if depth_of_field is not None:
         outliers = beyond_tolerance(relative, outliers, depth_of_field)
@@ -199,9 +207,9 @@ class _IslandSearch:
             heights = with_holes_filled(heights, islands)
         self.found &= self.measured
 
-    def texture(self, judge: CommunityJudge | None) -> tuple[Mask, int]:
-        """Find the islands that belong to the surface, and their number; a judge decides that by itself."""
-        if judge is not None:
+    def texture(self, *, by_rule: bool) -> tuple[Mask, int]:
+        """Find the islands that belong to the surface, and their number; none unless the rule decides that."""
+        if not by_rule:
             return np.zeros(self.found.shape, np.bool_), 0
         return islands_of_one_height(self._given, self.found)
 

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.circle.adaptive.heights import RelativeHeights
+from socialcircle_ros.circle.network.features import CHANNELS, Part, planes_of, scales_of
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import write_file
 
-from .features import CHANNELS, features_of
 from .measured import TrainingSurface, noise_of, varied
 from .outliers import SHARES, place_outliers
 from .simulated import simulated_surface
@@ -47,13 +48,23 @@ def make_patch(surfaces: Sequence[TrainingSurface], random: np.random.Generator)
             heights, plausible = heights.T, plausible.T
         placed = place_outliers(heights, noise_of(heights), float(random.choice(SHARES)), random)
         counts = placed.certain & (plausible | placed.outlier)
-        found = features_of((placed.heights - np.nanmedian(placed.heights)).astype(np.float32))
+        channels, grain = channels_of((placed.heights - np.nanmedian(placed.heights)).astype(np.float32))
         patch = np.zeros((PLANES, SIDE, SIDE), np.float16)
         height, width = heights.shape
-        patch[:CHANNELS, :height, :width] = found.channels
+        patch[:CHANNELS, :height, :width] = channels
         patch[CHANNELS, :height, :width] = np.where(counts, 1 + placed.outlier, 0)
-        return patch, found.grain
+        return patch, grain
     raise RuntimeError('no surface has enough measured points')
+
+
+def channels_of(heights: RelativeHeights) -> tuple[NDArray[np.float32], float]:
+    """The features of a height map at its full resolution, (6, H, W), and its grain."""
+    height, width = heights.shape
+    scales = scales_of(heights)
+    rows, columns = (height + 1) // 2, (width + 1) // 2
+    planes = planes_of(heights, scales, Part(0, height, 0, width), rows, columns)
+    squares = planes[:-1].reshape(CHANNELS, 2, 2, rows, columns).transpose(0, 3, 1, 4, 2)
+    return squares.reshape(CHANNELS, 2 * rows, 2 * columns)[:, :height, :width], scales.grain
 
 
 def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> Path:

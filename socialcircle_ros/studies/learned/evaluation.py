@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.circle.adaptive import find_outliers
+from socialcircle_ros.circle.adaptive.likelihood import CERTAIN, LIKELY, LIKELY_AMONG_MANY
+from socialcircle_ros.circle.network import NetworkJudge
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
 from socialcircle_ros.studies.adaptive.goals import Goal, goals_table
@@ -22,7 +24,6 @@ from socialcircle_ros.studies.comparison.study import Study
 from socialcircle_ros.studies.timing import repeated_ms
 
 from . import drawings
-from .inference import Judge
 from .surfaces import DEVELOPMENT, HELD_OUT
 
 THRESHOLDS = (0.3, 0.5, 0.65, 0.8, 0.9, 0.95)
@@ -30,8 +31,7 @@ THRESHOLDS = (0.3, 0.5, 0.65, 0.8, 0.9, 0.95)
 PICTURES = 10
 """Clouds drawn: those that the network judges worst."""
 JUDGES = ('rules', 'network', 'both')
-"""`both` removes islands of the rules of a mean probability above `_LIKELY`, and points above `_CERTAIN`."""
-_LIKELY, _CERTAIN = 0.2, 0.8
+"""`both` is what `circle.judge: network` does."""
 _TIMED = (960, 1280)
 
 
@@ -79,7 +79,7 @@ class Judged:
     worst: tuple[ContaminatedSurface, Mask] = field(repr=False)
 
 
-def learned(study: Study, surfaces: Sequence[StudiedSurface], judge: Judge) -> list[Section]:
+def learned(study: Study, surfaces: Sequence[StudiedSurface], judge: NetworkJudge) -> list[Section]:
     """Compare the network with the rules: goals, surfaces, thresholds, time, and the worst clouds.
 
     Args:
@@ -97,8 +97,8 @@ def learned(study: Study, surfaces: Sequence[StudiedSurface], judge: Judge) -> l
         'Outliers are put into whole surfaces by two generators that the network was never trained on: `ellipses`'
         ' is `simulation.add_outliers`, `irregular` is `add_irregular_outliers`. Points of the untouched surface'
         f' beyond 10 robust σ of its 11×11 median are not counted. Medians over {len(study.plan.seeds)} seeds.'
-        f' `both` removes the islands of the rules whose mean probability is above {_LIKELY:g}, and points above'
-        f' {_CERTAIN:g}.'
+        f' `both` removes the islands of the rules whose mean probability is above {LIKELY:g}, above'
+        f' {LIKELY_AMONG_MANY:g} among many outliers, and points above {CERTAIN:g}.'
         ' "Left out" are surfaces of instruments that these weights were not trained on: '
         + '; '.join(f'{name} ({instrument})' for name, instrument in HELD_OUT.items())
         + '.'
@@ -110,7 +110,7 @@ def learned(study: Study, surfaces: Sequence[StudiedSurface], judge: Judge) -> l
     ]
 
 
-def _judged(surface: StudiedSurface, judge: Judge, seeds: Sequence[int]) -> Judged:
+def _judged(surface: StudiedSurface, judge: NetworkJudge, seeds: Sequence[int]) -> Judged:
     f1, by_check, worst = [], [], None
     for check in CHECKS:
         scores = []
@@ -132,26 +132,14 @@ def _judged(surface: StudiedSurface, judge: Judge, seeds: Sequence[int]) -> Judg
     return Judged(name, _group(name), f1, removed[: len(JUDGES)], by_threshold, worst)
 
 
-def _masks(heights: NDArray[np.floating], judge: Judge) -> list[Mask]:
+def _masks(heights: NDArray[np.floating], judge: NetworkJudge) -> list[Mask]:
     """What each judge removes, then what the network removes at each threshold."""
     heights = heights.astype(np.float32)
     rules = find_outliers(heights).outliers
-    probability = 1 / (1 + np.exp(-judge.logits(heights).astype(np.float64)))
-    probability[~np.isfinite(heights)] = 0
-    network = [probability > each for each in (judge.threshold, *THRESHOLDS)]
-    both = _likely_islands(rules, probability) | (probability > _CERTAIN)
+    probabilities = judge.probabilities(heights)
+    network = [probabilities > each for each in (judge.threshold, *THRESHOLDS)]
+    both = find_outliers(heights, likelihood=lambda _: probabilities).outliers
     return [rules, network[0], both, *network[1:]]
-
-
-def _likely_islands(found: Mask, probability: NDArray[np.float64]) -> Mask:
-    """The connected sets of a mask whose mean probability is above `_LIKELY`."""
-    from scipy.ndimage import label, mean  # noqa: PLC0415 an extra
-
-    parts, count = label(found, np.ones((3, 3)))
-    likely = np.zeros(count + 1, bool)
-    likely[1:] = np.asarray(mean(probability, parts, np.arange(1, count + 1))) > _LIKELY
-    chosen: Mask = likely[parts]
-    return chosen
 
 
 def _group(name: str) -> str:
@@ -234,17 +222,20 @@ def _goals(judged: Sequence[Judged]) -> list[Goal]:
     return goals
 
 
-def _time_goal(judge: Judge, repeats: int) -> Goal:
-    """Time of the network with its features, as a multiple of the rules' in the same run."""
+def _time_goal(judge: NetworkJudge, repeats: int) -> Goal:
+    """Time of rules and network, as a multiple of the rules' in the same run."""
     random = np.random.default_rng(1)
     heights = random.normal(size=_TIMED).astype(np.float32)
     times = [min(repeated_ms(call, repeats)) for call in _calls(judge, heights)]
-    quantity = 'Time of the network as a multiple of the rules’, 1280×960'
+    quantity = 'Time of both as a multiple of the rules’, 1280×960'
     return Goal(quantity, times[0] / times[1], 1.2, at_least=False, form='.2f')
 
 
-def _calls(judge: Judge, heights: NDArray[np.float32]) -> list[Callable[[], object]]:
-    return [lambda: judge.outliers(heights), lambda: find_outliers(heights)]
+def _calls(judge: NetworkJudge, heights: NDArray[np.float32]) -> list[Callable[[], object]]:
+    return [
+        lambda: find_outliers(heights, likelihood=judge.probabilities),
+        lambda: find_outliers(heights),
+    ]
 
 
 def _pictures(judged: Sequence[Judged], progress: Callable[[str], None]) -> list[Picture]:

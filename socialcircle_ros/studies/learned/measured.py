@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from socialcircle_ros.circle.network.features import scales_of
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.studies.adaptive.inserted_outliers import StudiedSurface
 
-from .features import features_of
 from .random_fields import fractal
 
 _WEIGHTS = {'afm': 0.5, 'stm': 0.4, 'sick': 0.6}
@@ -85,4 +85,4 @@ def varied(surface: TrainingSurface, side: int, random: np.random.Generator) -> 
 
 def noise_of(heights: NDArray[np.float64]) -> float:
     """Robust standard deviation of the residuals to a 5×5 median; their mean where most are 0; at least 1e-30."""
-    return max(features_of((heights - np.nanmedian(heights)).astype(np.float32)).scale, 1e-30)
+    return max(scales_of((heights - np.nanmedian(heights)).astype(np.float32)).spread, 1e-30)

@@ -9,9 +9,9 @@ import itertools
 import torch
 from torch import Tensor, nn
 
-from .features import CHANNELS
+from socialcircle_ros.circle.network.features import PLANES
 
-INPUTS = 4 * CHANNELS + 1
+INPUTS = PLANES
 """Planes of the input: four for each channel, one for each point of a 2×2 square, and the grain of the cloud."""
 WIDTHS = (16, 32, 64, 96, 96)
 """Channels at 1/2, 1/4, … of the resolution."""

@@ -12,10 +12,10 @@ import numpy as np
 import torch
 from torch import Tensor, distributed, nn
 
+from socialcircle_ros.circle.network.features import CHANNELS
 from socialcircle_ros.storage import write_file
 
 from .corpus import PLANES, SHARD, Patch
-from .features import CHANNELS
 from .network import Network
 
 if TYPE_CHECKING:

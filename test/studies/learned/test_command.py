@@ -15,9 +15,9 @@ pytest.importorskip('onnx')
 pytest.importorskip('onnxruntime')
 pytest.importorskip('matplotlib')
 
-from socialcircle_ros.studies.learned import corpus, training  # noqa: E402 the others need PyTorch
+from socialcircle_ros.circle.network import NetworkJudge  # noqa: E402 the others need PyTorch
+from socialcircle_ros.studies.learned import corpus, training  # noqa: E402
 from socialcircle_ros.studies.learned.__main__ import command  # noqa: E402
-from socialcircle_ros.studies.learned.inference import Judge  # noqa: E402
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_one_command_makes_the_corpus_and_trains_and_can_go_on(data, tmp_path):
     work, out = tmp_path / 'work', tmp_path / 'network.onnx'
     done = run(data, work, out, '--steps', 2, '--threshold', 0.7)
     assert '1 of 2 surfaces' in done.output
-    judge = Judge(out, threads=1)
+    judge = NetworkJudge(out, threads=1)
     assert judge.threshold == 0.7
     assert json.loads(judge.card['trained_on']) == ['plate']
     assert json.loads(judge.card['held_out']) == ['film']
@@ -54,7 +54,7 @@ def test_one_command_makes_the_corpus_and_trains_and_can_go_on(data, tmp_path):
     assert (work / 'curve.png').read_bytes().startswith(b'\x89PNG')
     again = run(data, tmp_path / 'further', tmp_path / 'further.onnx', '--steps', 1, '--from', out)
     assert again.exit_code == 0
-    assert Judge(tmp_path / 'further.onnx', threads=1).threshold == 0.65
+    assert NetworkJudge(tmp_path / 'further.onnx', threads=1).threshold == 0.65
 
 
 def test_a_network_needs_a_surface_to_be_trained_on(data, tmp_path):

@@ -20,11 +20,8 @@ class Residual:
 
     threshold = 0.5
 
-    def logits(self, heights):
-        return np.abs(heights - np.nanmedian(heights)) - 4
-
-    def outliers(self, heights):
-        return self.logits(heights) > 0
+    def probabilities(self, heights):
+        return (np.abs(heights - np.nanmedian(heights)) > 4).astype(np.float32)
 
 
 def surface(name, seed):

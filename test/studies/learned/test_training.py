@@ -11,11 +11,10 @@ torch = pytest.importorskip('torch')
 pytest.importorskip('onnx')
 runtime = pytest.importorskip('onnxruntime')
 
-from socialcircle_ros.errors import SocialCircleError  # noqa: E402 the others need PyTorch
+from socialcircle_ros.circle.network import NetworkJudge  # noqa: E402 the others need PyTorch
+from socialcircle_ros.errors import SocialCircleError  # noqa: E402
 from socialcircle_ros.studies.learned import corpus, training  # noqa: E402
 from socialcircle_ros.studies.learned.export import network_from, write_onnx  # noqa: E402
-from socialcircle_ros.studies.learned.features import features_of  # noqa: E402
-from socialcircle_ros.studies.learned.inference import Judge, as_planes  # noqa: E402
 from socialcircle_ros.studies.learned.network import HALO, INPUTS, Network  # noqa: E402
 from socialcircle_ros.studies.learned.training import Corpus, Trainer, Training, loss_of  # noqa: E402
 
@@ -140,19 +139,16 @@ def test_no_point_beyond_the_halo_matters(network):
 
 
 @pytest.mark.parametrize('shape', [(1, 1), (37, 70)])
-def test_the_judge_gives_each_point_its_logit(file, shape):
+def test_the_product_gives_each_point_the_probability_of_the_trained_network(file, shape):
     heights = np.random.default_rng(3).normal(size=shape).astype(np.float32)
-    judge = Judge(file, threads=1)
-    logits = judge.logits(heights)
-    assert logits.shape == shape
-    planes = as_planes(features_of(heights), 32)
+    probabilities = NetworkJudge(file, threads=1).probabilities(heights)
+    assert probabilities.shape == shape
+    channels, grain = corpus.channels_of(heights)
+    rows, columns = (-(-size // 32) * 32 for size in shape)
+    planes = torch.zeros(1, INPUTS, rows // 2, columns // 2)
+    padded = np.pad(channels, [(0, 0), (0, rows - shape[0]), (0, columns - shape[1])])
+    planes[:, :-1] = torch.nn.functional.pixel_unshuffle(torch.from_numpy(padded)[None], 2)
+    planes[:, -1] = grain
     with torch.no_grad():
-        expected = torch.nn.functional.pixel_shuffle(network_from(file).eval()(torch.from_numpy(planes)), 2)[0, 0]
-    assert np.allclose(logits, expected.numpy()[: shape[0], : shape[1]], atol=1e-4)
-
-
-def test_a_file_that_is_no_network_is_named(tmp_path):
-    path = tmp_path / 'other.onnx'
-    path.write_bytes(b'no network')
-    with pytest.raises(SocialCircleError, match=r'other\.onnx cannot be read as a network'):
-        Judge(path)
+        expected = torch.sigmoid(torch.nn.functional.pixel_shuffle(network_from(file).eval()(planes), 2)[0, 0])
+    assert np.allclose(probabilities, expected.numpy()[: shape[0], : shape[1]], atol=1e-4)

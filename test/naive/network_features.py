@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the network sees of a height map: six channels for each point, and one number for the cloud.
-
-Every channel is a difference of heights relative to the spread s of the cloud, so that unit, offset and tilt of
-the heights do not matter.
-"""
+"""What the network sees of a height map, as docs/learned.md defines it."""
 
 from typing import NamedTuple
 

@@ -1,0 +1,442 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the network sees of a height map: six channels for each point, and one number for the cloud.
+
+Every channel is a difference of heights relative to the spread s of the cloud, so that unit, offset and tilt of
+the heights do not matter:
+
+- the height less its median 5×5, and less the means of such medians over 17×17 and 65×65 measured points;
+- the second differences along x and along y;
+- whether the point is measured.
+
+All but the last pass through L(v) = sign(v) · log2(1 + |v|), linear between powers of two.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from socialcircle_ros.circle.adaptive.heights import RelativeHeights
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.order_statistics import median_of_five
+
+CHANNELS = 6
+PLANES = 4 * CHANNELS + 1
+"""One for each channel and point of the 2×2 squares, and one for the number of the cloud."""
+MARGIN = 36
+"""Points around a part of the cloud that its features depend on: half of the wide window, median and rings."""
+
+_SAMPLES = 65536
+_SIGMA = 1.4826
+"""Standard deviation of a normal distribution, in median absolute deviations."""
+_MOSTLY_ALIKE = 0.02
+"""Where the robust spread is below this share of the mean residual, most heights equal their surroundings'."""
+_LEAST_SPREAD = float(np.finfo(np.float32).tiny)
+_GRAIN = 10.0
+"""The logarithm of the grain is clipped here."""
+_NARROW, _WIDE = 8, 32
+"""Half of the windows, in points."""
+_STEPS = 1024.0
+"""Means are sums of whole steps of s / 1024: exact in any order, so that bands and tiles change nothing."""
+_HIGHEST = 2.0**30
+"""Heights are clipped here before they are summed, in s: sums of 65×65 steps stay below 2⁵³."""
+_GREATEST = np.float32(65536)
+_ONE = np.int32(0x3F800000)
+"""The bits of 1 in float32."""
+_PER_STEP = np.float32(2.0**-23)
+
+Planes = npt.NDArray[np.float32]
+"""(25, h, w) float32: plane 4·channel + 2·(row & 1) + (column & 1) holds the channel at half the resolution."""
+_Level = npt.NDArray[np.float32]
+_Values = npt.NDArray[np.float32]
+
+
+class Scales(NamedTuple):
+    """Numbers of the whole cloud.
+
+    Attributes:
+        offset: subtracted from the heights, in the unit of the cloud.
+        along: tilt along x, in the unit of the cloud per point.
+        down: tilt along y.
+        spread: s, in the unit of the cloud.
+        grain: log2 of the median size of the second differences along x over s.
+    """
+
+    offset: float
+    along: float
+    down: float
+    spread: float
+    grain: float
+
+
+class Part(NamedTuple):
+    """A rectangle of points: first row, row after the last, first column, column after the last."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+
+def scales_of(heights: RelativeHeights) -> Scales:
+    """Measure the scales of a cloud on a sample of its points.
+
+    Args:
+        heights: (H, W) float32, NaN where not measured; at least one point is measured.
+    """
+    sample = np.arange(0, heights.size, max(1, heights.size // _SAMPLES) | 1)
+    here, right, below = _steps(heights, sample)
+    along, down = (float(np.median(each)) if each.size else 0.0 for each in (right, below))
+    if not here.size:
+        sample = np.flatnonzero(np.isfinite(heights))
+        here = heights.ravel()[sample].astype(np.float64)
+    offset = float(np.median(here))
+    sample = sample[np.isfinite(heights.ravel()[sample])]
+    parts = in_bands(lambda places: _residuals(heights, sample[places], offset, along, down), sample.size, 25)
+    residuals, second = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+    robust, mean = _SIGMA * float(np.median(residuals)), float(residuals.mean(dtype=np.float64))
+    spread = robust if robust > _MOSTLY_ALIKE * mean else mean
+    spread = max(spread, _LEAST_SPREAD) if spread > 0 else 1.0
+    fine = float(np.median(second)) / spread
+    grain = float(np.clip(np.log2(fine), -_GRAIN, _GRAIN)) if fine > 0 else -_GRAIN
+    return Scales(offset, along, down, spread, grain)
+
+
+def planes_of(heights: RelativeHeights, scales: Scales, part: Part, height: int, width: int) -> Planes:
+    """Compute the planes of a part of a cloud.
+
+    Args:
+        heights: (H, W) float32, the whole cloud.
+        scales: of the cloud.
+        part: whose planes are wanted; `top` and `left` are even.
+        height: rows of the planes, at least half of those of the part.
+        width: columns of the planes.
+
+    Returns:
+        (25, height, width) float32; 0 beyond the part, but for the last plane.
+    """
+    rows, columns = heights.shape
+    top, left = max(0, part.top - MARGIN), max(0, part.left - MARGIN)
+    around = heights[top : part.bottom + MARGIN, left : part.right + MARGIN]
+    shape = around.shape
+    level = np.empty(shape, np.float32)
+    holes = in_bands(lambda band: _subtract_tilt(around, scales, top, left, band.start, band.stop, level), *shape)
+    measured = np.isfinite(level) if any(holes) else np.ones(shape, np.bool_)
+    if any(holes):
+        ring = np.empty(shape, np.float32)
+        in_bands(lambda band: _first_ring(level, band.start, band.stop, ring), *shape)
+        in_bands(lambda band: _second_ring(ring, band.start, band.stop, level), *shape)
+    smooth = np.empty(shape, np.float32)
+    in_bands(lambda band: _smooth(level, band.start, band.stop, smooth), *shape)
+    planes = np.zeros((PLANES, height, width), np.float32)
+    planes[-1] = scales.grain
+    inner = Part(part.top - top, min(part.bottom, rows) - top, part.left - left, min(part.right, columns) - left)
+    pairs = (inner.bottom - inner.top + 1) // 2
+    in_bands(
+        lambda band: _write(level, smooth, measured, inner, band.start, band.stop, planes), pairs, 2 * shape[1]
+    )
+    return planes
+
+
+@kernel
+def _steps(
+    heights: RelativeHeights, sample: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """The measured heights of a sample, and the differences to the points on the right and below."""
+    height, width = heights.shape
+    here, right, below = np.empty(sample.size), np.empty(sample.size), np.empty(sample.size)
+    known, known_right, known_below = 0, 0, 0
+    for place in sample:
+        row, column = place // width, place % width
+        value = np.float64(heights[row, column])
+        if np.isnan(value):
+            continue
+        here[known] = value
+        known += 1
+        if column + 1 < width and not np.isnan(heights[row, column + 1]):
+            right[known_right] = np.float64(heights[row, column + 1]) - value
+            known_right += 1
+        if row + 1 < height and not np.isnan(heights[row + 1, column]):
+            below[known_below] = np.float64(heights[row + 1, column]) - value
+            known_below += 1
+    return here[:known], right[:known_right], below[:known_below]
+
+
+@kernel
+def _residuals(
+    heights: RelativeHeights, sample: npt.NDArray[np.int64], offset: float, along: float, down: float
+) -> tuple[_Values, _Values]:
+    """Size of the residual to the median 5×5, and of the second difference along x, at measured points."""
+    height, width = heights.shape
+    residuals, second = np.empty(sample.size, np.float32), np.empty(sample.size, np.float32)
+    near = np.empty((5, 5), np.float32)
+    for index in range(sample.size):
+        row, column = sample[index] // width, sample[index] % width
+        for y in range(5):
+            for x in range(5):
+                near[y, x] = _filled(
+                    heights,
+                    min(max(row + y - 2, 0), height - 1),
+                    min(max(column + x - 2, 0), width - 1),
+                    offset,
+                    along,
+                    down,
+                )
+        middle = median_of_five(
+            median_of_five(near[0, 0], near[0, 1], near[0, 2], near[0, 3], near[0, 4]),
+            median_of_five(near[1, 0], near[1, 1], near[1, 2], near[1, 3], near[1, 4]),
+            median_of_five(near[2, 0], near[2, 1], near[2, 2], near[2, 3], near[2, 4]),
+            median_of_five(near[3, 0], near[3, 1], near[3, 2], near[3, 3], near[3, 4]),
+            median_of_five(near[4, 0], near[4, 1], near[4, 2], near[4, 3], near[4, 4]),
+        )
+        residuals[index] = abs(near[2, 2] - middle)
+        second[index] = abs(near[2, 3] - np.float32(2) * near[2, 2] + near[2, 1])
+    return residuals, second
+
+
+@kernel
+def _flat(heights: RelativeHeights, row: int, column: int, offset: float, along: float, down: float) -> np.float32:
+    """The height less the plane; NaN where not measured."""
+    return np.float32(np.float64(heights[row, column]) - offset - along * column - down * row)
+
+
+@kernel
+def _ring(heights: RelativeHeights, row: int, column: int, offset: float, along: float, down: float) -> np.float32:
+    """The height of a point, or the mean of its measured neighbours; NaN where there is none."""
+    here = _flat(heights, row, column, offset, along, down)
+    if not np.isnan(here):
+        return here
+    height, width = heights.shape
+    total, known = 0.0, 0
+    for y in range(max(0, row - 1), min(height, row + 2)):
+        for x in range(max(0, column - 1), min(width, column + 2)):
+            value = _flat(heights, y, x, offset, along, down)
+            if not np.isnan(value):
+                total += float(value)
+                known += 1
+    return np.float32(total / known) if known else np.float32(np.nan)
+
+
+@kernel
+def _filled(
+    heights: RelativeHeights, row: int, column: int, offset: float, along: float, down: float
+) -> np.float32:
+    """The height of a point, filled from two rings around; 0 further from the measured points."""
+    here = _ring(heights, row, column, offset, along, down)
+    if not np.isnan(here):
+        return here
+    height, width = heights.shape
+    total, known = 0.0, 0
+    for y in range(max(0, row - 1), min(height, row + 2)):
+        for x in range(max(0, column - 1), min(width, column + 2)):
+            value = _ring(heights, y, x, offset, along, down)
+            if not np.isnan(value):
+                total += float(value)
+                known += 1
+    return np.float32(total / known) if known else np.float32(0)
+
+
+@kernel
+def _subtract_tilt(
+    heights: RelativeHeights, scales: Scales, top: int, left: int, first: int, end: int, level: _Level
+) -> bool:
+    """Write the heights less the plane in units of s; return whether one of them is not measured."""
+    inverse = 1.0 / scales.spread
+    holes = False
+    for row in range(first, end):
+        base = scales.down * (top + row)
+        for column in range(heights.shape[1]):
+            flat = np.float64(heights[row, column]) - scales.offset - scales.along * (left + column) - base
+            level[row, column] = np.float32(flat * inverse)
+        for column in range(heights.shape[1]):
+            holes |= np.isnan(level[row, column])
+    return holes
+
+
+@kernel
+def _mean_around(level: _Level, row: int, column: int) -> np.float32:
+    """Mean of the known neighbours; NaN where there is none."""
+    height, width = level.shape
+    total, known = 0.0, 0
+    for y in range(max(0, row - 1), min(height, row + 2)):
+        for x in range(max(0, column - 1), min(width, column + 2)):
+            if not np.isnan(level[y, x]):
+                total += level[y, x]
+                known += 1
+    return np.float32(total / known) if known else np.float32(np.nan)
+
+
+@kernel
+def _first_ring(level: _Level, first: int, end: int, ring: _Level) -> None:
+    for row in range(first, end):
+        for column in range(level.shape[1]):
+            value = level[row, column]
+            ring[row, column] = _mean_around(level, row, column) if np.isnan(value) else value
+
+
+@kernel
+def _second_ring(ring: _Level, first: int, end: int, level: _Level) -> None:
+    for row in range(first, end):
+        for column in range(level.shape[1]):
+            value = ring[row, column]
+            if np.isnan(value):
+                value = _mean_around(ring, row, column)
+                value = np.float32(0) if np.isnan(value) else value
+            level[row, column] = value
+
+
+@kernel
+def _smooth(level: _Level, first: int, end: int, smooth: _Level) -> None:
+    """Medians of five along the rows, then of five of these along the columns; borders are repeated."""
+    height, width = level.shape
+    lines = np.empty((5, width), np.float32)
+    for row in range(first - 2, first + 2):
+        _median_along(level[min(max(row, 0), height - 1)], lines[(row + 5) % 5])
+    for row in range(first, end):
+        _median_along(level[min(row + 2, height - 1)], lines[(row + 7) % 5])
+        a, b, c, d, e = lines[0], lines[1], lines[2], lines[3], lines[4]
+        out = smooth[row]
+        for column in range(width):
+            out[column] = median_of_five(a[column], b[column], c[column], d[column], e[column])
+
+
+@kernel
+def _median_along(line: _Values, out: _Values) -> None:
+    width = line.size
+    for column in range(2, width - 2):
+        out[column] = median_of_five(
+            line[column - 2], line[column - 1], line[column], line[column + 1], line[column + 2]
+        )
+    for place in range(min(4, width)):
+        column = place if place < 2 else width - 1 - (place - 2)
+        out[column] = median_of_five(
+            line[max(column - 2, 0)],
+            line[max(column - 1, 0)],
+            line[column],
+            line[min(column + 1, width - 1)],
+            line[min(column + 2, width - 1)],
+        )
+
+
+@kernel
+def _write(
+    level: _Level,
+    smooth: _Level,
+    measured: npt.NDArray[np.bool_],
+    inner: Part,
+    first: int,
+    end: int,
+    planes: Planes,
+) -> None:
+    """Write the channels of some pairs of rows of the inner part."""
+    height, width = level.shape
+    size = inner.right - inner.left
+    values, out = np.empty(size, np.float32), np.empty(size, np.float32)
+    narrow, wide = np.empty(size, np.float32), np.empty(size, np.float32)
+    sums, counts = np.zeros((2, width)), np.zeros((2, width), np.int32)
+    start = inner.top + 2 * first
+    for window in range(2):
+        half = _WIDE if window else _NARROW
+        for row in range(max(0, start - 1 - half), min(height, start + half)):
+            _add(smooth[row], measured[row], 1, sums[window], counts[window])
+    for row in range(start, min(inner.top + 2 * end, inner.bottom)):
+        for window in range(2):
+            half = _WIDE if window else _NARROW
+            if row + half < height:
+                _add(smooth[row + half], measured[row + half], 1, sums[window], counts[window])
+            if row - half - 1 >= 0:
+                _add(smooth[row - half - 1], measured[row - half - 1], -1, sums[window], counts[window])
+            _means(sums[window], counts[window], half, inner, wide if window else narrow)
+        here, mask = level[row, inner.left : inner.right], measured[row, inner.left : inner.right]
+        above = level[max(row - 1, 0), inner.left : inner.right]
+        below = level[min(row + 1, height - 1), inner.left : inner.right]
+        median = smooth[row, inner.left : inner.right]
+        for channel in range(5):
+            if channel == 0:
+                for column in range(size):
+                    values[column] = here[column] - median[column]
+            elif channel == 1:
+                for column in range(size):
+                    values[column] = here[column] - narrow[column]
+            elif channel == 2:
+                for column in range(size):
+                    values[column] = here[column] - wide[column]
+            elif channel == 3:
+                _second_difference(level[row], inner, values)
+            else:
+                for column in range(size):
+                    values[column] = below[column] - np.float32(2) * here[column] + above[column]
+            _compress(values, mask, out)
+            _store(out, channel, row - inner.top, planes)
+        for column in range(size):
+            out[column] = np.float32(mask[column])
+        _store(out, 5, row - inner.top, planes)
+
+
+@kernel
+def _add(
+    smooth: _Values,
+    measured: npt.NDArray[np.bool_],
+    sign: int,
+    sums: npt.NDArray[np.float64],
+    counts: npt.NDArray[np.int32],
+) -> None:
+    """Add a row to the sums of the columns, or take it away (`sign` -1)."""
+    factor, step = np.float64(sign), np.int32(sign)
+    for column in range(smooth.size):
+        steps = np.rint(min(max(np.float64(smooth[column]), -_HIGHEST), _HIGHEST) * _STEPS)
+        counts_here = np.int32(measured[column])
+        sums[column] += factor * steps * counts_here
+        counts[column] += step * counts_here
+
+
+@kernel
+def _means(
+    sums: npt.NDArray[np.float64], counts: npt.NDArray[np.int32], half: int, inner: Part, means: _Values
+) -> None:
+    """Means over the windows around the points of a row; 0 where nothing is measured."""
+    width = sums.size
+    total, known = 0.0, 0
+    for column in range(max(0, inner.left - 1 - half), min(width, inner.left + half)):
+        total += sums[column]
+        known += counts[column]
+    for column in range(inner.left, inner.right):
+        if column + half < width:
+            total += sums[column + half]
+            known += counts[column + half]
+        if column - half - 1 >= 0:
+            total -= sums[column - half - 1]
+            known -= counts[column - half - 1]
+        means[column - inner.left] = total / (max(known, 1) * _STEPS)
+
+
+@kernel
+def _second_difference(line: _Values, inner: Part, values: _Values) -> None:
+    last = line.size - 1
+    for column in range(inner.left, inner.right):
+        before, after = line[max(column - 1, 0)], line[min(column + 1, last)]
+        values[column - inner.left] = after - np.float32(2) * line[column] + before
+
+
+@kernel
+def _compress(values: _Values, measured: npt.NDArray[np.bool_], out: _Values) -> None:
+    """Write L(v), and 0 where not measured; the bits of a float are nearly its logarithm."""
+    for column in range(values.size):
+        out[column] = min(abs(values[column]), _GREATEST) + np.float32(1)
+    bits = out.view(np.int32)
+    for column in range(values.size):
+        logarithm = np.float32(bits[column] - _ONE) * _PER_STEP
+        signed = -logarithm if values[column] < 0 else logarithm
+        out[column] = signed if measured[column] else np.float32(0)
+
+
+@kernel
+def _store(values: _Values, channel: int, row: int, planes: Planes) -> None:
+    even, odd = planes[4 * channel + 2 * (row & 1), row // 2], planes[4 * channel + 2 * (row & 1) + 1, row // 2]
+    pairs = values.size // 2
+    for place in range(pairs):
+        even[place] = values[2 * place]
+        odd[place] = values[2 * place + 1]
+    if values.size % 2:
+        even[pairs] = values[-1]

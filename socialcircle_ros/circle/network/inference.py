@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The network, run by ONNX Runtime: the probability of each point, tile by tile."""
+
+import os
+import threading
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from socialcircle_ros.circle.adaptive import Probabilities
+from socialcircle_ros.circle.adaptive.heights import RelativeHeights
+from socialcircle_ros.cloud import Mask
+from socialcircle_ros.errors import SocialCircleError, install_command
+from socialcircle_ros.kernels import bands
+from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.machine import usable_cores
+
+from .features import Part, Planes, planes_of, scales_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+WEIGHTS = Path(__file__).with_name('network.onnx')
+"""The weights of the package."""
+WHOLE = 2 << 20
+"""Largest cloud, in points, that is one tile."""
+TILE = 1024
+"""Side of the tiles of a larger cloud, in points; even, as `features.planes_of` needs it."""
+
+_FEATURES, _LOGITS = 'features', 'logits'
+_VERSION = '1'
+
+
+class NetworkJudge:
+    """A network that is ready to judge; it may be used by several threads at a time.
+
+    Attributes:
+        card: the metadata of the file: what the network was trained on, its threshold.
+        threshold: probability above which a point is an outlier if the network alone decides.
+    """
+
+    def __init__(self, path: Path, threads: int) -> None:
+        """Read the file.
+
+        Args:
+            path: of an ONNX file that the training wrote.
+            threads: to compute with.
+
+        Raises:
+            SocialCircleError: ONNX Runtime is not installed, or cannot read the file.
+        """
+        try:
+            import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
+        except ImportError:
+            raise SocialCircleError(f'The network needs ONNX Runtime: {install_command("network")}.') from None
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.inter_op_num_threads = 1
+        options.use_deterministic_compute = True
+        # Threads that spin between clouds would take the cores from the driver of the camera.
+        options.add_session_config_entry('session.intra_op.allow_spinning', '0')
+        # Otherwise memory for the largest cloud so far is kept.
+        options.enable_cpu_mem_arena = False
+        try:
+            self._session = onnxruntime.InferenceSession(str(path), options, providers=['CPUExecutionProvider'])
+        except Exception as error:  # noqa: BLE001 - the errors of ONNX Runtime share no other base
+            raise SocialCircleError(f'{path} cannot be read as a network: {error}') from None
+        self.card: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
+        if self.card.get('features') != _VERSION:
+            raise SocialCircleError(f'{path} is no network that the training of this version wrote.')
+        self.threshold = float(self.card['threshold'])
+        self._halo, self._multiple = int(self.card['halo']), int(self.card['multiple'])
+
+    def probabilities(self, heights: RelativeHeights) -> Probabilities:
+        """Compute the probability of each point to be an outlier.
+
+        The tiles depend on the size of the cloud alone, and overlap by what a probability depends on, so that
+        they change no probability. Nor does the number of threads.
+
+        Args:
+            heights: (H, W) float32, NaN where not measured; at least one point is measured.
+        """
+        scales = scales_of(heights)
+        measured: Mask = np.isfinite(heights)
+        height, width = heights.shape
+        found = np.empty(heights.shape, np.float32)
+        side = max(heights.shape) if heights.size <= WHOLE else TILE
+        for top in range(0, height, side):
+            for left in range(0, width, side):
+                core = Part(top, min(top + side, height), left, min(left + side, width))
+                part = Part(
+                    max(0, core.top - self._halo),
+                    min(height, core.bottom + self._halo),
+                    max(0, core.left - self._halo),
+                    min(width, core.right + self._halo),
+                )
+                rows, columns = self._half(part.bottom - part.top), self._half(part.right - part.left)
+                planes = planes_of(heights, scales, part, rows, columns)
+                (logits,) = self._session.run([_LOGITS], {_FEATURES: planes[None]})
+                write_probabilities(logits[0], part.top, part.left, core, measured, found)
+        return found
+
+    def _half(self, size: int) -> int:
+        """Rows or columns of the planes of a part, which is filled up to a multiple."""
+        return -(-size // self._multiple) * self._multiple // 2
+
+
+_loading = threading.Lock()
+
+
+def packaged_network() -> NetworkJudge:
+    """The network of the package, read once for this process and for the number of threads in force.
+
+    Raises:
+        SocialCircleError: ONNX Runtime is not installed.
+    """
+    with _loading:
+        return _load(usable_cores() if bands.limit is None else bands.limit)
+
+
+@lru_cache(maxsize=2)
+def _load(threads: int) -> NetworkJudge:
+    return NetworkJudge(WEIGHTS, threads)
+
+
+os.register_at_fork(after_in_child=_load.cache_clear)  # a child process has the session, but not its threads
+
+
+@kernel
+def write_probabilities(
+    logits: Planes, top: int, left: int, core: Part, measured: Mask, found: Probabilities
+) -> None:
+    """Write the probabilities of a tile, 0 where not measured; `top` and `left` are those of the logits."""
+    for row in range(core.top, core.bottom):
+        down = row - top
+        for column in range(core.left, core.right):
+            right = column - left
+            logit = logits[2 * (down & 1) + (right & 1), down // 2, right // 2]
+            found[row, column] = np.float32(1) / (np.float32(1) + np.exp(-logit)) if measured[row, column] else 0

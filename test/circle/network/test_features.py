@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the network sees: as docs/learned.md defines it, and independent of unit, offset, tilt, parts and bands."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive.network_features import compressed, features_of
+
+from socialcircle_ros.circle.network.features import CHANNELS, Part, planes_of, scales_of
+from socialcircle_ros.kernels import bands
+
+
+def seen(heights):
+    """The channels at full resolution, and the scales."""
+    height, width = heights.shape
+    scales = scales_of(heights)
+    rows, columns = (height + 1) // 2, (width + 1) // 2
+    planes = planes_of(heights, scales, Part(0, height, 0, width), rows, columns)
+    assert (planes[-1] == np.float32(scales.grain)).all()
+    channels = np.zeros((CHANNELS, 2 * rows, 2 * columns), np.float32)
+    for y in range(2):
+        for x in range(2):
+            channels[:, y::2, x::2] = planes[2 * y + x : -1 : 4]
+    return channels[:, :height, :width], scales
+
+
+def surface(shape=(50, 70), seed=4, holes=True):
+    random = np.random.default_rng(seed)
+    heights = random.normal(size=shape).astype(np.float32)
+    if holes:
+        heights[random.random(shape) < 0.1] = np.nan
+        heights[10:20, 30:45] = np.nan
+    return heights
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.integers(1, 45), st.integers(1, 90), st.integers(0, 10**6), st.sampled_from([0, 0.05, 0.6]),
+    st.sampled_from([1e-6, 1.0, -300.0]), st.sampled_from([0, 5.0, -4000.0]),
+)  # fmt: skip
+def test_the_kernels_equal_the_definition(height, width, seed, missing, unit, offset):
+    random = np.random.default_rng(seed)
+    heights = random.standard_t(3, size=(height, width))
+    heights[random.random(heights.shape) < missing] = np.nan
+    heights.flat[random.integers(heights.size)] = 40
+    heights = ((heights + offset) * unit).astype(np.float32)
+    channels, scales = seen(heights)
+    expected = features_of(heights)
+    np.testing.assert_allclose(scales.spread, expected.scale, rtol=1e-2)
+    np.testing.assert_allclose(scales.grain, expected.grain, atol=2e-2)
+    np.testing.assert_allclose(channels, expected.channels, atol=2e-2)
+
+
+def test_the_kernels_equal_the_definition_closely_without_an_offset():
+    heights = surface((90, 131))
+    channels, scales = seen(heights)
+    expected = features_of(heights)
+    assert scales.spread == pytest.approx(expected.scale, rel=1e-6)
+    np.testing.assert_allclose(channels, expected.channels, atol=2e-3)
+
+
+@pytest.mark.parametrize('holes', [False, True])
+def test_a_part_of_a_cloud_has_the_same_planes(holes):
+    heights = surface((130, 171), holes=holes)
+    scales = scales_of(heights)
+    whole = planes_of(heights, scales, Part(0, 130, 0, 171), 65, 86)
+    part = planes_of(heights, scales, Part(38, 99, 52, 171), 40, 60)
+    np.testing.assert_array_equal(part[:, :30, :60], whole[:, 19:49, 26:])
+    assert not part[:-1, 31:].any()
+
+
+@pytest.mark.parametrize('holes', [False, True])
+def test_bands_change_nothing(monkeypatch, holes):
+    heights = surface((130, 171), holes=holes)
+    monkeypatch.setattr(bands, 'limit', 1)
+    one, scales = seen(heights)
+    monkeypatch.setattr(bands, 'limit', 7)
+    monkeypatch.setattr(bands, '_LEAST', 100)
+    several, others = seen(heights)
+    np.testing.assert_array_equal(one, several)
+    assert scales == others
+
+
+@pytest.mark.parametrize('power', [-60, -3, 1, 40])
+def test_a_power_of_two_changes_nothing(power):
+    channels, scales = seen(surface())
+    scaled, others = seen(surface() * np.float32(2.0**power))
+    np.testing.assert_array_equal(scaled, channels)
+    assert others.grain == scales.grain
+    assert others.spread == scales.spread * 2.0**power
+
+
+def test_offset_and_tilt_change_rounding_alone():
+    heights = surface()
+    rows, columns = np.mgrid[: heights.shape[0], : heights.shape[1]]
+    tilted = (heights + 100 + 0.5 * columns - 2 * rows).astype(np.float32)
+    np.testing.assert_allclose(seen(tilted)[0], seen(heights)[0], atol=2e-3)
+
+
+def test_points_that_are_not_measured_have_no_features():
+    heights = surface()
+    channels, _ = seen(heights)
+    assert not channels[:, np.isnan(heights)].any()
+    np.testing.assert_array_equal(channels[5] == 1, np.isfinite(heights))
+
+
+def test_a_plane_has_no_residuals():
+    rows, columns = np.mgrid[:40, :60]
+    assert not seen((3 * rows - columns).astype(np.float32))[0][:5].any()
+
+
+def test_a_single_point_measured_alone():
+    heights = np.full((9, 9), np.nan, np.float32)
+    heights[4, 4] = -7.0
+    assert seen(heights)[0].sum() == 1
+
+
+@pytest.mark.parametrize('largest', [3e38, 1e-38])
+def test_extreme_heights_have_finite_features(largest):
+    heights = surface() * np.float32(largest / 8)
+    channels, scales = seen(heights)
+    assert np.isfinite(channels).all()
+    assert np.isfinite(scales.grain)
+
+
+def test_compression_is_nearly_a_logarithm_and_keeps_the_order():
+    values = np.linspace(-1000, 1000, 40001, dtype=np.float32)
+    found = compressed(values)
+    np.testing.assert_allclose(found, np.sign(values) * np.log2(1 + np.abs(values)), atol=0.09)
+    assert (np.diff(found) > 0).all()

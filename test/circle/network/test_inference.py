@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The packaged network: what it says of itself, and what it judges."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('onnxruntime')
+from socialcircle_ros import CircleSettings, remove_outliers
+from socialcircle_ros.circle.network import inference
+from socialcircle_ros.circle.network.inference import WEIGHTS, NetworkJudge, packaged_network
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.kernels import bands
+from socialcircle_ros.settings.lessons import TRAITS, Lesson
+from socialcircle_ros.settings.lessons import WEIGHTS as OF_A_LESSON
+from socialcircle_ros.studies.learned.surfaces import DEVELOPMENT, HELD_OUT
+
+
+@pytest.fixture(scope='module')
+def judge():
+    return NetworkJudge(WEIGHTS, threads=1)
+
+
+def test_the_file_is_small():
+    assert WEIGHTS.stat().st_size < 2_000_000
+
+
+def test_the_file_names_what_it_was_trained_on_and_what_was_left_out(judge):
+    trained, left_out = (set(json.loads(judge.card[name])) for name in ('trained_on', 'held_out'))
+    assert left_out == set(HELD_OUT)
+    assert trained >= set(DEVELOPMENT)
+    assert not trained & left_out
+
+
+def noise(height=130, width=170):
+    return np.random.default_rng(6).normal(size=(height, width)).astype(np.float32)
+
+
+def damaged():
+    """Noise with a spike, a patch and a hole."""
+    heights = noise()
+    heights[40, 60] += 30
+    heights[80:86, 100:107] -= 25
+    heights[20:30, 20:25] = np.nan
+    return heights
+
+
+def test_spikes_and_patches_are_probable_and_noise_is_not(judge):
+    heights = damaged()
+    found = judge.probabilities(heights)
+    assert found[40, 60] > 0.8
+    assert found[80:86, 100:107].mean() > 0.8
+    assert not found[20:30, 20:25].any()
+    assert (found > 0.8).sum() < 60
+
+
+@pytest.mark.parametrize('factor', [2.0**-40, 8.0])
+def test_a_power_of_two_changes_nothing(judge, factor):
+    np.testing.assert_array_equal(
+        judge.probabilities(damaged() * np.float32(factor)), judge.probabilities(damaged())
+    )
+
+
+def test_offset_and_tilt_change_rounding_alone(judge):
+    rows, columns = np.mgrid[:130, :170]
+    tilted = (damaged() + 50 + 0.3 * columns - 2 * rows).astype(np.float32)
+    np.testing.assert_allclose(judge.probabilities(tilted), judge.probabilities(damaged()), atol=1e-3)
+
+
+def test_tiles_change_nothing(judge, monkeypatch):
+    heights = np.tile(damaged(), (2, 4))[:255, :601]
+    whole = judge.probabilities(heights)
+    monkeypatch.setattr(inference, 'WHOLE', 1000)
+    monkeypatch.setattr(inference, 'TILE', 256)
+    np.testing.assert_array_equal(judge.probabilities(heights), whole)
+
+
+def test_the_number_of_threads_changes_nothing(judge):
+    heights = np.tile(damaged(), (2, 2))
+    np.testing.assert_array_equal(
+        NetworkJudge(WEIGHTS, threads=2).probabilities(heights), judge.probabilities(heights)
+    )
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (1, 40), (33, 2), (31, 65)])
+def test_clouds_of_any_size_are_judged(judge, shape):
+    found = judge.probabilities(np.random.default_rng(1).normal(size=shape).astype(np.float32))
+    assert found.shape == shape
+    assert ((found >= 0) & (found <= 1)).all()
+
+
+def test_the_packaged_network_is_read_once(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 1)
+    assert packaged_network() is packaged_network()
+
+
+def test_the_filter_uses_the_network():
+    heights = damaged()
+    result = remove_outliers(heights, CircleSettings(judge='network'), pitch=(1.0, 2.0))
+    assert result.outliers[40, 60]
+    assert result.outliers[80:86, 100:107].mean() > 0.9
+    assert result.outliers.sum() < 60
+    np.testing.assert_array_equal(result.score > 0.5, result.outliers)
+    np.testing.assert_array_equal(np.isnan(result.score), np.isnan(heights))
+    assert np.nanmin(result.score) >= 0
+    assert np.nanmax(result.score) <= 1
+    assert 'network' in result.times_ms
+    finer = remove_outliers(heights * np.float32(2**-30), CircleSettings(judge='network'), pitch=(1.0, 2.0))
+    np.testing.assert_array_equal(finer.outliers, result.outliers)
+    np.testing.assert_array_equal(finer.score, result.score)
+
+
+def test_a_lesson_decides_without_the_network(tmp_path):
+    weights = (-5.0, *(0.0,) * (OF_A_LESSON - 1))
+    lesson = Lesson(('a',), (0.5, 2.0), 0.955, (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), weights, 0.7, {})
+    path = tmp_path / 'part.teach'
+    path.write_text(lesson.to_text())
+    result = remove_outliers(damaged(), CircleSettings(judge='network', lesson=str(path)), pitch=(1.0, 2.0))
+    assert not result.outliers.any()
+    assert 'circle.judge has no effect with circle.lesson' in result.warnings[0]
+
+
+def test_a_file_that_is_no_network_is_named(tmp_path):
+    path = tmp_path / 'other.onnx'
+    path.write_bytes(b'no network')
+    with pytest.raises(SocialCircleError, match=r'other\.onnx cannot be read as a network'):
+        NetworkJudge(path, threads=1)
+
+
+def test_without_the_runtime_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'onnxruntime', None)
+    with pytest.raises(SocialCircleError, match='The network needs ONNX Runtime: pip install'):
+        NetworkJudge(WEIGHTS, threads=1)
