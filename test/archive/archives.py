@@ -58,6 +58,7 @@ def object_store(monkeypatch):
         files = s3fs.S3FileSystem(skip_instance_cache=True)
         files.mkdir('plant')
         yield files
+        files.rm('plant', recursive=True)  # moto keeps it for the next server of this process
     finally:
         s3fs.S3FileSystem.clear_instance_cache()
         server.stop()
