@@ -276,6 +276,7 @@ def test_c12_zeros_for_not_measured(run, case, mode):
     outliers, total = int(measurement.values['outliers']), int(measurement.values['measured'])
     assert outliers < 100
     assert total <= 60_000 - 16_000
+    assert '16000 points are exactly at (0, 0, 0) and count as not measured' in run.err
 
 
 # Parameter files

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle filter`."""
 
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +18,10 @@ from .options import (
     topics_option,
 )
 
+_MOST_NOTES = 3  # on points that count as not measured
+
 if TYPE_CHECKING:
-    from socialcircle_ros.pipeline.clouds import CloudOutputs
+    from socialcircle_ros.pipeline.clouds import CloudOutputs, Measurement
     from socialcircle_ros.recording import Message
     from socialcircle_ros.recording.mcap_output import Compression
     from socialcircle_ros.recording.offline import Summary
@@ -69,9 +73,7 @@ def command(
 
     The same recording and parameters give the same bytes.
     """  # noqa: D301 - click reads \b
-    from socialcircle_ros.interface import FAILED
     from socialcircle_ros.kernels.memory import keep_freed_memory
-    from socialcircle_ros.messages.diagnostics import WARN
     from socialcircle_ros.recording import open_recording
     from socialcircle_ros.recording.export import filter_to_file, is_file_target
     from socialcircle_ros.recording.offline import filter_recording
@@ -81,24 +83,14 @@ def command(
     settings = PipelineSettings.from_ros(parameter_values(params_file, parameters, recording))
     with open_recording(recording) as reader:
         total = reader.message_count
-    read = measured = outliers = judged = 0
-    warnings: set[str] = set()
-    failures: list[str] = []
+    read, found = 0, _Counts()
     with progress_bar(f'filtering {recording.name}') as progress:
 
         def count(message: 'Message | None', results: 'list[CloudOutputs]') -> None:
-            nonlocal read, measured, outliers, judged
+            nonlocal read
             read += message is not None
-            measurements = [result.measurement for result in results]
-            measured += sum(each.values.measured for each in measurements)
-            outliers += sum(each.values.outliers for each in measurements)
-            warnings.update(each.message for each in measurements if each.level == WARN)
-            judged += sum(each.values.verdict is not None for each in measurements)
-            failures.extend(
-                f'the cloud with the stamp {each.values.stamp} s: {each.values.verdict_reason}'
-                for each in measurements
-                if each.values.verdict == FAILED
-            )
+            for result in results:
+                found.add(result.measurement)
             progress(read, total)
 
         notes: tuple[str, ...] = ()
@@ -116,23 +108,68 @@ def command(
                 overwrite=overwrite,
                 seen=count,
             )
-    _tell(summary, output, measured, outliers, notes, warnings)
-    tell_failures(failures, judged, sum(summary.refused.values()))
+    _tell(summary, output, found, notes)
+    tell_failures(found.failures, found.judged, sum(summary.refused.values()))
 
 
-def _tell(
-    summary: 'Summary', output: Path, measured: int, outliers: int, notes: tuple[str, ...], warnings: set[str]
-) -> None:
+@dataclass
+class _Counts:
+    """What the measurements say, in sum.
+
+    Attributes:
+        measured: number of measured points.
+        outliers: number of outliers.
+        judged: number of measurements that were held to limits.
+        warnings: those of all clouds.
+        failures: which clouds failed their limits, and why.
+        set_aside: number of clouds by the sentence on points that count as not measured.
+    """
+
+    measured: int = 0
+    outliers: int = 0
+    judged: int = 0
+    warnings: set[str] = field(default_factory=set)
+    failures: list[str] = field(default_factory=list)
+    set_aside: Counter[str] = field(default_factory=Counter)
+
+    def add(self, measurement: 'Measurement') -> None:
+        """Count a measurement."""
+        from socialcircle_ros.interface import FAILED
+        from socialcircle_ros.messages.diagnostics import WARN
+
+        values = measurement.values
+        self.measured += values.measured
+        self.outliers += values.outliers
+        self.judged += values.verdict is not None
+        if measurement.level == WARN:
+            self.warnings.add(measurement.message)  # it holds the notes
+        else:
+            self.set_aside.update(measurement.notes)
+        if values.verdict == FAILED:
+            self.failures.append(f'the cloud with the stamp {values.stamp} s: {values.verdict_reason}')
+
+
+def _set_aside_notes(counts: Counter[str]) -> list[str]:
+    """Which points with coordinates were not measured, for the kinds that most clouds have."""
+    most = counts.most_common()
+    notes = [f'{count} clouds: {note}' if count > 1 else note for note, count in most[:_MOST_NOTES]]
+    others = sum(count for _, count in most[_MOST_NOTES:])
+    if others:
+        notes.append(f'{quantity(others, "other cloud")} with such points; ~/measurement says which.')
+    return notes
+
+
+def _tell(summary: 'Summary', output: Path, found: _Counts, notes: tuple[str, ...]) -> None:
     """Print what was done, and what a person should look at."""
     stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
-    share = f' ({100 * outliers / measured:.2f} %)' if measured else ''
+    share = f' ({100 * found.outliers / found.measured:.2f} %)' if found.measured else ''
     click.echo(
-        f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {outliers} of {measured} measured points are'
-        f' outliers{share}; {quantity(summary.passed, "other message")} kept; written to {output}.'
+        f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {found.outliers} of {found.measured} measured'
+        f' points are outliers{share}; {quantity(summary.passed, "other message")} kept; written to {output}.'
     )
-    for note in notes:
+    for note in (*notes, *_set_aside_notes(found.set_aside)):
         click.echo(f'Note: {note}', err=True)
-    for warning in sorted(warnings | summary.warnings.keys()):
+    for warning in sorted(found.warnings | summary.warnings.keys()):
         click.echo(f'Warning: {warning}', err=True)
     if summary.replaced:
         click.echo(f'Replaced the results of an earlier run on: {", ".join(summary.replaced)}.', err=True)

@@ -14,6 +14,7 @@ from typing import Literal
 
 from socialcircle_ros.interface import PASSED
 from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages.header import FIRST_DATE
 from socialcircle_ros.metrics.areal import Texture
 from socialcircle_ros.pipeline.clouds import Measurement
 from socialcircle_ros.settings import markdown_table
@@ -30,7 +31,6 @@ UNNAMED_CELL = 'unnamed'
 """The cell of a cloud where neither the recording, nor a pattern, nor a namespace names one."""
 
 _COLUMN = 'socialcircle'
-_YEAR_2000_NS = 946_684_800_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 
 
@@ -257,7 +257,7 @@ def _time(stamp: str | None, time_ns: int) -> datetime:
     if stamp is not None:
         seconds, _, nanoseconds = stamp.partition('.')
         stamp_ns = int(seconds) * 1_000_000_000 + int(nanoseconds)
-        time_ns = stamp_ns if stamp_ns >= _YEAR_2000_NS else time_ns
+        time_ns = stamp_ns if stamp_ns >= FIRST_DATE else time_ns
     return _EPOCH + timedelta(microseconds=time_ns // 1000)
 
 

@@ -7,6 +7,9 @@ from .cdr import CdrReader, CdrWriter
 
 _NANOSECONDS = 1_000_000_000
 
+FIRST_DATE = 946_684_800_000_000_000
+"""2000-01-01 in ns since 1970. An earlier time is no date: simulations and imported clouds count from 0."""
+
 
 @dataclass(frozen=True)
 class Header:

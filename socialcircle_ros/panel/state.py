@@ -14,7 +14,7 @@ from pathlib import Path
 
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.focus import FocusCurve
-from socialcircle_ros.messages.header import stamp_of, stamp_text
+from socialcircle_ros.messages.header import FIRST_DATE, stamp_of, stamp_text
 from socialcircle_ros.settings import RosValue
 from socialcircle_ros.settings.effects import VOTE_REGION, has_effect
 
@@ -313,10 +313,12 @@ class State:
         recording = self.recording
         if recording is None:
             return ''
-        recorded = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(recording.cloud.log_time / 1e9))
+        date = ''
+        if recording.cloud.log_time >= FIRST_DATE:
+            date = time.strftime(' %Y-%m-%d %H:%M:%S', time.localtime(recording.cloud.log_time / 1e9))
         kind = 'Stack' if recording.cloud.stack is not None else 'Cloud'
         where = f'{kind} {recording.number} of {recording.count} of {recording.path.name}'
-        return f'{where}, recorded {recorded} on {recording.cloud.topic}.'
+        return f'{where}, recorded{date} on {recording.cloud.topic}.'
 
     @property
     def stepping_problem(self) -> str:

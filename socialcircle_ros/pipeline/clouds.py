@@ -55,6 +55,7 @@ class Measurement:
         settings: the settings of the circle in force, by their full names.
         times_ms: time of each stage in ms, in the order of the stages, and `total`.
         failures: the outputs that could not be made or emitted, and why; the others were.
+        notes: the sentences of `message` on points that count as not measured.
     """
 
     level: int
@@ -64,6 +65,7 @@ class Measurement:
     settings: Mapping[str, str]
     times_ms: Mapping[str, float]
     failures: Mapping[NodeTopic, Exception]
+    notes: tuple[str, ...] = ()
 
     def status(self, *, timed: bool) -> diagnostics.Status:
         """The measurement as a message; without times it is the same for the same cloud and settings."""
@@ -167,7 +169,6 @@ def process_cloud(
     cloud = PointCloud.decode(message)
     xyz = cloud.xyz()
     stopwatch.lap('decode')
-
     result = remove_outliers(xyz, circle)
     stopwatch.times_ms |= result.times_ms
     stopwatch.restart()
@@ -214,6 +215,7 @@ def process_cloud(
         settings={name: str(value) for name, value in circle.to_ros().items()},
         times_ms=stopwatch.times_ms,
         failures=outputs.failures,
+        notes=tuple(_as_sentence(note) for note in result.notes),
     )
 
 
@@ -279,6 +281,10 @@ def failure_sentence(topic: NodeTopic, error: Exception) -> str:
     return printable(f'{topic.name} of a cloud is missing: {type(error).__name__}: {error}')
 
 
+def _as_sentence(text: str) -> str:
+    return f'{text[0].upper()}{text[1:]}'
+
+
 def _sentences(
     values: MeasurementValues, result: CircleResult, failures: Mapping[NodeTopic, Exception]
 ) -> tuple[int, str]:
@@ -287,10 +293,10 @@ def _sentences(
     message = f'{values.outliers} of {values.measured} measured points are outliers ({100 * share:.2f} %).'
     level = diagnostics.OK
     for note in result.notes:
-        message += f' {note[0].upper()}{note[1:]}'
+        message += f' {_as_sentence(note)}'
     for warning in result.warnings:
         level = diagnostics.WARN
-        message += f' {warning[0].upper()}{warning[1:]}'
+        message += f' {_as_sentence(warning)}'
     for topic, error in failures.items():
         level = diagnostics.ERROR
         message += f' {failure_sentence(topic, error)}'

@@ -17,6 +17,7 @@ from socialcircle_ros.formats import OrganizedCloud, format_of, surface_of
 from socialcircle_ros.interface import POINTS
 from socialcircle_ros.lengths import NOT_KNOWN, range_text
 from socialcircle_ros.messages import image
+from socialcircle_ros.messages.header import FIRST_DATE
 from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.point_cloud import PointCloud
 
@@ -27,10 +28,6 @@ from .origins import OWN_RECORDS, FileOrigin, origins_of
 from .stacks import ImportedStack, import_stack, is_stack
 from .topics import Message, Topic
 from .units import unit_of
-
-_OLDEST = int(datetime(1990, 1, 1, tzinfo=timezone.utc).timestamp() * 1e9)
-"""Earlier times, ns, are no dates: imported clouds and simulations count from 0."""
-
 
 _FILES_LISTED = 8
 
@@ -133,7 +130,7 @@ def _recording(path: Path) -> Description:
     }
     if seen.first is not None:
         start = datetime.fromtimestamp(seen.first / 1e9, tz=timezone.utc)
-        facts['start'] = f'{start:%Y-%m-%d %H:%M:%S} UTC' if seen.first >= _OLDEST else 'no time'
+        facts['start'] = f'{start:%Y-%m-%d %H:%M:%S} UTC' if seen.first >= FIRST_DATE else 'no time'
     facts |= _imported(origins)
     if extras:
         facts['also'] = ', '.join(extras)

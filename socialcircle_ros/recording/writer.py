@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import cast
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
+from socialcircle_ros.messages.header import FIRST_DATE, stamp_text
 from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_target, remove_leftovers
 
 from .mcap_output import LAST_TIME, Compression, McapOutput
@@ -191,9 +192,12 @@ class RecordingWriter:
         files = [file for file in (*self._finished, self._file.contents) if file.message_count]
         if not files:
             return 'It holds no message.'
-        last = datetime.fromtimestamp(max(file.end for file in files) / 1e9, timezone.utc).astimezone()
+        end = max(file.end for file in files)
+        last = f'the time {stamp_text(end)} s'
+        if end >= FIRST_DATE:
+            last = f'{datetime.fromtimestamp(end / 1e9, timezone.utc).astimezone():%Y-%m-%d %H:%M:%S}'
         count = self.message_count
-        return f'It holds {count} message{"s" if count > 1 else ""}, the last of {last:%Y-%m-%d %H:%M:%S}.'
+        return f'It holds {count} message{"s" if count > 1 else ""}, the last of {last}.'
 
     def close(self) -> None:
         """Complete the recording and give it its name; nothing if that was done.

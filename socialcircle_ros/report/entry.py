@@ -12,6 +12,7 @@ from socialcircle_ros.errors import MessageError
 from socialcircle_ros.interface import FAILED, MASK, REPAIRED, MeasurementValues
 from socialcircle_ros.lengths import LengthScale, length_text
 from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages.header import FIRST_DATE
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.areal import FILTERS, ArealTexture, areal_texture
@@ -23,7 +24,6 @@ from socialcircle_ros.settings.effects import has_effect
 
 from .content import Banner, Beside, Cell, Column, Picture, Pictures, Section, Table
 
-_YEAR_2000_S = 946_684_800  # an earlier stamp does not count from the epoch
 _NAME_AND_VALUE = (Column(''), Column(''))
 
 
@@ -249,7 +249,7 @@ def stamp_text(stamp: int) -> str:
     seconds, nanoseconds = divmod(stamp, 1_000_000_000)
     if stamp == 0:
         return ''
-    if seconds < _YEAR_2000_S:
+    if stamp < FIRST_DATE:
         return f'{seconds}.{nanoseconds // 1_000_000:03d} s'
     date = datetime.fromtimestamp(seconds, timezone.utc)
     return f'{date:%Y-%m-%d %H:%M:%S}.{nanoseconds // 1_000_000:03d} UTC'

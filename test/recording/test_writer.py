@@ -380,3 +380,14 @@ def test_links_devices_and_pipes_are_never_overwritten(tmp_path):
         with pytest.raises(RecordingError, match=f'{name} is {kind}, and is not overwritten'):
             RecordingWriter(tmp_path / name, overwrite=True)
     assert read(tmp_path / 'true.mcap') == read(tmp_path / 'true') == (some_messages(4), None)
+
+
+def test_what_a_recording_holds_names_a_date_only_where_its_times_are_dates(tmp_path):
+    for name, time, told in (
+        ('counted', 12_500_000_000, 'It holds 1 message, the last of the time 12.500000000 s.'),
+        ('dated', 1_790_000_000_000_000_000, 'It holds 1 message, the last of 2026-09-'),
+    ):
+        with RecordingWriter(tmp_path / f'{name}.mcap') as writer:
+            writer.add_topic(IMAGE)
+            writer.write(IMAGE.name, b'', time)
+            assert writer.contents().startswith(told)
