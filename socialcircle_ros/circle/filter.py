@@ -14,7 +14,7 @@ from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.settings.lessons import known_lesson
 
 from .adaptive import TOUCH, LessonJudge, find_outliers, unlike
-from .doubts import doubts_of
+from .doubts import doubts_of, texture_doubts
 from .expansion import divide
 from .not_measured import recognise
 from .radius import circle_limit
@@ -159,6 +159,8 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     found = find_outliers(heights, settings.depth_of_field, judge=judge, likelihood=likelihood)
     inliers = measured & ~found.outliers
     warnings = [] if lesson is None else unlike(lesson, found.spread)
+    if judge is None and likelihood is None and settings.depth_of_field is None and found.outliers.any():
+        warnings += texture_doubts(found.nearly)
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
         warnings.append(f'{kept}; this mode cannot tell such islands from outliers.')

@@ -84,3 +84,33 @@ def test_many_outliers_are_named(settings, removed, sentences):
     found = doubts_of(smooth(), 100 - removed, removed, 0.1, settings)
     assert len(found) == len(sentences)
     assert all(sentence in doubt for sentence, doubt in zip(sentences, found, strict=True))
+
+
+def islands(height):
+    """A surface with irregular islands of its own."""
+    hills = np.random.default_rng(2).normal(size=(150, 200))
+    for _ in range(6):
+        hills = (2 * hills + sum(np.roll(hills, step, axis) for step in (1, -1) for axis in (0, 1))) / 6
+    noise = np.random.default_rng(3).normal(size=hills.shape)
+    return noise + height * np.maximum(hills / hills.std() - 1.2, 0)
+
+
+def test_a_texture_that_resembles_outliers_is_named_with_the_cure():
+    sentence = 'nearly as steep as outliers: good points may be among the removed ones; teach this texture'
+    rich = islands(10.0)
+    result = remove_outliers(rich, pitch=(1.0, 2.0))
+    assert result.outliers.mean() > 0.005
+    assert any(sentence in warning for warning in result.warnings)
+    optics = remove_outliers(rich, CircleSettings(depth_of_field=1.0), pitch=(1.0, 2.0))
+    assert not any(sentence in warning for warning in optics.warnings)
+    assert remove_outliers(islands(0.0), pitch=(1.0, 2.0)).warnings == ()
+
+
+def test_outliers_on_a_plain_surface_are_no_texture():
+    heights = np.random.default_rng(4).normal(size=(150, 200))
+    heights[5::10, 7::10] += 30
+    for row in range(12, 130, 24):
+        heights[row : row + 5, 40:46] -= 20
+    result = remove_outliers(heights, pitch=(1.0, 2.0))
+    assert result.outliers.mean() > 0.01
+    assert result.warnings == ()

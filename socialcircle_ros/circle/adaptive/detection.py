@@ -33,6 +33,8 @@ CLIP_PREDICTED, EASIER_PREDICTED = 3.0, 0.02
 """Clip, and lower steepness, where differences are predicted: such surfaces have hardly an island of their own."""
 STEEP_WITH_OPTICS = 0.85
 """Required steepness where the depth of field is known, which then decides about the islands."""
+NEARLY = 0.7
+"""A kept point of at least this steepness belongs to a shape that is nearly an island."""
 
 _TILE_SIDE, _TILE_SIDE_REDUCED = 16, 10
 _SMALLEST_REDUCED = 16  # points along the shorter side
@@ -66,6 +68,7 @@ class AdaptiveResult:
         spread: standard deviation of the differences between neighbours, the mean over the four directions, in the
             unit of the cloud.
         islands_kept: number of islands of one height that were kept as the texture of the surface.
+        nearly: share of the measured points that were kept and belong to a shape that is nearly an island.
         times_ms: time of each step in ms.
     """
 
@@ -73,6 +76,7 @@ class AdaptiveResult:
     score: npt.NDArray[np.float32]
     spread: float
     islands_kept: int
+    nearly: float
     times_ms: dict[str, float]
 
 
@@ -138,9 +142,9 @@ def find_outliers(
         stopwatch.lap('optics')
 
     score = search.steepness
-    _scale_scores(score, outliers, search.measured)
+    nearly = _scale_scores(score, outliers, search.measured) / int(np.count_nonzero(search.measured))
     stopwatch.lap('score')
-    return AdaptiveResult(outliers, score, spread, islands_kept, stopwatch.times_ms)
+    return AdaptiveResult(outliers, score, spread, islands_kept, nearly, stopwatch.times_ms)
 
 
 class _IslandSearch:
@@ -242,9 +246,14 @@ def _required_steepness(isolated: float, depth_of_field: float | None, rules: Ru
 
 
 @kernel
-def _scale_scores(score: _OutlierScores, outliers: Mask, measured: Mask) -> None:
-    """Turn steepness into the score in place: above 0.5 exactly for outliers, NaN where not measured."""
+def _scale_scores(score: _OutlierScores, outliers: Mask, measured: Mask) -> int:
+    """Turn steepness into the score in place: above 0.5 exactly for outliers, NaN where not measured.
+
+    Returns:
+        The number of kept points with a steepness of at least `NEARLY`.
+    """
     height, width = score.shape
+    nearly = 0
     for row in range(height):
         for column in range(width):
             if not measured[row, column]:
@@ -253,4 +262,6 @@ def _scale_scores(score: _OutlierScores, outliers: Mask, measured: Mask) -> None
                 sure = max(score[row, column], np.float32(0.1))
                 score[row, column] = np.float32(0.5) + min(sure, np.float32(1)) / 2
             else:
+                nearly += score[row, column] >= NEARLY
                 score[row, column] = min(score[row, column], np.float32(1)) / 2
+    return nearly

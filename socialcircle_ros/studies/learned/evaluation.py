@@ -67,6 +67,7 @@ class Judged:
         group: 'development', 'training' or 'left out' (of the training of these weights).
         f1: for each check, of each judge.
         removed: share of the plausible points of the untouched surface, by each judge.
+        nearly: share of its points in shapes that are nearly islands, from which the rules warn.
         by_threshold: for each threshold, F1 of each check and the share removed.
         worst: the contaminated surface of the second check, and what the network removes of it.
     """
@@ -75,6 +76,7 @@ class Judged:
     group: str
     f1: list[list[float]]
     removed: list[float]
+    nearly: float
     by_threshold: list[tuple[list[float], float]]
     worst: tuple[ContaminatedSurface, Mask] = field(repr=False)
 
@@ -129,7 +131,8 @@ def _judged(surface: StudiedSurface, judge: NetworkJudge, seeds: Sequence[int]) 
     ]
     assert worst is not None  # noqa: S101 the second check ran
     name = surface.cloud.name
-    return Judged(name, _group(name), f1, removed[: len(JUDGES)], by_threshold, worst)
+    nearly = find_outliers(surface.cloud.points[..., 2].astype(np.float32)).nearly
+    return Judged(name, _group(name), f1, removed[: len(JUDGES)], nearly, by_threshold, worst)
 
 
 def _masks(heights: NDArray[np.floating], judge: NetworkJudge) -> list[Mask]:
@@ -175,10 +178,10 @@ def _summary(judged: Sequence[Judged]) -> Table:
 
 def _surfaces_table(judged: Sequence[Judged]) -> Table:
     rows: list[list[Cell]] = [
-        [each.name, each.group, *(value for values in each.f1 for value in values), *each.removed]
+        [each.name, each.group, *(value for values in each.f1 for value in values), *each.removed, each.nearly]
         for each in judged
     ]
-    columns = _columns([Column('surface'), Column('group')])
+    columns = [*_columns([Column('surface'), Column('group')]), Column('untouched: nearly outliers', '.1%')]
     return Table('learned_surfaces', 'Each surface', columns, rows)
 
 

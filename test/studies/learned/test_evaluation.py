@@ -46,7 +46,7 @@ def sections():
 def test_every_surface_is_judged_by_both(sections):
     summary, surfaces, thresholds = sections['Surfaces'].tables
     assert [row[1] for row in surfaces.rows] == ['development', 'left out', 'training']
-    assert [len(table.columns) for table in (summary, surfaces)] == [16, 17]
+    assert [len(table.columns) for table in (summary, surfaces)] == [16, 18]
     assert all(0 <= value <= 1 for row in surfaces.rows for value in row[2:])
     assert len(thresholds.rows) == 2 * len(evaluation.THRESHOLDS)
 
