@@ -23,6 +23,16 @@ def test_a_change_filters_the_last_cloud_again(cell):
     assert after.values['stamp'] == before.values['stamp']
 
 
+def test_the_network_judges_from_the_next_cloud_on(cell):
+    pytest.importorskip('onnxruntime')
+    cell.clean(cloud())
+    (result,) = cell.set(circle__judge='network')
+    assert result.successful, result.reason
+    _, _, after = cell.answer()
+    assert after.values['circle.judge'] == 'network'
+    assert 20 <= int(after.values['outliers']) <= 32
+
+
 def test_without_reprocess_last_a_change_waits_for_the_next_cloud(cell):
     cell.set(circle__mode='paper')
     cell.clean(cloud())

@@ -75,6 +75,13 @@ def test_a_value_that_is_not_allowed_is_refused_with_what_is(values, sentence):
         CircleSettings(**values)
 
 
+def test_the_network_is_refused_without_its_runtime(monkeypatch):
+    monkeypatch.setattr('importlib.util.find_spec', lambda name: None)
+    with pytest.raises(SocialCircleError, match=r'circle\.judge: network needs ONNX Runtime: pip install'):
+        CircleSettings(judge='network')
+    assert CircleSettings().judge == 'rules'
+
+
 def test_limits_that_nothing_meets_are_refused():
     with pytest.raises(SocialCircleError, match=r'limits.sq_min 2 is above limits.sq_max 1: no surface passes'):
         LimitSettings(sq_min=2.0, sq_max=1.0)

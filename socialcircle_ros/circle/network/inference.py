@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 
 WEIGHTS = Path(__file__).with_name('network.onnx')
 """The weights of the package."""
-WHOLE = 2 << 20
+WHOLE = 1_400_000
 """Largest cloud, in points, that is one tile."""
-TILE = 1024
-"""Side of the tiles of a larger cloud, in points; even, as `features.planes_of` needs it."""
+TILE = 768
+"""Side of the tiles of a larger cloud, in points; even, as `features.planes_of` needs it. With its surroundings a
+tile takes about 200 MB."""
 
 _FEATURES, _LOGITS = 'features', 'logits'
 _VERSION = '1'
