@@ -132,6 +132,15 @@ class Series:
         return drifting
 
 
+def drift_sentences(all_series: Sequence[Series]) -> list[str]:
+    """One sentence for each cell and part that drifts."""
+    return [
+        f'{series.title} drifts: {", ".join(map(short_label, drifting))}.'
+        for series in all_series
+        if (drifting := series.drifting())
+    ]
+
+
 def read_series(folder: str | Path, page: Path, *, baseline: int = 50) -> list[Series]:
     """Read the measurements of a folder, and compute control limits and signals.
 

@@ -63,13 +63,32 @@ def write_trend(folder: str | Path, output: str | Path, *, baseline: int = 50) -
         SocialCircleError: the folder has no measurements, the page cannot be written, or Bokeh is not installed.
     """
     output = Path(output)
+    page, all_series = trend_page(folder, output, baseline=baseline)
+    prepare(output.absolute().parent)
+    write_file(output, page)
+    return all_series
+
+
+def trend_page(folder: str | Path, output: Path, *, baseline: int = 50) -> tuple[str, list[Series]]:
+    """Make the page of `write_trend`, without writing it.
+
+    Args:
+        folder: output of a batch, or `measurements.folder` of nodes.
+        output: where the page will lie; its links to reports are relative to it.
+        baseline: number of clouds after each change that the control limits are computed from.
+
+    Returns:
+        The page, and what it shows.
+
+    Raises:
+        SocialCircleError: the folder has no measurements, or Bokeh is not installed.
+    """
     try:
         from bokeh.embed import file_html  # noqa: PLC0415 - an extra
         from bokeh.resources import INLINE  # noqa: PLC0415
     except ImportError:
         raise SocialCircleError(f'The page needs Bokeh: {install_command("batch")}.') from None
     all_series = read_series(folder, output, baseline=baseline)
-    prepare(output.absolute().parent)
     page = file_html(
         charts(all_series),
         INLINE,
@@ -77,8 +96,7 @@ def write_trend(folder: str | Path, output: str | Path, *, baseline: int = 50) -
         template=_TEMPLATE,
         template_variables={'above': _above(ResultFolder(folder), all_series, baseline)},
     )
-    write_file(output, page)
-    return all_series
+    return page, all_series
 
 
 def _above(folder: ResultFolder, all_series: Sequence[Series], baseline: int) -> str:

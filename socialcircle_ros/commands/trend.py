@@ -33,16 +33,15 @@ def command(folder: str, output: Path, baseline: int) -> None:
     A click on a point opens the report of its cloud, if `socialcircle batch --reports` made it. The page needs no
     other file and can be printed.
     """  # noqa: D301 - click reads \b
-    from socialcircle_ros.archive.trend import short_label
+    from socialcircle_ros.archive.trend import drift_sentences
     from socialcircle_ros.archive.trend_page import write_trend
 
     found = write_trend(folder, output, baseline=baseline)
     clouds = sum(len(series.times) for series in found)
     click.echo(f'{quantity(clouds, "cloud")} in {quantity(len(found), "series", "series")}.')
+    for sentence in drift_sentences(found):
+        click.echo(sentence)
     for series in found:
-        drifting = series.drifting()
-        if drifting:
-            click.echo(f'{series.title} drifts: {", ".join(map(short_label, drifting))}.')
         for reason, count in series.reasons.items():
             click.echo(f'{series.title}, {quantity(count, "failure")}: {reason}', err=True)
     click.echo(f'Next: open {output}')

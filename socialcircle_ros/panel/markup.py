@@ -101,6 +101,13 @@ def title(state: State) -> str:
     return _box(f'<div class="sc-title">{escape(text)}</div>{caveat}')
 
 
+def trends(drifts: Iterable[str], address: str) -> str:
+    """What drifts, and the link to the page of trends."""
+    sentences = ''.join(f'<div>{escape(sentence)}</div>' for sentence in drifts)
+    link = f'<a href="{escape(address)}" target="_blank" rel="noopener">Open the page of trends</a>'
+    return _box(f'<div class="sc-card sc-{"warn" if sentences else "idle"}">{sentences}{link}</div>')
+
+
 def stack(stack: RecordedStack) -> str:
     """The frames of a recorded stack, and how many pixels have objections to their depth."""
     rows = {'frames': f'{stack.frames:,}'} | {

@@ -19,6 +19,8 @@ from .recording_tab import RecordingTab
 from .restart_offer import RestartOffer
 from .result_tab import ResultTab
 from .state import CurrentState, State
+from .trend_tab import TrendTab
+from .trends import Trends
 
 if TYPE_CHECKING:
     import viser
@@ -33,9 +35,13 @@ class NodePage:
         server: viser's, which is listening already.
         link: to the node.
         presets: the folder of the presets.
+        trends: what is served under `trends_address`.
+        trends_address: address of the trends.
     """
 
-    def __init__(self, server: 'viser.ViserServer', link: Link, presets: Presets) -> None:
+    def __init__(
+        self, server: 'viser.ViserServer', link: Link, presets: Presets, trends: Trends, trends_address: str
+    ) -> None:
         self._server, self._link = server, link
         self._offered: tuple[str, ...] | None = None
         self._current = CurrentState(self._show)
@@ -44,7 +50,7 @@ class NodePage:
             lambda *refusal: self._log.guarded('Showing a refusal', self._refused, *refusal),
             lambda names: self._log.guarded('Showing a change', self._accepted, names),
         )
-        self._build_right_dock()
+        self._build_right_dock(trends, trends_address)
         self._build_left_dock(presets)
 
     @property
@@ -105,7 +111,7 @@ class NodePage:
     def _show_node(self, snapshot: Snapshot) -> None:
         self._node.content = markup.node_card(self._link.name, snapshot)
 
-    def _build_right_dock(self) -> None:
+    def _build_right_dock(self, trends: Trends, trends_address: str) -> None:
         dock = self._server.gui.add_panel()
         result, log = dock.add_tab('Result', icon('chart-dots-3')), dock.add_tab('Log', icon('list'))
         with log:
@@ -118,6 +124,8 @@ class NodePage:
                 self._log,
                 self._focus_curve,
             )
+        with dock.add_tab('Trends', icon('chart-line')):
+            TrendTab(self._server.gui, trends, trends_address, self._log)
         dock.dock_right()
         dock.set_width(_RIGHT_PIXELS)
 

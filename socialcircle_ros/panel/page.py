@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from socialcircle_ros.errors import SocialCircleError, install_command
 
@@ -15,6 +16,7 @@ from .link import NodeGraph
 from .log import Log
 from .node_page import NodePage
 from .presets import Presets
+from .trends import Trends
 
 if TYPE_CHECKING:
     import viser
@@ -33,11 +35,21 @@ class Page:
         graph: gives the nodes that are offered, and the connections to them.
         presets: the folder of the presets.
         recording: a recording that is opened for the first node that is chosen; None: none.
+        trends: what is served under `trends_address`.
+        trends_address: address of the trends.
     """
 
     def __init__(
-        self, server: 'viser.ViserServer', graph: NodeGraph, presets: Presets, recording: Path | None = None
+        self,
+        server: 'viser.ViserServer',
+        graph: NodeGraph,
+        presets: Presets,
+        recording: Path | None = None,
+        *,
+        trends: Trends,
+        trends_address: str,
     ) -> None:
+        self._trends, self._trends_address = trends, trends_address
         self._server, self._graph, self._presets, self._recording = server, graph, presets, recording
         self._names: tuple[str, ...] = ()
         self._chosen: str | None = None
@@ -127,7 +139,8 @@ class Page:
             with gui.add_folder('log'):
                 self._log = Log(self._server)
         else:
-            self._node = NodePage(self._server, self._graph.link(self._chosen), self._presets)
+            link = self._graph.link(self._chosen)
+            self._node = NodePage(self._server, link, self._presets, self._trends, self._trends_address)
             self._log = self._node.log
         gui.main_panel.dock_left()
         gui.main_panel.set_width(_LEFT_PIXELS)
@@ -168,7 +181,11 @@ def page_of(
         SocialCircleError: viser is not installed, or this machine has no such address.
     """
     require_viser()
-    from .server import open_server  # noqa: PLC0415 - needs an extra
+    from .server import TRENDS, open_server  # noqa: PLC0415 - needs an extra
 
-    server, address = open_server(host, port)
-    return server, Page(server, graph, presets, recording), address
+    trends = Trends()
+    server, address = open_server(host, port, trends)
+    # A path without the host, because a visitor may come through a tunnel.
+    trends_address = f'{urlsplit(address).path}{TRENDS}'
+    page = Page(server, graph, presets, recording, trends=trends, trends_address=trends_address)
+    return server, page, address

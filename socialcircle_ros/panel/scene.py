@@ -32,7 +32,7 @@ _MOST_STRETCH = 1e5
 _STRETCH = Descriptor(
     'z scale', ParameterKind.REAL, 'Factor on the heights in the scene.', low=1.0, high=_MOST_STRETCH
 )
-_FROM_THE_FRONT = (0.0, -1.75 * SIDE, 1.55 * SIDE), (0.0, -0.08 * SIDE, 0.0)
+_FROM_THE_FRONT = (0.0, -2.0 * SIDE, 1.77 * SIDE), (0.0, -0.08 * SIDE, 0.0)
 _FROM_ABOVE = (0.0, -1e-3 * SIDE, 2.7 * SIDE), (0.0, 0.0, 0.0)
 _AXES, _MARK, _INTEREST = (150, 156, 166), (255, 255, 255), (255, 212, 59)
 

@@ -6,6 +6,7 @@ for a file or a websocket. While viser opens its server, this module puts the gu
 only place that relies on the inside of viser; where another version works otherwise, no page is served.
 """
 
+import asyncio
 import io
 import re
 import socket
@@ -25,6 +26,10 @@ from socialcircle_ros.errors import SocialCircleError
 
 from .access import Access
 from .elements import PRODUCT
+from .trends import Trends
+
+TRENDS = '/trends'
+"""Path of the page of trends and its reports, after the token."""
 
 _Answer = Response | None
 _ProcessRequest = Callable[[ServerConnection, Request], Awaitable[_Answer] | _Answer]
@@ -41,12 +46,13 @@ class _Server(viser.ViserServer):
         return None
 
 
-def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
+def open_server(host: str, port: int, trends: Trends | None = None) -> tuple[viser.ViserServer, str]:
     """Open the server of the page.
 
     Args:
         host: the name or the address to listen on.
         port: the port; where it is in use, the next free one is taken. 0: any free port.
+        trends: is served under `TRENDS`; None: nothing is.
 
     Returns:
         The server, and the address of the page with its token. Every other address is refused.
@@ -55,7 +61,7 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
         SocialCircleError: this machine has no such address, or viser's server cannot be guarded.
     """
     access = Access.of(host, _addresses_of(host))
-    with _guarding(access) as guarded, redirect_stdout(io.StringIO()):  # viser prints a banner
+    with _guarding(access, trends or Trends()) as guarded, redirect_stdout(io.StringIO()):  # viser prints a banner
         server = _Server(host=host, port=port, label=PRODUCT, verbose=False)
     if not guarded.is_set():
         server.stop()
@@ -66,14 +72,14 @@ def open_server(host: str, port: int) -> tuple[viser.ViserServer, str]:
 
 
 @contextmanager
-def _guarding(access: Access) -> Iterator[threading.Event]:
+def _guarding(access: Access, trends: Trends) -> Iterator[threading.Event]:
     """Guard the servers that `websockets` opens meanwhile; the event is set when there is one."""
     guarded = threading.Event()
     serve = websockets.asyncio.server.serve
 
     def guarded_serve(*arguments: Any, process_request: _ProcessRequest, **options: Any) -> object:
         guarded.set()
-        return serve(*arguments, process_request=_guard(access, process_request), **options)
+        return serve(*arguments, process_request=_guard(access, trends, process_request), **options)
 
     with _opening:
         websockets.asyncio.server.serve = guarded_serve  # type: ignore[assignment, misc]
@@ -83,17 +89,23 @@ def _guarding(access: Access) -> Iterator[threading.Event]:
             websockets.asyncio.server.serve = serve  # type: ignore[misc]
 
 
-def _guard(access: Access, process_request: _ProcessRequest) -> _ProcessRequest:
-    """Answer requests that are refused; pass the others on without the token."""
+def _guard(access: Access, trends: Trends, process_request: _ProcessRequest) -> _ProcessRequest:
+    """Answer requests that are refused and those for trends; pass the others on without the token."""
 
     async def guard(connection: ServerConnection, request: Request) -> _Answer:
         hosts, origins = request.headers.get_all('Host'), request.headers.get_all('Origin')
         reason = access.refusal(request.path, hosts, origins)
         if reason:
             return _page(HTTPStatus.FORBIDDEN, 'text/plain; charset=utf-8', reason.encode())
+        path = access.path_without_token(request.path)
+        if path.startswith(f'{TRENDS}/'):
+            found = await asyncio.to_thread(trends.read, path.removeprefix(f'{TRENDS}/').partition('?')[0])
+            if found is None:
+                return _page(HTTPStatus.NOT_FOUND, 'text/plain; charset=utf-8', b'There is no such page.')
+            return _page(HTTPStatus.OK, 'text/html; charset=utf-8', found)
         # Without Accept-Encoding: the title is replaced in a text that is not compressed.
         headers = Headers(item for item in request.headers.raw_items() if item[0].lower() != 'accept-encoding')
-        answer = process_request(connection, Request(access.path_without_token(request.path), headers))
+        answer = process_request(connection, Request(path, headers))
         if isinstance(answer, Awaitable):
             answer = await answer
         return answer if answer is None else _with_title(answer)
