@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The profiles of Fast DDS that come with the package."""
 
+import importlib.metadata
 import os
 import re
 import subprocess
@@ -47,17 +48,20 @@ def test_fast_dds_complains_about_a_profile_that_it_cannot_use(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('given', 'expected'),
+    ('given', 'version', 'expected'),
     [
-        ({}, [str(PROFILE)] * 2),
-        ({'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}, [None, None]),
-        ({'FASTRTPS_DEFAULT_PROFILES_FILE': 'mine.xml'}, ['mine.xml', None]),
-        ({'FASTDDS_DEFAULT_PROFILES_FILE': 'mine.xml'}, [None, 'mine.xml']),
-        ({'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}, [None, None]),
+        ({}, '7.1.5', [str(PROFILE), None]),
+        ({}, '9.1.2', [None, str(PROFILE)]),
+        ({}, 'unknown', [str(PROFILE), None]),
+        ({'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}, '7.1.5', [None, None]),
+        ({'FASTRTPS_DEFAULT_PROFILES_FILE': 'mine.xml'}, '9.1.2', ['mine.xml', None]),
+        ({'FASTDDS_DEFAULT_PROFILES_FILE': 'mine.xml'}, '7.1.5', [None, 'mine.xml']),
+        ({'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}, '7.1.5', [None, None]),
     ],
 )
-def test_the_profile_is_set_for_jazzy_and_kilted_unless_a_person_has_chosen(given, expected, monkeypatch):
+def test_the_profile_is_set_for_jazzy_or_kilted_unless_a_person_has_chosen(given, version, expected, monkeypatch):
     monkeypatch.setattr(os, 'environ', dict(given))
+    monkeypatch.setattr(importlib.metadata, 'version', lambda name: version)
     use_large_segment()
     variables = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
     assert [os.environ.get(name) for name in variables] == expected
