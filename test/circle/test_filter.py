@@ -320,6 +320,8 @@ def test_in_the_adaptive_mode_x_and_y_do_not_matter(recipe, factor, offset):
         return
     xyz[~measured] = np.nan
     elsewhere = xyz * [factor, factor, 1] + [offset, offset, 0]
+    if len(np.unique(elsewhere[measured], axis=0)) < len(np.unique(xyz[measured], axis=0)):
+        return  # tiny pitches are lost in rounding, and many points at one place count as not measured
 
     with np.errstate(all='ignore'):
         one, other = remove_outliers(xyz, ADAPTIVE), remove_outliers(elsewhere, ADAPTIVE)
