@@ -91,7 +91,7 @@ def test_sections_with_the_same_parameters_need_no_name(file):
         (b'a: &x {ros__parameters: {circle.window: 5}}\nb: *x\n', 'an alias in line 2'),
         (b'rviz: {ros__parameters: {a: 1}}', r'no parameters for social_circle, only for /rviz: .* --node'),
         (b'/**: {ros__parameters: {circle.vote_region: []}}', r'no value for circle\.vote_region'),
-        (b'#' * (16 * 2**20 + 1), 'too large'),
+        pytest.param(b'#' * (16 * 2**20 + 1), 'too large', id='too large'),
     ],
 )
 def test_a_file_without_parameters_is_refused(file, content, sentence):
