@@ -8,8 +8,8 @@
 # make lint        run ruff and mypy
 # make clean       remove everything that make and the tests created
 #
-# If Jazzy is sourced (ROS_DISTRO=jazzy), the environment uses it. Otherwise ROS 2 is installed from PyPI; these wheels
-# are not official.
+# If Jazzy or Kilted is sourced (ROS_DISTRO), the environment uses it. Otherwise ROS 2 Jazzy is installed from PyPI; these
+# wheels are not official.
 
 PYTHON ?= python3
 VENV := .venv
@@ -18,23 +18,24 @@ WORKERS ?= 4
 MINUTES ?= 10
 SEED ?= 1
 DATA ?=
+OLDEST_EXTRAS ?= $(ROS)test
 PIP := -m pip install --quiet --quiet --disable-pip-version-check
 
 ifeq ($(ROS_DISTRO),)
   VENV_OPTIONS :=
   ROS := ros,
-else ifeq ($(ROS_DISTRO),jazzy)
+else ifneq ($(filter jazzy kilted,$(ROS_DISTRO)),)
   VENV_OPTIONS := --system-site-packages
   ROS :=
 else
-  $(error ROS 2 $(ROS_DISTRO) is sourced, but only Jazzy is supported. Use a shell where no ROS is sourced: \
+  $(error ROS 2 $(ROS_DISTRO) is sourced, but only Jazzy and Kilted are supported. Use a shell where no ROS is sourced: \
     make then installs ROS 2 Jazzy from PyPI)
 endif
 
 # What is installed; make test also has all that make demo needs.
 DEMO := $(VENV)/.ready-$(ROS)demo
 ALL := $(VENV)/.ready-$(ROS)dev
-OLDEST := .venv-oldest/.ready-$(ROS)test
+OLDEST := .venv-oldest/.ready-$(OLDEST_EXTRAS)
 
 .PHONY: environment demo test test-oldest test-install soak site lint clean
 environment: $(ALL)
@@ -55,7 +56,7 @@ $(ALL): setup.py | $(BIN)/python
 $(OLDEST): setup.py constraints/noble.txt
 	@echo "Installing Ubuntu 24.04's versions in .venv-oldest (once) ..."
 	@$(PYTHON) -m venv --clear $(VENV_OPTIONS) .venv-oldest
-	@.venv-oldest/bin/python $(PIP) --constraint constraints/noble.txt --editable '.[$(ROS)test]'
+	@.venv-oldest/bin/python $(PIP) --constraint constraints/noble.txt --editable '.[$(OLDEST_EXTRAS)]'
 	@touch $@
 
 demo: $(DEMO)

@@ -15,6 +15,12 @@ ROS = [
     'ros-jazzy-rmw-fastrtps-cpp==8.4.3',
     'ros-jazzy-ament-index-python==1.8.1',
 ]
+KILTED = [
+    'ros-kilted-rclpy==9.1.2',
+    'ros-kilted-common-interfaces==5.5.1',
+    'ros-kilted-rmw-fastrtps-cpp==9.3.3',
+    'ros-kilted-ament-index-python==1.11.0',
+]
 PICTURES = ['matplotlib>=3.6', 'Pillow>=9', 'Jinja2>=3.1']  # pictures, and the pages that show them
 TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
@@ -24,12 +30,15 @@ NETWORK = ['onnxruntime>=1.17']  # circle.judge: network
 # The training of the network that judges touch.
 TRAIN = ['torch>=2.2', 'onnx>=1.15', 'scipy>=1.11', *NETWORK, *PICTURES]
 PANEL = ['viser>=1.1,<2', 'websockets>=13', *PICTURES]
-TEST = [
+BASE_TEST = [
     'pytest>=7.4',
     'pytest-xdist>=3.4',
     'hypothesis>=6.98',
     'rosbags>=0.10.4',
     'mcap-ros2-support>=0.5',
+]
+TEST = [
+    *BASE_TEST,
     's3fs>=2024.1',  # an object store, and a server that answers as one
     'moto[server]>=5',
     'playwright>=1.40',  # drives the system's Chromium; brings no browser of its own
@@ -89,6 +98,7 @@ setup(
     ],
     extras_require={
         'ros': ROS,
+        'kilted': KILTED,  # in an environment without the extra ros
         'pictures': PICTURES,
         'tuning': [*TUNING, *PICTURES],
         'panel': PANEL,
@@ -98,6 +108,7 @@ setup(
         'measurements': MEASUREMENTS,
         'batch': BATCH,
         'site': SITE,
+        'base-test': BASE_TEST,  # for tests of the base install
         'test': [*TEST, *PANEL, *TUNING, *BATCH, *NETWORK],
         'dev': [*TEST, *PANEL, *TUNING, *BATCH, *NETWORK, *SITE, *LINT],
     },
