@@ -36,6 +36,7 @@ class BatchResult:
         damaged: recordings that break off, with the sentence; their clouds before the damage are measured.
         refused: number of refused clouds and frames by reason, of the inputs that were filtered now.
         limits_failed: number of clouds that failed their limits, in all inputs.
+        units: what was taken for a unit that an input does not state, of the inputs that were filtered now.
     """
 
     inputs: int = 0
@@ -47,6 +48,7 @@ class BatchResult:
     damaged: dict[str, str] = field(default_factory=dict)
     refused: dict[str, int] = field(default_factory=dict)
     limits_failed: int = 0
+    units: list[str] = field(default_factory=list)
 
 
 def run_batch(
@@ -165,6 +167,7 @@ def _note(result: BatchResult, finished: TaskResult) -> None:
     else:
         result.done += 1
         result.clouds += entry.clouds
+        result.units += finished.units
         for reason, count in entry.refused.items():
             result.refused[reason] = result.refused.get(reason, 0) + count
         _note_findings(result, entry)

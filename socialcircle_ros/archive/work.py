@@ -2,13 +2,14 @@
 """The task of a worker: one input in; a cleaned recording, rows and an entry of the ledger out."""
 
 import time
+import warnings
 from collections import Counter
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from socialcircle_ros.cloud import HeightMap
-from socialcircle_ros.errors import SocialCircleError, printable
+from socialcircle_ros.errors import SocialCircleError, UnitWarning, printable
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.kernels.memory import keep_freed_memory
 from socialcircle_ros.measurements import MeasurementRow, Origin, SettingsText, refused_row, row_of, write_rows
@@ -69,12 +70,14 @@ class TaskResult:
         entry: of the ledger.
         same_as: location of the input with the same content that was done before, which may be this one; '':
             there is none.
+        units: what was taken for a unit that it does not state, as a sentence.
     """
 
     location: str
     content: str
     entry: LedgerEntry
     same_as: str = ''
+    units: tuple[str, ...] = ()
 
 
 def do_task(task: BatchTask) -> TaskResult:
@@ -93,7 +96,7 @@ def do_task(task: BatchTask) -> TaskResult:
             if earlier is not None and earlier.digest == task.digest and earlier.failure is None:
                 return TaskResult(task.found.location, content, earlier, earlier.location)
             try:
-                return _measured(task, path, content)
+                return _with_units(task, path, content)
             except SocialCircleError as error:
                 # The copy of a URL has a name that nobody knows.
                 return failed_result(task, str(error).replace(str(path), task.found.location))
@@ -115,6 +118,20 @@ def failed_result(task: BatchTask, reason: str) -> TaskResult:
     entry = LedgerEntry(found.location, found.size, found.changed, task.digest, files=files, failure=reason)
     Ledger(results).record_failure(entry)
     return TaskResult(found.location, '', entry)
+
+
+def _with_units(task: BatchTask, path: Path, content: str) -> TaskResult:
+    """Filter an input; warnings on its unit become part of the result, because nobody reads those of a worker."""
+    with warnings.catch_warnings(record=True) as met:
+        warnings.simplefilter('always', UnitWarning)
+        result = _measured(task, path, content)
+    units = set()
+    for warning in met:
+        if issubclass(warning.category, UnitWarning):
+            units.add(str(warning.message).replace(str(path), task.found.location))
+        else:
+            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+    return replace(result, units=tuple(sorted(units)))
 
 
 def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:

@@ -134,6 +134,9 @@ def _tell(result: 'BatchResult', output: str) -> None:
         click.echo(f'{location} has the content of {other}, and is not measured twice.', err=True)
     for reason, count in sorted(result.refused.items()):
         click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
+    if result.units:
+        others = len(result.units) - 1
+        click.echo(f'Warning: {min(result.units)}{f" So {others} more." if others else ""}', err=True)
     for sentence in sorted(result.damaged.values()):
         click.echo(f'Damaged: {sentence}', err=True)
     for location, reason in sorted(result.failed.items()):

@@ -8,13 +8,15 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from archive.archives import engine_in_this_process, object_store, recorded
+from examples import surface
 
 from socialcircle_ros import open_measurements, run_batch
 from socialcircle_ros.archive.engine import Engine
 from socialcircle_ros.archive.trend_page import write_trend
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SocialCircleError, UnitWarning
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.settings import PipelineSettings
@@ -78,6 +80,16 @@ def test_a_damaged_recording_is_told_by_every_run(tmp_path, scheduler):
     for _ in range(2):
         result = run_batch([tmp_path / 'cut.mcap'], tmp_path / 'out', scheduler=scheduler)
         assert 'cut.mcap is damaged' in result.damaged[str(tmp_path / 'cut.mcap')]
+
+
+def test_a_unit_that_an_input_does_not_state_is_told(tmp_path, scheduler, recwarn):
+    for name in 'ab':
+        np.savez(tmp_path / f'{name}.npz', z=surface(seed=ord(name))[..., 2], dx=1.0, dy=2.0)
+    result = run_batch([tmp_path / 'a.npz', tmp_path / 'b.npz'], tmp_path / 'out', scheduler=scheduler)
+    assert sorted(result.units) == [
+        f'{tmp_path}/{name}.npz does not state its unit: taken as µm; import --unit names it.' for name in 'ab'
+    ]
+    assert not [warning for warning in recwarn if issubclass(warning.category, UnitWarning)]
 
 
 def test_a_url_is_done_and_not_copied_again(tmp_path, scheduler):
