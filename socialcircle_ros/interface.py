@@ -147,7 +147,7 @@ STACK_POINTS = NodeTopic(
     'out',
     1,
     'per stack',
-    'The cloud of the stack before filtering: x, y and z in m, intensity, quality.',
+    'The cloud of the stack before filtering: x, y and z in m, intensity, quality; rgb if the frames have it.',
 )
 STACK_IMAGE = NodeTopic(
     'stack/image_in_focus',
@@ -365,6 +365,13 @@ class HealthValues(StatusValues):
         metadata=_key(
             'Standard deviation of the mean light of the frames of the last stack, as a share of the mean; it is'
             ' divided out if focus.normalize is true.'
+        ),
+    )
+    stack_focus_step: int | None = field(
+        default=None,
+        metadata=_key(
+            'Step of the focus measure of the last stack: focus.step, or what was chosen from its frames.',
+            'pixels',
         ),
     )
     publishers: int | None = field(

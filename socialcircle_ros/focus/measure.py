@@ -19,6 +19,10 @@ Frame = NDArray[np.uint8] | NDArray[np.uint16]
 """A gray image (H, W)."""
 
 
+FINE_STEP = 2
+"""Step of the fine scale, where the step is chosen from the frames."""
+
+
 class MeasureParameters(NamedTuple):
     """The parameters of the focus measure, as the kernels take them."""
 
@@ -33,8 +37,8 @@ class MeasureParameters(NamedTuple):
 
     @classmethod
     def of(cls, settings: FocusSettings) -> 'MeasureParameters':
-        """The parameters that the settings give."""
-        return cls(settings.step, settings.half_window, settings.threshold)
+        """The parameters that the settings give; where the step is chosen, those of the fine scale."""
+        return cls(settings.step or FINE_STEP, settings.half_window, settings.threshold)
 
 
 REFERENCE = {np.dtype(np.uint8): 64.0, np.dtype(np.uint16): 16384.0}
@@ -62,7 +66,7 @@ def focus_measure(frame: Frame, settings: FocusSettings | None = None) -> NDArra
 
     Args:
         frame: (H, W) uint8 or uint16, gray levels; any strides.
-        settings: step, half_window and threshold are used; None: the defaults.
+        settings: step (0: 2), half_window and threshold are used; None: the defaults.
 
     Returns:
         F of each pixel, (H, W) int32, gray levels.
@@ -74,7 +78,7 @@ def focus_measure(frame: Frame, settings: FocusSettings | None = None) -> NDArra
         >>> focus_measure(np.eye(5, dtype=np.uint8), FocusSettings(step=1, half_window=0))[2]
         array([0, 2, 4, 2, 0], dtype=int32)
     """
-    return _measure(checked_frame(frame), MeasureParameters.of(settings or FocusSettings()))
+    return measure_frame(checked_frame(frame), MeasureParameters.of(settings or FocusSettings()))
 
 
 def scale_of(frame: Frame) -> float:
@@ -112,7 +116,7 @@ def checked_frame(frame: object) -> Frame:
 
 
 @kernel
-def _measure(frame: Frame, parameters: MeasureParameters) -> NDArray[np.int32]:
+def measure_frame(frame: Frame, parameters: MeasureParameters) -> NDArray[np.int32]:
     """`focus_measure` of a checked frame."""
     height, width = frame.shape
     measure = np.empty((height, width), np.int32)

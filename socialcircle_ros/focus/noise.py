@@ -70,10 +70,12 @@ class NoiseSampler:
     Args:
         frame: (H, W), the first frame.
         parameters: of the focus measure.
+        side: of a binned pixel; 1: the frames are not binned.
     """
 
-    def __init__(self, frame: Frame, parameters: MeasureParameters) -> None:
+    def __init__(self, frame: Frame, parameters: MeasureParameters, side: int = 1) -> None:
         self._parameters = parameters
+        self._side = side
         height, width = frame.shape
         step = parameters.step
         inner = height - 2 * step
@@ -91,8 +93,8 @@ class NoiseSampler:
             frame: (H, W).
             scale: factor that makes the frame as bright as the others.
         """
-        if not self._has_previous and self._rows.size:
-            self._quantum = int(np.gcd.reduce(frame[self._rows], axis=None))
+        if self._quantum != 1 and self._rows.size:
+            self._quantum = math.gcd(self._quantum, int(np.gcd.reduce(frame[self._rows], axis=None)))
         _sample(
             frame,
             self._rows,
@@ -117,7 +119,8 @@ class NoiseSampler:
         table = np.zeros(TABLE, np.int32)
         if threshold == 0:
             noise = self._noise((np.arange(TABLE) << shift) * scale)
-            rounding = _ROUNDING * max(self._quantum, 1) * scale
+            # Rounding of the pixels in a bin is at random, so that that of their sum grows with its root.
+            rounding = _ROUNDING * max(self._quantum, 1) * self._side * scale
             level = np.maximum(noise, rounding) * (2 * half + 1) ** 2  # noise above rounding has it in it
             table = np.rint(1 + CODES_PER_OCTAVE * np.log2(level)).astype(np.int32)
         return Floor(table, shift, _smaller(height, step, half), _smaller(width, step, half))

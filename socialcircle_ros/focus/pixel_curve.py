@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.settings import FocusSettings
 
-from .measure import Frame, focus_measure
+from .measure import Frame
 from .reasons import Reason
 from .stack import FocusResult, FocusStack
 
@@ -19,7 +19,7 @@ class FocusCurve:
 
     Attributes:
         z: (n,) of the frames, ascending, in the unit of z.
-        measure: (n,) F of the pixel in each frame, divided by the light of the frame with `focus.normalize`.
+        measure: (n,) F of the pixel in each frame at the scale that was chosen, divided by the light of the frame with `focus.normalize`.
         depth: z of the peak; NaN where there is none.
         quality: 0 to 1.
         reasons: names of the objections to the depth, in lower case.
@@ -46,18 +46,16 @@ class PixelCurve(FocusStack):
     def __init__(self, settings: FocusSettings, place: tuple[int, int]) -> None:
         super().__init__(settings)
         self._place = place
-        self._found: dict[float, float] = {}
+        self._found: dict[int, dict[float, float]] = {}  # by the step of the scale, and z
         self.curve: FocusCurve | None = None
 
-    def add(self, frame: Frame, z: float) -> None:
+    def add(self, frame: Frame, z: float, colours: NDArray[np.uint8] | None = None) -> None:
         """Add a frame, as `FocusStack` does."""
-        super().add(frame, z)
-        row, column = self._place
-        reach = self._settings.step + self._settings.half_window
-        top, left = max(0, row - reach), max(0, column - reach)
-        near = frame[top : row + reach + 1, left : column + reach + 1]
-        measure = self._scale * float(focus_measure(near, self._settings)[row - top, column - left])
-        self._found[float(z)] = max(measure, self._found.get(float(z), 0.0))
+        super().add(frame, z, colours)
+        for scale in self._scales:
+            measure = self._factor * scale.measure_at(frame, *self._place)
+            found = self._found.setdefault(scale.step, {})
+            found[float(z)] = max(measure, found.get(float(z), 0.0))
 
     def reset(self) -> None:
         """Forget all frames."""
@@ -67,11 +65,12 @@ class PixelCurve(FocusStack):
     def finish(self, z: NDArray[np.float64] | None = None) -> FocusResult:
         """Measure the depth, as `FocusStack` does."""
         result = super().finish(z)
-        given = sorted(self._found)
+        found = self._found[result.step]
+        given = sorted(found)
         reasons = int(result.reasons[self._place])
         self.curve = FocusCurve(
             z=np.array(given) if z is None else z,
-            measure=np.array([self._found[each] for each in given]),
+            measure=np.array([found[each] for each in given]),
             depth=float(result.depth[self._place]),
             quality=float(result.quality[self._place]),
             reasons=tuple(reason.name.lower() for reason in Reason if reason.name and reasons & reason),

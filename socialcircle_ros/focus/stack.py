@@ -12,14 +12,11 @@ from socialcircle_ros.errors import StackError
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
 
-from .centroid import correct_for_centroid
-from .curve import Curves
 from .curve_rows import REACH
-from .fit import fit_peaks
-from .measure import REFERENCE, Frame, MeasureParameters, checked_frame, scale_of
-from .noise import NoiseSampler
+from .measure import REFERENCE, Frame, checked_frame, scale_of
 from .order import RECENT, FrameOrder
 from .reasons import SATURATED
+from .scales import Scale, ScaleResult, choose, scales_for
 
 _MOST_PLACES = 32_767 - REACH
 """Places are kept in 16 bits, and there must be REACH places beyond the last frame."""
@@ -57,6 +54,12 @@ class FocusResult:
     flicker: float
     """Standard deviation of the mean light of the frames, as a share; it is divided out with `focus.normalize`."""
 
+    step: int
+    """Step of the modified Laplacian, pixels: `focus.step`, or what was chosen from the frames."""
+
+    colours: NDArray[np.uint8] | None = None
+    """(H, W, 3): the all-in-focus image in colour; None where the frames came without colours."""
+
 
 _MOST_FLICKER = 4.0
 """Greatest ratio between the mean light of a frame and of the first one that is divided out."""
@@ -65,14 +68,15 @@ _MOST_FLICKER = 4.0
 class FocusStack:
     """Takes the frames of a focus stack one at a time, in constant memory, and measures the depth.
 
-    A pixel takes 58 bytes, and 1 or 2 bytes of the all-in-focus image, however many frames there are. Frames may
-    come in any order. Of two frames at the same z each pixel keeps the larger F, so that a frame that comes twice
-    changes nothing.
+    A pixel takes 58 bytes, and 1 or 2 bytes of the all-in-focus image, however many frames there are; a sixteenth
+    more where the step is chosen from the frames. Frames may come in any order. Of two frames at the same z each
+    pixel keeps the larger F, so that a frame that comes twice changes nothing.
 
     The fit uses the sharpest frame of each pixel and seven frames on either side of it. While the stage moves in
     one direction, upward or downward, these frames are always kept, and the result is that of `depth_from_focus`,
-    bit for bit. In another order a frame that comes late may be missing next to the sharpest frame of a pixel.
-    That pixel then has `Reason.INCOMPLETE` and a quality of 0.5 at most.
+    bit for bit, unless the light changes so much that it counts which frame is the first, see `_divisor`. In
+    another order a frame that comes late may be missing next to the sharpest frame of a pixel. That pixel then has
+    `Reason.INCOMPLETE` and a quality of 0.5 at most.
 
     Example:
         >>> stack = FocusStack()
@@ -83,25 +87,25 @@ class FocusStack:
 
     def __init__(self, settings: FocusSettings | None = None) -> None:
         self._settings = settings or FocusSettings()
-        self._parameters = MeasureParameters.of(self._settings)
         self._order = FrameOrder()
-        self._curves: Curves | None = None
-        self._noise: NoiseSampler | None = None
+        self._scales: tuple[Scale, ...] = ()
         self._lights: list[float] = []  # mean light of each frame
         self._divisors: list[float] = []  # what each frame is divided by with `focus.normalize`
-        self._scale = 1.0  # factor on F of the last frame
+        self._factor = 1.0  # on F of the last frame, for its light
+        self._picture: NDArray[np.uint8] | None = None  # the all-in-focus image in colour
 
     @property
     def places(self) -> int:
         """The number of different z so far."""
         return len(self._order.z)
 
-    def add(self, frame: Frame, z: float) -> None:
+    def add(self, frame: Frame, z: float, colours: NDArray[np.uint8] | None = None) -> None:
         """Add a frame.
 
         Args:
             frame: (H, W) uint8 or uint16, like the first one; any strides; it is not kept.
             z: position of the stage, in any unit.
+            colours: (H, W, 3), the same frame in colour, for the all-in-focus image; all frames have it, or none.
 
         Raises:
             StackError: the frame or its z cannot be used; the stack is unchanged.
@@ -109,37 +113,50 @@ class FocusStack:
         frame = checked_frame(frame)
         if not math.isfinite(z):
             raise StackError(f'A frame needs a finite z, not {z}.')
-        curves, order = self._curves, self._order
-        if curves is None or (not order.z and _kind(frame) != _kind(curves.image)):
-            curves = Curves.like(frame)
-        if _kind(frame) != _kind(curves.image):
+        scales, order = self._scales, self._order
+        if not scales or (not order.z and _kind(frame) != _kind(scales[0].image)):
+            scales = scales_for(frame, self._settings)
+        image = scales[0].image
+        if _kind(frame) != _kind(image):
             raise StackError(
-                f'A frame of {frame.shape} {frame.dtype} cannot join a stack of {curves.image.shape}'
-                f' {curves.image.dtype}: start a new stack.'
+                f'A frame of {frame.shape} {frame.dtype} cannot join a stack of {image.shape}'
+                f' {image.dtype}: start a new stack.'
             )
+        if colours is not None and colours.shape != (*frame.shape, 3):
+            raise StackError(f'The colours of a frame of {frame.shape} must be {(*frame.shape, 3)}.')
+        if order.z and (colours is None) != (self._picture is None):
+            raise StackError('All frames of a stack must have colours, or none.')
         if len(order.z) == _MOST_PLACES and not order.knows(z):
             raise StackError(f'A stack holds at most {_MOST_PLACES} frames: finish it and start another.')
-        if self._noise is None or not order.z:
-            curves.begin(frame)
-            self._noise, self._lights, self._divisors = NoiseSampler(frame, self._parameters), [], []
-        if len(order.z) < RECENT:
-            curves.clear_slots(len(order.z))
-        rows, recent, places = list(order.rows), order.recent, order.places
+        if not order.z:
+            self._scales, self._lights, self._divisors = scales, [], []
+            self._picture = None if colours is None else np.zeros_like(colours, order='C')
+            for scale in scales:
+                scale.begin(frame)
+        place, rows, recent, places = len(order.z), list(order.rows), order.recent, order.places
         arrival = order.add(float(z))
-        if arrival.turns:
-            curves.release_all(rows, recent, places)
+        self._factor = self._factor_for(frame, is_known=arrival.is_known)
+        for scale in scales:
+            if place < RECENT:
+                scale.curves.clear_slots(place)
+            if arrival.turns:
+                scale.curves.release_all(rows, recent, places)
+            scale.add(frame, arrival, self._factor)
+        if colours is not None and self._picture is not None:
+            colours = np.require(colours, requirements=['C', 'W'])
+            _take_colours(scales[0].curves.arrays.centre, arrival.place, image, frame, colours, self._picture)
+
+    def _factor_for(self, frame: Frame, *, is_known: bool) -> float:
+        """The factor of F for the light of a frame, which is noted unless there is a frame at its z already."""
         to_reference = scale_of(frame)
         light = REFERENCE[frame.dtype] / to_reference
         divisor = self._divisor(light)
         if divisor != light:
             to_reference = REFERENCE[frame.dtype] / divisor
-        self._scale = scale = to_reference if self._settings.normalize else 1.0
-        if not arrival.is_known:  # the same frame again would show no noise
-            self._noise.add(frame, scale)
+        if not is_known:
             self._lights.append(light)
             self._divisors.append(divisor)
-        curves.add(frame, arrival, scale, self._parameters)
-        self._curves = curves
+        return to_reference if self._settings.normalize else 1.0
 
     def _divisor(self, light: float) -> float:
         """What a frame is divided by: its mean light, but no more than `_MOST_FLICKER` from the first frame's.
@@ -168,25 +185,27 @@ class FocusStack:
                 their number.
         """
         order = self._order
-        if self._curves is None or self._noise is None or len(order.z) < 3:
+        if len(order.z) < 3:
             raise StackError(f'A peak needs frames at three different z at least; the stack has {len(order.z)}.')
-        for part in range(len(order.z), RECENT):
-            self._curves.clear_slots(part)
-        settings, z = self._settings, np.array(order.z) if z is None else z
-        if len(z) != len(order.z) or not np.all(np.diff(z) > 0):
+        settings, positions = self._settings, np.array(order.z) if z is None else z
+        if len(positions) != len(order.z) or not np.all(np.diff(positions) > 0):
             raise StackError(f'The z of a stack must ascend, one for each of its {len(order.z)} different z.')
-        three_point = settings.fit == 'gauss3'
-        image = self._curves.image.copy()
+        image = self._scales[0].image.copy()
         light = float(np.mean(self._divisors))
-        floor = self._noise.floor(image, REFERENCE[image.dtype] / light if settings.normalize else 1.0)
-        depth, quality, reasons, widths = fit_peaks(self._curves, order, z, floor, three_point=three_point)
-        if not three_point:
-            depth = correct_for_centroid(depth, quality, image, z, self._parameters)
+        factor = REFERENCE[image.dtype] / light if settings.normalize else 1.0
+
+        def measure(scale: Scale) -> ScaleResult:
+            return scale.measure(order, positions, factor, image.shape, three_point=settings.fit == 'gauss3')
+
+        found = choose(self._scales, measure)
+        depth, quality, reasons = found.maps
         level = settings.saturation or np.iinfo(image.dtype).max
-        _mark_saturated(image, level, settings.half_window, reasons, quality)
-        width = widths.median(quality)
+        _mark_saturated(image, level, found.half_window, reasons, quality)
         flicker = float(np.std(self._lights) / np.mean(self._lights))
-        return FocusResult(depth, quality, image, reasons, width and width / _WIDTH, flicker)
+        width = found.width
+        depth_of_field = width and width / _WIDTH
+        picture = None if self._picture is None else self._picture.copy()
+        return FocusResult(depth, quality, image, reasons, depth_of_field, flicker, found.step, picture)
 
 
 def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[np.uint8] | np.dtype[np.uint16]]:
@@ -220,6 +239,34 @@ def depth_from_focus(
     for index in sorted(range(len(positions)), key=lambda k: (math.isfinite(positions[k]), positions[k])):
         stack.add(frames[index], positions[index])
     return stack.finish()
+
+
+@kernel
+def _take_colours(
+    centre: NDArray[np.int16],
+    place: int,
+    image: Frame,
+    frame: Frame,
+    colours: NDArray[np.uint8],
+    picture: NDArray[np.uint8],
+) -> None:
+    """Copy the colours of the pixels whose sharpest frame is this one.
+
+    Args:
+        centre: (H, W), places of the sharpest frames, with this one.
+        place: of the frame.
+        image: (H, W), the all-in-focus image, with this frame. It differs from the frame where another frame at
+            the same z is sharper.
+        frame: (H, W).
+        colours: (H, W, 3) of the frame.
+        picture: (H, W, 3), updated.
+    """
+    height, width = image.shape
+    for row in range(height):
+        for x in range(width):
+            if centre[row, x] == place and image[row, x] == frame[row, x]:
+                for channel in range(3):
+                    picture[row, x, channel] = colours[row, x, channel]
 
 
 @kernel

@@ -22,7 +22,7 @@ KEPT, NOT_MEASURED, OUTLIER = 0, 127, 255
 _MONO = {'mono8': 1, '8UC1': 1, 'mono16': 2, '16UC1': 2}
 """Bytes per pixel."""
 
-_COLOUR = {'rgb8': False, 'bgr8': True, '8UC3': True}
+COLOUR_ENCODINGS = {'rgb8': False, 'bgr8': True, '8UC3': True}
 """Whether blue comes first; OpenCV's 8UC3 is BGR."""
 
 _MOSAIC = ('bayer_rggb8', 'bayer_bggr8', 'bayer_gbrg8', 'bayer_grbg8')
@@ -78,9 +78,9 @@ class Image:
             MessageError: the encoding is not supported, the image contradicts itself, or a Bayer image is smaller
                 than 2×2.
         """
-        channels = 3 if self.encoding in _COLOUR else 1
+        channels = 3 if self.encoding in COLOUR_ENCODINGS else 1
         size = _MONO.get(self.encoding, 1)
-        if self.encoding not in (*_MONO, *_COLOUR, *_MOSAIC):
+        if self.encoding not in (*_MONO, *COLOUR_ENCODINGS, *_MOSAIC):
             raise MessageError(
                 f'The encoding {self.encoding!r} is not supported; send mono8, mono16, rgb8, bgr8 or bayer_*8.'
             )
@@ -103,6 +103,19 @@ class Image:
         strides = (self.step, 3, 1) if channels == 3 else (self.step, size)
         return np.ndarray(shape, kind, self.message, offset=self.data_start, strides=strides)
 
+    def colours(self) -> npt.NDArray[np.uint8] | None:
+        """The three channels in the order in which they were sent: (H, W, 3), a view of the message; or None.
+
+        Raises:
+            MessageError: as `pixels`.
+        """
+        return cast('npt.NDArray[np.uint8]', self.pixels()) if self.encoding in COLOUR_ENCODINGS else None
+
+    @property
+    def blue_first(self) -> bool:
+        """Whether the order of three channels is B, G, R."""
+        return COLOUR_ENCODINGS.get(self.encoding, False)
+
     def gray(self) -> GrayImage:
         """The image in gray.
 
@@ -113,29 +126,38 @@ class Image:
             MessageError: as `pixels`.
         """
         pixels = self.pixels()
-        if self.encoding in _COLOUR:
-            return gray_of_colour(cast('npt.NDArray[np.uint8]', pixels), blue_first=_COLOUR[self.encoding])
+        if self.encoding in COLOUR_ENCODINGS:
+            return gray_of_colour(
+                cast('npt.NDArray[np.uint8]', pixels), blue_first=COLOUR_ENCODINGS[self.encoding]
+            )
         if self.encoding in _MOSAIC:
             return gray_of_mosaic(cast('npt.NDArray[np.uint8]', pixels))
         # Only 16-bit pixels can be unaligned or in foreign byte order.
         return pixels if pixels.flags.aligned and pixels.dtype.isnative else pixels.astype(np.uint16)
 
 
-def encode_image(header: Header, pixels: GrayImage | npt.NDArray[np.float32]) -> bytes:
+def encode_image(
+    header: Header, pixels: GrayImage | npt.NDArray[np.float32], *, blue_first: bool = False
+) -> bytes:
     """Serialize an image.
 
     Args:
         header: the time and the frame of reference.
-        pixels: (H, W) uint8, uint16 or float32; the encoding is mono8, mono16 or 32FC1.
+        pixels: (H, W) uint8, uint16 or float32; the encoding is mono8, mono16 or 32FC1. Or (H, W, 3) uint8, which
+            is rgb8 or bgr8.
+        blue_first: whether the order of the three channels is B, G, R.
     """
-    height, width = pixels.shape
+    height, width = pixels.shape[:2]
+    encoding = {1: 'mono8', 2: 'mono16', 4: '32FC1'}[pixels.dtype.itemsize]
+    if pixels.ndim == 3:
+        encoding = 'bgr8' if blue_first else 'rgb8'
     writer = CdrWriter()
     header.write(writer)
     writer.uint32(height)
     writer.uint32(width)
-    writer.string({1: 'mono8', 2: 'mono16', 4: '32FC1'}[pixels.dtype.itemsize])
+    writer.string(encoding)
     writer.boolean(False)
-    writer.uint32(width * pixels.dtype.itemsize)
+    writer.uint32(pixels[:1].nbytes)
     little = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('<'))
     writer.octets(little.view(np.uint8).data.cast('B'))
     return writer.finish()

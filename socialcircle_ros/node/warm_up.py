@@ -163,6 +163,7 @@ def _rare() -> Iterator[Callable[[], object]]:
             yield partial(filter_cloud, cloud, PipelineSettings(output=output, repair=repair))
     yield _see
     yield partial(_measure, np.uint16)
+    yield partial(_measure, np.uint8, in_colour=True)
     pixels = np.frombuffer(bytes(48), np.uint8)  # read-only, as in a message
     for blue_first in (False, True):
         yield partial(gray_of_colour, pixels.reshape(4, 4, 3), blue_first=blue_first)
@@ -188,9 +189,11 @@ def _see() -> None:
     judged_by(probabilities, measured, measured, np.zeros_like(heights))
 
 
-def _measure(kind: type[np.unsignedinteger]) -> None:
+def _measure(kind: type[np.unsignedinteger], *, in_colour: bool = False) -> None:
     assembler = StackAssembler()
     assembler.configure(FocusSettings(), StackSettings(pitch_x=1.0, z_step=1.0, frames=3))
-    texture = (np.indices((12, 10)).sum(axis=0) % 3).astype(kind)
+    texture = (np.indices((40, 34)).sum(axis=0) % 3).astype(kind)
+    if in_colour:
+        texture = np.dstack([texture] * 3)
     for brightness in (1, 9, 2):
         list(assembler.add_frame(encode_image(Header(), texture * kind(brightness))))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from socialcircle_ros.errors import StackError
 from socialcircle_ros.focus import FocusStack, Frame
 from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.image import Image
 from socialcircle_ros.settings import StackSettings
 
 from .frame_stamps import GAP_PERIODS, frame_numbers, period_of
@@ -45,6 +46,7 @@ class RunningStack:
     _first_z: float = math.nan
     _last_z: float = math.nan
     _furthest_z: float = math.nan
+    _blue_first: bool = False
     _steady: bool = True
     """Whether z never moved back."""
     _gap: bool = False
@@ -55,12 +57,12 @@ class RunningStack:
         """How many frames were measured."""
         return len(self.stamps)
 
-    def add(self, pixels: Frame, header: Header, z: float | None) -> None:
+    def add(self, frame: Image, pixels: Frame, z: float | None) -> None:
         """Measure a frame.
 
         Args:
-            pixels: (H, W).
-            header: of the frame.
+            frame: its message.
+            pixels: (H, W), its pixels in gray.
             z: position of the stage in m; None: it is counted.
 
         Raises:
@@ -69,7 +71,9 @@ class RunningStack:
         if z is None:
             z = self.settings.z_start + self.settings.z_step * self.offered
         self.offered += 1
-        self.focus.add(pixels, z)
+        self.focus.add(pixels, z, frame.colours())
+        header = frame.header
+        self._blue_first = frame.blue_first
         self._gap |= self._counts and self._periods_to(header.stamp) >= GAP_PERIODS
         self.header = header
         self.stamps.append(header.stamp)
@@ -125,6 +129,7 @@ class RunningStack:
             preview=preview,
             warning='' if preview else self._warning(lost),
             speed=self._speed,
+            blue_first=self._blue_first,
         )
 
     @property

@@ -19,7 +19,7 @@ from socialcircle_ros.messages.joint_state import JointState
 from socialcircle_ros.settings import FocusSettings, StackSettings
 
 from .running_stack import RunningStack
-from .stack_cloud import FIELDS, StackCloud
+from .stack_cloud import StackCloud, fields_of
 
 MOST_WAITING = 64
 """Frames that may wait for a joint state; when more wait, the first one is refused."""
@@ -27,8 +27,9 @@ MOST_WAITING = 64
 MOST_STATES = 10_000
 """Joint states that are kept; frames before the oldest one are refused."""
 
-BYTES_PER_PIXEL = 81
-"""Memory that a stack needs for each of its pixels: 60 for the curves, 21 for the results; not the cloud."""
+BYTES_PER_PIXEL = 86
+"""Memory that a stack needs for each of its pixels: 64 for the curves, 22 for the results; not the cloud.
+Colour needs 6 more."""
 
 GAP_NS = 500_000_000
 """Joint states that are further apart than this are not interpolated."""
@@ -85,7 +86,8 @@ class StackAssembler:
     @property
     def cloud_size(self) -> int:
         """Size in bytes of the cloud that the running stack becomes; 0: none runs."""
-        return 4 * len(FIELDS) * math.prod(self._stack.shape) if self._stack is not None else 0
+        stack = self._stack
+        return 4 * len(fields_of(stack.encoding)) * math.prod(stack.shape) if stack is not None else 0
 
     def add_frame(self, message: bytes) -> Iterator[StackEvent]:
         """Take in a serialized Image."""
@@ -234,7 +236,7 @@ class StackAssembler:
         if stack is None:
             stack = self._begin(frame, pixels.shape)
         try:
-            stack.add(pixels, frame.header, z)
+            stack.add(frame, pixels, z)
         except StackError as error:
             yield Refusal(f'A frame was refused: {error}')
             return

@@ -154,7 +154,7 @@ def _scans(recording: str | Path, settings: PipelineSettings, seen: Callable[[in
 def _scan(cloud: StackCloud) -> _StageScan:
     decoded = PointCloud.decode(cloud.points)
     values = np.frombuffer(decoded.message, '<f4', decoded.data_length // 4, decoded.data_start)
-    return _StageScan(values.reshape(decoded.height, decoded.width, len(FIELDS)), cloud.speed)
+    return _StageScan(values.reshape(decoded.height, decoded.width, -1), cloud.speed)
 
 
 def _difference(one: _StageScan, other: _StageScan) -> float:

@@ -18,16 +18,18 @@ class FocusSettings(Settings):
     group: ClassVar[str] = 'focus'
 
     step: int = setting(
-        2,
-        'Step s of the modified Laplacian (eq. 1). 1 responds to the finest texture, 2 or 3 tolerate more noise.',
+        0,
+        'Step s of the modified Laplacian (eq. 1). 0: chosen from the frames of each stack: 2, or 4 on frames that'
+        ' are binned 4×4 where many more pixels are then reliable, as where the camera resolves more than the'
+        ' optics. 1 responds to the finest texture, 2 or 3 tolerate more noise.',
         unit='pixels',
-        minimum=1,
+        minimum=0,
         maximum=8,
     )
     half_window: int = setting(
         4,
         'Half-width N of the window of the focus measure (eq. 2). Larger windows average noise, smaller windows'
-        ' resolve finer steps.',
+        ' resolve finer steps. Twice as wide where a step of 4 is chosen.',
         unit='pixels',
         minimum=0,
         maximum=15,
@@ -122,7 +124,7 @@ class StackSettings(Settings):
     )
     max_pixels: int = setting(
         25_000_000,
-        'Largest frame. A larger one is refused: a stack needs 81 bytes per pixel.',
+        'Largest frame. A larger one is refused: a stack needs 86 bytes per pixel.',
         unit='pixels',
         minimum=1,
         maximum=1_000_000_000,

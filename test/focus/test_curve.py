@@ -29,7 +29,7 @@ def measured(frames, order):
 
 def kept(stack):
     """Codes by place for each pixel, and the highest code elsewhere, once all frames are released."""
-    order, curves = stack._order, stack._curves
+    order, curves = stack._order, stack._scales[0].curves
     for part in range(len(order.z), RECENT):
         curves.clear_slots(part)
     curves.release_all(order.rows, order.recent, order.places)
@@ -106,7 +106,7 @@ def test_all_is_kept_while_the_stage_moves_in_one_direction(order, seed, count, 
         assert arrays.peak[row, column] == near[centre]
         assert arrays.lowest[row, column] == lowest
         assert arrays.outside[row, column] == outside
-        assert stack._curves.image[row, column] == frames[centre, row, column]
+        assert stack._scales[0].image[row, column] == frames[centre, row, column]
         for index, code in near.items():
             assert arrays.slots[row, (index + first) % SLOTS, column] == code
 

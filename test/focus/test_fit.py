@@ -13,7 +13,7 @@ from socialcircle_ros.simulation import simulate
 
 @pytest.mark.parametrize('fit', ['gauss', 'gauss3'])
 def test_peak_equals_the_reference(noisy, fit, monkeypatch):
-    monkeypatch.setattr('socialcircle_ros.focus.stack.correct_for_centroid', lambda depth, *_: depth)
+    monkeypatch.setattr('socialcircle_ros.focus.scales.correct_for_centroid', lambda depth, *_: depth)
     settings = FocusSettings(fit=fit)
     result = depth_from_focus(noisy.frames, noisy.z, settings)
     curves = np.stack([focus_measure(frame, settings) * naive.scale_of(frame) for frame in noisy.frames])

@@ -113,8 +113,9 @@ def test_memory_does_not_grow_with_the_number_of_frames(frames):
     rng = np.random.default_rng(0)
     for place in range(frames):
         stack.add(rng.integers(0, 65535, (40, 50), np.uint16), place)
-    held = sum(array.nbytes for array in (*stack._curves.arrays, stack._curves.image))
-    assert held == 60 * 40 * 50
+    curves = [scale.curves for scale in stack._scales]
+    held = sum(array.nbytes for each in curves for array in (*each.arrays, each.image))
+    assert held == 60 * (40 * 50 + 10 * 12)  # the frame, and the frame of binned pixels
 
 
 def test_threshold_keeps_the_depth_accurate_under_noise(noisy):

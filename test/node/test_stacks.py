@@ -107,6 +107,7 @@ def test_a_stack_ends_at_the_given_number_of_frames(microscope):
     assert found.values['frames_received'] == '9'
     assert float(found.values['stack_latency_ms']) > 0
     assert 0 <= float(found.values['stack_flicker']) < 1
+    assert found.values['stack_focus_step'] == '2'
 
 
 def test_diagnostics_count_the_bad_pixels_of_the_last_stack_by_reason(microscope):

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scale of the focus measure is chosen from the frames, in any order of them."""
+
+import numpy as np
+import pytest
+from focus.stacks import same
+
+from socialcircle_ros.focus import FocusStack, depth_from_focus
+from socialcircle_ros.focus.scales import BIN, DepthMaps, _at_every_pixel, _bin
+from socialcircle_ros.settings import FocusSettings
+from socialcircle_ros.simulation import INSTRUMENTS, Optics, Stage, simulate
+
+
+@pytest.fixture(scope='module')
+def oversampled():
+    """A camera with four pixels where the optics resolve one."""
+    sharp = INSTRUMENTS['10x']
+    optics = Optics(numerical_aperture=sharp.numerical_aperture, pixel=sharp.pixel / 4)
+    scan = simulate(
+        'flat', 98, 131, instrument=optics, z_step=optics.depth_of_field / 2, stage=Stage(jitter=0.2), seed=3
+    )
+    frames = list(scan.frames())
+    return scan, np.stack([frame.image for frame in frames]), np.array([frame.z for frame in frames])
+
+
+def test_step_4_is_chosen_where_the_camera_resolves_more_than_the_optics(oversampled):
+    scan, frames, z = oversampled
+    chosen, fine = depth_from_focus(frames, z), depth_from_focus(frames, z, FocusSettings(step=2))
+    assert (chosen.step, fine.step) == (4, 2)
+    assert np.mean(chosen.quality >= 0.9) > 0.9
+    assert np.mean(fine.quality >= 0.9) < 0.5
+    errors = [scan.truth.classify(result.depth).error for result in (chosen, fine)]
+    assert np.nanmedian(np.abs(errors[0])) < 0.7 * np.nanmedian(np.abs(errors[1]))
+    assert chosen.image.shape == frames[0].shape
+
+
+def test_scan_downward_gives_the_same_where_step_4_is_chosen(oversampled):
+    _, frames, z = oversampled
+    downward = FocusStack()
+    for k in range(len(z))[::-1]:
+        downward.add(frames[k], z[k])
+    found = downward.finish()
+    assert found.step == 4
+    assert same(found, depth_from_focus(frames, z))
+
+
+@pytest.mark.parametrize('name', ['clean', 'noisy'])
+def test_step_2_is_chosen_where_the_texture_is_as_fine_as_the_pixels(name, request):
+    stack = request.getfixturevalue(name)
+    chosen = depth_from_focus(stack.frames, stack.z)
+    assert chosen.step == 2
+    assert same(chosen, depth_from_focus(stack.frames, stack.z, FocusSettings(step=2)))
+
+
+def test_small_frames_are_measured_at_one_scale():
+    frames = np.random.default_rng(0).integers(0, 255, (5, 31, 90), np.uint8)
+    assert depth_from_focus(frames, np.arange(5)).step == 2
+
+
+@pytest.mark.parametrize(
+    ('dtype', 'most', 'shift'), [(np.uint8, 255, 0), (np.uint16, 4095, 0), (np.uint16, 65535, 4)]
+)
+def test_binned_pixels_are_sums(dtype, most, shift):
+    frame = np.random.default_rng(1).integers(0, most + 1, (BIN * 5 + 3, BIN * 7 + 1)).astype(dtype)
+    frame[:BIN, :BIN] = most
+    binned = np.empty((5, 7), np.uint16)
+    _bin(frame, shift, binned)
+    sums = frame[: BIN * 5, : BIN * 7].reshape(5, BIN, 7, BIN).sum((1, 3), dtype=np.int64)
+    assert np.array_equal(binned, (sums + (1 << shift) // 2) >> shift)
+
+
+def test_brighter_pixels_than_the_saturation_do_not_overflow():
+    binned = np.empty((1, 1), np.uint16)
+    _bin(np.full((BIN, BIN), 65535, np.uint16), 0, binned)
+    assert binned[0, 0] == 65535
+
+
+class TestDepthAtEveryPixel:
+    @staticmethod
+    def spread(depth, shape):
+        quality = np.linspace(0, 1, depth.size, dtype=np.float32).reshape(depth.shape)
+        reasons = np.arange(depth.size, dtype=np.uint8).reshape(depth.shape)
+        return _at_every_pixel(DepthMaps(depth, quality, reasons), np.arange(-50.0, 51), shape), quality, reasons
+
+    def test_a_plane_stays_a_plane_up_to_the_edge(self):
+        row, column = np.mgrid[:35, :46]
+        plane = 0.1 * (row - 1.5) - 0.2 * (column - 1.5) + 3
+        middles = 0.1 * BIN * np.arange(8)[:, None] - 0.2 * BIN * np.arange(11) + 3
+        found, _, _ = self.spread(middles, plane.shape)
+        np.testing.assert_allclose(found.depth, plane, atol=1e-9)
+
+    def test_quality_and_reasons_are_those_of_the_nearest_binned_pixel(self):
+        found, quality, reasons = self.spread(np.zeros((8, 9)), (34, 39))
+        assert np.array_equal(found.quality[:32, :36], np.kron(quality, np.ones((BIN, BIN))))
+        assert np.array_equal(found.reasons[33, 38], reasons[-1, -1])
+
+    def test_edges_and_missing_depths_are_not_blurred(self):
+        depth = np.where(np.arange(9) < 5, 0.0, 7.0) * np.ones((8, 1))
+        depth[3, 2] = np.nan
+        found, _, _ = self.spread(depth, (32, 36))
+        assert set(np.unique(found.depth[np.isfinite(found.depth)])) == {0.0, 7.0}
+        assert np.isnan(found.depth).sum() == BIN * BIN
