@@ -19,7 +19,8 @@ class FocusCurve:
 
     Attributes:
         z: (n,) of the frames, ascending, in the unit of z.
-        measure: (n,) F of the pixel in each frame at the scale that was chosen, divided by the light of the frame with `focus.normalize`.
+        measure: (n,) F of the pixel in each frame at the scale that was chosen, divided by the light of the frame
+            with `focus.normalize`.
         depth: z of the peak; NaN where there is none.
         quality: 0 to 1.
         reasons: names of the objections to the depth, in lower case.

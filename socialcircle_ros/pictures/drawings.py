@@ -228,6 +228,31 @@ class CloudPictures:
 
         return style.picture(*_SIZE, draw)
 
+    def quality(self, values: npt.NDArray[np.floating]) -> bytes:
+        """Map the quality of each point, (H, W) 0 to 1."""
+
+        def draw(figure: 'Figure') -> None:
+            axes, bar_axes = _map_axes(figure, self._frame.ratio_drawn)
+            image = self._image(axes, thinned(values, _PIXELS), style.HEIGHTS, (0.0, 1.0))
+            axes.set_title('quality')
+            figure.colorbar(image, cax=bar_axes)
+
+        return style.picture(*_SIZE, draw)
+
+    def in_focus(self, picture: npt.NDArray[np.integer]) -> bytes:
+        """Show the picture in focus, (H, W) gray or (H, W, 3) red, green, blue, on the map."""
+
+        def draw(figure: 'Figure') -> None:
+            axes, bar_axes = _map_axes(figure, self._frame.ratio_drawn)
+            if bar_axes is not None:
+                bar_axes.set_axis_off()  # the map is as large as the one beside it
+            shown = thinned(picture, _PIXELS)
+            axes.imshow(shown, cmap='gray', extent=self._frame.extent, interpolation='nearest')
+            self._frame.put_on(axes)
+            axes.set_title('picture in focus')
+
+        return style.picture(*_SIZE, draw)
+
     @property
     def pitch(self) -> Pitch | None:
         """Distance of the columns and of the rows, in the unit of the cloud; None: the cloud is no such grid."""

@@ -90,6 +90,7 @@ class SourceCloud:
         depth_of_field: of a stack in m, where its focus curves show it.
         frames: how many frames of a stack were measured; 0 for a cloud.
         reasons: number of pixels of a stack by objection to their depth.
+        focus_step: step of the focus measure of a stack, pixels; 0 for a cloud.
     """
 
     namespace: str
@@ -101,6 +102,7 @@ class SourceCloud:
     depth_of_field: float | None = None
     frames: int = 0
     reasons: Mapping[str, int] = field(default_factory=dict)
+    focus_step: int = 0
 
 
 def filter_recording(
@@ -307,6 +309,7 @@ class _RecordedCell:
                     event.depth_of_field,
                     event.frames,
                     count_reasons(event.reasons),
+                    event.focus_step,
                 )
 
 

@@ -19,10 +19,12 @@ from socialcircle_ros.metrics.areal import FILTERS, ArealTexture, areal_texture
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pictures.drawings import CloudPictures, WorstOutlier
 from socialcircle_ros.pipeline.clouds import CloudOutputs
+from socialcircle_ros.recording.offline import SourceCloud
 from socialcircle_ros.settings import PARAMETERS
 from socialcircle_ros.settings.effects import has_effect
 
 from .content import Banner, Beside, Cell, Column, Picture, Pictures, Section, Table
+from .stack import StackSummary, summarize_stack
 
 _NAME_AND_VALUE = (Column(''), Column(''))
 
@@ -38,7 +40,7 @@ class ReportEntry:
         circle: the `circle.*` parameters in force, as the measurement states them.
         times_ms: duration of each stage, and their `total`.
         unit: of the cloud; None: not known.
-        is_stack: whether the cloud was measured from a focus stack.
+        stack: of the focus stack that the cloud was measured from; None for another cloud.
         is_repaired: whether the holes that the outliers left were filled.
         before: texture of all measured points.
         after: texture of the kept points.
@@ -54,7 +56,7 @@ class ReportEntry:
     circle: Mapping[str, str]
     times_ms: Mapping[str, float]
     unit: str | None
-    is_stack: bool
+    stack: StackSummary | None
     is_repaired: bool
     before: ArealTexture
     after: ArealTexture
@@ -78,7 +80,7 @@ class ReportEntry:
         stamp = stamp_text(self.stamp)
         return Section(
             f'{self.name}, {stamp}' if stamp else self.name,
-            items=[*self._banner(), *self.pictures, Beside(list(self._tables()))],
+            items=[*self._banner(), *self.pictures, *self._stack_pictures(), Beside(list(self._tables()))],
             warnings=self.warnings,
             anchor=self.anchor,
         )
@@ -112,8 +114,14 @@ class ReportEntry:
         elif found.verdict is not None:
             yield Banner('passed', 'Passed: the measurement is within its limits.')
 
+    def _stack_pictures(self) -> Iterator[Pictures]:
+        if self.stack is not None:
+            yield self.stack.pictures
+
     def _tables(self) -> Iterator[Table]:
         yield Table('', 'Points', _NAME_AND_VALUE, list(self._counts()))
+        if self.stack is not None:
+            yield self.stack.table
         columns = [Column(''), Column('before'), Column('after'), Column('change', '+.1%')]
         yield Table('', 'Texture by ISO 25178-2', columns, list(self._textures()), note=f'{FILTERS}.')
         yield Table('', 'Settings with an effect', _NAME_AND_VALUE, list(self._settings()))
@@ -169,8 +177,7 @@ def make_entry(
     result: CloudOutputs,
     *,
     unit: str | None = None,
-    is_stack: bool = False,
-    warning: str = '',
+    source: SourceCloud | None = None,
     truth: tuple[Mask, Mask] | None = None,
     recorded: diagnostics.Status | None = None,
 ) -> ReportEntry:
@@ -181,8 +188,7 @@ def make_entry(
         cloud: the serialized PointCloud2 as measured.
         result: the outputs of the filter for this cloud, with the mask.
         unit: of the cloud; None: not known.
-        is_stack: whether the cloud was measured from a focus stack.
-        warning: a warning about the cloud itself, such as that its stack is incomplete; empty for none.
+        source: what the recording holds of the cloud; None: nothing but the cloud.
         truth: (H, W) the outliers, and (H, W) the points with a certain truth; None where not known.
         recorded: the measurement of this cloud that the recording holds; it is compared with `result`.
 
@@ -193,7 +199,7 @@ def make_entry(
     drawn = CloudPictures(decoded.xyz(), outliers_of(result), unit)
     measurement = result.measurement.values
     circle = result.measurement.settings
-    warnings = [warning] if warning else []
+    warnings = [source.warning] if source is not None and source.warning else []
     if result.measurement.level == diagnostics.WARN:
         warnings.append(result.measurement.message)
     if recorded is not None:
@@ -205,7 +211,7 @@ def make_entry(
         circle=circle,
         times_ms=result.measurement.times_ms,
         unit=unit,
-        is_stack=is_stack,
+        stack=None if source is None else summarize_stack(source, decoded, drawn),
         is_repaired=REPAIRED in result.messages,
         before=areal_texture(drawn.heights, drawn.pitch),
         after=areal_texture(np.where(drawn.outliers, np.nan, drawn.heights), drawn.pitch),

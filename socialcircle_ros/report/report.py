@@ -89,8 +89,9 @@ def make_report(
 
     The page has a summary with the verdict of `settings.limits`, and for each cloud: height maps before and after,
     what was removed, a profile through the worst outlier, the histogram of the heights, counts, Sa, Sq, Sz, Ssk,
-    Sku and Sdr before and after, the settings that had an effect, and warnings. It adds precision and recall where
-    the recording holds the truth. Where the recording holds a measurement of the same cloud, the page warns of
+    Sku and Sdr before and after, the settings that had an effect, and warnings. For a focus stack it adds the
+    picture in focus, the quality, the frames and the reasons of bad pixels. It adds precision and recall where the
+    recording holds the truth. Where the recording holds a measurement of the same cloud, the page warns of
     differences.
 
     Clouds are filtered on all cores. A few of them are in memory at a time; the pictures of all of them are.
@@ -166,8 +167,7 @@ def _entries(
             cloud.points,
             result,
             unit='m' if cloud.image is not None else unit_of(reader, cloud.topic),
-            is_stack=cloud.image is not None,
-            warning=cloud.warning,
+            source=cloud,
             truth=None if truth is None else (truth.outlier, truth.counted),
             recorded=recorded.get((cloud.namespace, result.measurement.values.stamp)),
         )
@@ -282,7 +282,7 @@ def measurements_table(entries: Sequence[ReportEntry]) -> Table:
 def settings_table(settings: PipelineSettings, entries: Sequence[ReportEntry]) -> Table:
     """Tabulate the settings that have an effect on these measurements, with their units."""
     values = settings.to_ros()
-    groups = {'circle', 'repair', *(('focus', 'stack') if any(entry.is_stack for entry in entries) else ())}
+    groups = {'circle', 'repair', *(('focus', 'stack') if any(entry.stack for entry in entries) else ())}
     units = {entry.unit for entry in entries}
     unit = units.pop() if len(units) == 1 else None
     rows: list[list[Cell]] = []

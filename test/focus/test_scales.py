@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from focus.stacks import same
 
-from socialcircle_ros.focus import FocusStack, depth_from_focus
+from socialcircle_ros.focus import FocusStack, PixelCurve, depth_from_focus, focus_measure
 from socialcircle_ros.focus.scales import BIN, DepthMaps, _at_every_pixel, _bin
 from socialcircle_ros.settings import FocusSettings
 from socialcircle_ros.simulation import INSTRUMENTS, Optics, Stage, simulate
@@ -42,6 +42,20 @@ def test_scan_downward_gives_the_same_where_step_4_is_chosen(oversampled):
     found = downward.finish()
     assert found.step == 4
     assert same(found, depth_from_focus(frames, z))
+
+
+@pytest.mark.parametrize('place', [(50, 61), (0, 0), (97, 130)])
+def test_the_curve_of_a_pixel_is_that_of_the_chosen_scale(oversampled, place):
+    _, frames, z = oversampled
+    stack = PixelCurve(FocusSettings(normalize=False), place)
+    for frame, position in zip(frames, z, strict=True):
+        stack.add(frame, position)
+    assert stack.finish().step == 4
+    binned = frames[:, :96, :128].reshape(-1, 24, BIN, 32, BIN).sum((2, 4)).astype(np.uint16)
+    coarse = FocusSettings(step=1, half_window=2)
+    row, column = min(place[0] // BIN, 23), min(place[1] // BIN, 31)
+    expected = [focus_measure(frame, coarse)[row, column] / BIN**2 for frame in binned]
+    np.testing.assert_allclose(stack.curve.measure, np.array(expected)[np.argsort(z)])
 
 
 @pytest.mark.parametrize('name', ['clean', 'noisy'])

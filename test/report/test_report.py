@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`make_report`, called as from a notebook."""
 
+from pathlib import Path
+
 import pytest
 from examples import cloud
 
@@ -12,6 +14,7 @@ from socialcircle_ros.recording import RecordingWriter, ros_topic
 from socialcircle_ros.report.entry import make_entry
 from socialcircle_ros.report.report import report_page, settings_table, verdict_banner
 from socialcircle_ros.settings import CircleSettings, LimitSettings, PipelineSettings
+from socialcircle_ros.settings.files import read_parameter_file
 
 pytest.importorskip('matplotlib')
 
@@ -40,6 +43,23 @@ def test_a_notebook_gets_the_numbers_and_the_page(recording, tmp_path):
     assert 'not organized' in reason
     assert count == 1
     assert report.damage is None
+
+
+def test_a_stack_shows_its_frames_its_quality_and_its_picture(tmp_path):
+    bags = Path(__file__).parents[2] / 'bags'
+    values = read_parameter_file(bags / 'stack.yaml', 'social_circle')
+    report = socialcircle_ros.make_report(
+        bags / 'stack.mcap', tmp_path / 'report.html', PipelineSettings.from_ros(values)
+    )
+    (entry,) = report.entries
+    rows = dict(entry.stack.table.rows)
+    assert rows['frames'] == '32'
+    assert rows['step of the focus measure'] == '2 pixels'
+    assert float(rows['quality of at least 0.9'].split('%')[0]) > 50
+    assert [picture.name for picture in entry.stack.pictures.pictures] == ['in_focus', 'quality']
+    page = report.path.read_text()
+    assert all(picture.source in page for picture in entry.stack.pictures.pictures)
+    assert 'Focus stack' in page
 
 
 def test_paths_may_be_texts_and_settings_have_defaults(recording, tmp_path):
