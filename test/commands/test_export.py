@@ -2,8 +2,11 @@
 """`socialcircle export`, `info`, and `filter` into a file."""
 
 import numpy as np
+import pytest
 
 from socialcircle_ros.formats import MeasuredSurface, read_file, write_surface
+
+pytest.importorskip('PIL', reason='needs Pillow: pip install Pillow')
 
 
 def save(path, unit='m'):
