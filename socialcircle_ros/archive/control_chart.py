@@ -20,7 +20,7 @@ RULES = (
 """The Western Electric rules; bit 0 of a signal stands for the first."""
 
 _WINDOWS = ((1, 1, 3.0), (2, 3, 2.0), (4, 5, 1.0), (8, 8, 0.0))  # so many, of so many, beyond so many sigma
-_D2 = 1.128  # mean range of two values of a normal distribution, in standard deviations
+_MEAN_RANGE, _MEDIAN_RANGE = 1.128, 0.954  # of two values of a normal distribution, in standard deviations
 LEAST_BASELINE = 8
 """Least number of values from which control limits are computed."""
 
@@ -30,8 +30,9 @@ class ControlLimits:
     """Centre line and standard deviation of a process, from its first values.
 
     Attributes:
-        centre: mean of the baseline.
-        sigma: mean moving range of the baseline, divided by 1.128. A slow drift hardly widens it.
+        centre: median of the baseline.
+        sigma: median moving range of the baseline, divided by 0.954; where that is 0, the mean moving range divided
+            by 1.128. A slow drift hardly widens it, nor does a bad part among the first.
     """
 
     centre: float
@@ -61,9 +62,9 @@ def control_limits(values: npt.NDArray[np.float64], baseline: int) -> ControlLim
     first = values[:baseline]
     if len(first) < LEAST_BASELINE:
         return None
-    # The mean of differences is exact for equal values, where a rounded mean would put all of them on one side.
-    centre = float(first[0] + np.mean(first - first[0]))
-    return ControlLimits(centre, float(np.mean(np.abs(np.diff(first)))) / _D2)
+    ranges = np.abs(np.diff(first))
+    sigma = np.median(ranges) / _MEDIAN_RANGE or np.mean(ranges) / _MEAN_RANGE
+    return ControlLimits(float(np.median(first)), float(sigma))
 
 
 def signals(values: npt.NDArray[np.float64], limits: ControlLimits) -> npt.NDArray[np.uint8]:

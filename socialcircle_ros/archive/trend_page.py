@@ -124,9 +124,9 @@ def _above(folder: ResultFolder, all_series: Sequence[Series], baseline: int) ->
     rules = ''.join(f'<li>{rule}</li>' for rule in RULES)
     return (
         f'<h1>Trends of {html.escape(folder.name)}</h1>'
-        f'<p>Made on {now:%Y-%m-%d %H:%M} UTC. Individuals charts: the centre line is the mean of the first'
-        f' {baseline} clouds after a change of settings or version, and sigma is their mean moving range divided'
-        ' by 1.128. A point is red if it completes a Western Electric rule:</p>'
+        f'<p>Made on {now:%Y-%m-%d %H:%M} UTC. Individuals charts: the centre line is the median of the first'
+        f' {baseline} clouds after a change of settings or version, and sigma is their median moving range divided'
+        ' by 0.954. A point is red if it completes a Western Electric rule:</p>'
         f'<ul>{rules}</ul>'
         '<p>A few red points are chance: of a process that is in control, about one point of 92 is red. A measure'
         ' drifts if more than half of its last 20 points are red.</p>'

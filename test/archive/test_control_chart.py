@@ -41,9 +41,24 @@ def test_points_on_two_sides_give_no_signal():
 def test_the_limits_come_from_the_moving_range_of_the_baseline():
     values = np.array([1.0, 3.0] * 10 + [100.0] * 10)
     limits = control_limits(values, 20)
-    assert limits == ControlLimits(2.0, 2.0 / 1.128)
+    assert limits == ControlLimits(2.0, 2.0 / 0.954)
     assert limits.upper - limits.lower == pytest.approx(6 * limits.sigma)
     assert control_limits(values[:7], 20) is None
+
+
+def test_a_bad_part_in_the_baseline_hides_nothing_and_accuses_no_other():
+    generator = np.random.default_rng(1)
+    values = generator.standard_normal(300)
+    values[7] = 500.0
+    limits = control_limits(values, 50)
+    assert 0.7 < limits.sigma < 1.4
+    assert np.flatnonzero(signals(values, limits) & 1)[0] == 7
+
+
+def test_values_that_seldom_change_have_a_sigma_above_0():
+    values = np.zeros(40)
+    values[::9] = 1.0
+    assert control_limits(values, 40).sigma == pytest.approx(np.abs(np.diff(values)).mean() / 1.128)
 
 
 def test_equal_values_give_no_signal():
