@@ -31,8 +31,8 @@ class ControlLimits:
 
     Attributes:
         centre: median of the baseline.
-        sigma: median moving range of the baseline, divided by 0.954; where that is 0, the mean moving range divided
-            by 1.128. A slow drift hardly widens it, nor does a bad part among the first.
+        sigma: median moving range of the baseline, divided by 0.954; where that is 0, the mean moving range
+            divided by 1.128. A slow drift hardly widens it, nor does a bad part among the first.
     """
 
     centre: float
