@@ -67,7 +67,7 @@ test: $(ALL)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
 test-oldest: $(OLDEST)
-	.venv-oldest/bin/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
+	NUMBA_CACHE_DIR=$(CURDIR)/.venv-oldest/kernels .venv-oldest/bin/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
 test-install: $(ALL)
 	SOCIALCIRCLE_INSTALL_TESTS=1 $(BIN)/python -m pytest test/deploy

@@ -9,7 +9,13 @@ import shutil
 import pytest
 
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser') or shutil.which('google-chrome')
-SWITCHES = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist', '--no-sandbox']
+SWITCHES = [
+    '--disable-gpu-rasterization',
+    '--use-angle=swiftshader',
+    '--enable-unsafe-swiftshader',
+    '--ignore-gpu-blocklist',
+    '--no-sandbox',
+]
 TIMEOUT_MS = 300_000  # a fresh checkout compiles meanwhile, and the pictures are rendered in software
 
 
