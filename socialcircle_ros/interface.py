@@ -374,6 +374,12 @@ class HealthValues(StatusValues):
             'pixels',
         ),
     )
+    stack_drift_px: float | None = field(
+        default=None,
+        metadata=_key(
+            'How far the frames of the last stack moved sideways; absent if their texture does not tell.', 'pixels'
+        ),
+    )
     publishers: int | None = field(
         default=None, metadata=_key('Publishers on points; present while the node is active.')
     )

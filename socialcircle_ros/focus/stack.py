@@ -13,6 +13,7 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
 
 from .curve_rows import REACH
+from .drift import DriftMeter
 from .measure import REFERENCE, Frame, checked_frame, scale_of
 from .order import RECENT, FrameOrder
 from .reasons import SATURATED
@@ -57,6 +58,9 @@ class FocusResult:
     step: int
     """Step of the modified Laplacian, pixels: `focus.step`, or what was chosen from the frames."""
 
+    drift: float | None
+    """How far the frames moved sideways, pixels; None where their texture does not tell, see `DriftMeter`."""
+
     colours: NDArray[np.uint8] | None = None
     """(H, W, 3): the all-in-focus image in colour; None where the frames came without colours."""
 
@@ -91,6 +95,7 @@ class FocusStack:
         self._scales: tuple[Scale, ...] = ()
         self._lights: list[float] = []  # mean light of each frame
         self._divisors: list[float] = []  # what each frame is divided by with `focus.normalize`
+        self._drift = DriftMeter()
         self._factor = 1.0  # on F of the last frame, for its light
         self._picture: NDArray[np.uint8] | None = None  # the all-in-focus image in colour
 
@@ -130,12 +135,14 @@ class FocusStack:
             raise StackError(f'A stack holds at most {_MOST_PLACES} frames: finish it and start another.')
         if not order.z:
             self._scales, self._lights, self._divisors = scales, [], []
+            self._drift = DriftMeter()
             self._picture = None if colours is None else np.zeros_like(colours, order='C')
             for scale in scales:
                 scale.begin(frame)
         place, rows, recent, places = len(order.z), list(order.rows), order.recent, order.places
         arrival = order.add(float(z))
         self._factor = self._factor_for(frame, is_known=arrival.is_known)
+        self._drift.add(frame)
         for scale in scales:
             if place < RECENT:
                 scale.curves.clear_slots(place)
@@ -205,7 +212,9 @@ class FocusStack:
         width = found.width
         depth_of_field = width and width / _WIDTH
         picture = None if self._picture is None else self._picture.copy()
-        return FocusResult(depth, quality, image, reasons, depth_of_field, flicker, found.step, picture)
+        return FocusResult(
+            depth, quality, image, reasons, depth_of_field, flicker, found.step, self._drift.drift, picture
+        )
 
 
 def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[np.uint8] | np.dtype[np.uint16]]:

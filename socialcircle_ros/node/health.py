@@ -49,6 +49,7 @@ class Health:
     _stack_latency_s: float | None = None
     _stack_flicker: float | None = None
     _stack_focus_step: int | None = None
+    _stack_drift: float | None = None
     _bad_pixels: Mapping[str, int] = field(default_factory=dict)
 
     def received(self) -> None:
@@ -119,18 +120,19 @@ class Health:
             self.counts.stack_refusals += 1
             self._trouble(reason)
 
-    def stack_finished(self, latency: float, flicker: float, focus_step: int) -> None:
+    def stack_finished(self, latency: float, flicker: float, focus_step: int, drift: float | None) -> None:
         """A stack became a cloud.
 
         Args:
             latency: time since its last frame had arrived, s.
             flicker: of its light.
             focus_step: of its focus measure, pixels.
+            drift: of its frames, pixels; None: unknown.
         """
         with self._lock:
             self.counts.stacks += 1
             self._stack_latency_s, self._stack_flicker = latency, flicker
-            self._stack_focus_step = focus_step
+            self._stack_focus_step, self._stack_drift = focus_step, drift
             self._last_was_refused = False
 
     def pixels_judged(self, bad: Mapping[str, int]) -> None:
@@ -150,7 +152,7 @@ class Health:
             self.last_reason = ''
             self._arrivals_s.clear()
             self._latencies_s.clear()
-            self._stack_latency_s = self._stack_flicker = self._stack_focus_step = None
+            self._stack_latency_s = self._stack_flicker = self._stack_focus_step = self._stack_drift = None
             self._bad_pixels = {}
             self._failed_limits = ''
             self._trouble_at_s = float('-inf')
@@ -209,6 +211,7 @@ class Health:
                 stack_latency_ms=None if self._stack_latency_s is None else 1e3 * self._stack_latency_s,
                 stack_flicker=self._stack_flicker and round(self._stack_flicker, 5),
                 stack_focus_step=self._stack_focus_step,
+                stack_drift_px=self._stack_drift and round(self._stack_drift, 2),
                 publishers=publishers,
                 connections=connections,
                 differences=differences,

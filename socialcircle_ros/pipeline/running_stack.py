@@ -16,6 +16,10 @@ from socialcircle_ros.settings import StackSettings
 from .frame_stamps import GAP_PERIODS, frame_numbers, period_of
 from .stack_cloud import StackCloud, make_cloud
 
+_MOST_DRIFT = 2.0
+"""Pixels that a part may move sideways in a stack. On a simulated rough plane of 15 frames, the error of the good
+pixels is 0.09 steps without drift, 0.11 with 1 pixel, 0.14 with 2, 0.17 with 3 and 0.22 with 5."""
+
 _PAUSE_PERIODS = 8
 """Time between two frames, in periods, after which they may be of two scans."""
 
@@ -121,13 +125,14 @@ class RunningStack:
         numbers = frame_numbers(self.stamps) if self._counts else None
         z = None if numbers is None else self._counted(numbers)
         lost = 0 if numbers is None else int(numbers[-1]) + 1 - self.frames
+        result = self.focus.finish(z)
         return make_cloud(
-            self.focus.finish(z),
+            result,
             self.settings,
             self.header,
             frames=self.frames,
             preview=preview,
-            warning='' if preview else self._warning(lost),
+            warning='' if preview else self._warning(lost, result.drift),
             speed=self._speed,
             blue_first=self._blue_first,
         )
@@ -182,9 +187,19 @@ class RunningStack:
         step = (self._furthest_z - self._first_z) / (self.frames - 1)
         return abs((z - self._last_z) / step - 1) > 0.5
 
-    def _warning(self, lost: int) -> str:
-        """What may be wrong with the cloud; '': there is no sign of it."""
+    def _warning(self, lost: int, drift: float | None) -> str:
+        """What may be wrong with the cloud; '': there is no sign of it.
+
+        Args:
+            lost: frames that were lost on the way.
+            drift: of the frames, pixels; None: unknown.
+        """
         sentences = []
+        if drift is not None and drift > _MOST_DRIFT:
+            sentences.append(
+                f'The frames of a stack moved sideways by {drift:.1f} pixels, which makes heights less exact:'
+                ' clamp the part and the camera, align the stage with the optical axis, and scan again.'
+            )
         if lost:
             sentences.append(
                 f'{_frames(lost)} of a stack {"was" if lost == 1 else "were"} lost on the way, as the stamps show;'

@@ -36,6 +36,7 @@ class StackCloud:
         flicker: standard deviation of the mean light of the frames, as a share.
         speed: of the stage, mean from the first to the last frame, m/s; 0: unknown.
         focus_step: step of the focus measure, pixels: `focus.step`, or what was chosen from the frames.
+        drift: how far the frames moved sideways, pixels; None: their texture does not tell.
     """
 
     points: bytes
@@ -48,6 +49,7 @@ class StackCloud:
     flicker: float = 0.0
     speed: float = 0.0
     focus_step: int = 0
+    drift: float | None = None
 
 
 def make_cloud(
@@ -100,6 +102,7 @@ def make_cloud(
         flicker=result.flicker,
         speed=speed,
         focus_step=result.step,
+        drift=result.drift,
     )
 
 

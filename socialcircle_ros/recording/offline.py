@@ -91,6 +91,7 @@ class SourceCloud:
         frames: how many frames of a stack were measured; 0 for a cloud.
         reasons: number of pixels of a stack by objection to their depth.
         focus_step: step of the focus measure of a stack, pixels; 0 for a cloud.
+        drift: how far the frames of a stack moved sideways, pixels; None: unknown, or a cloud.
     """
 
     namespace: str
@@ -103,6 +104,7 @@ class SourceCloud:
     frames: int = 0
     reasons: Mapping[str, int] = field(default_factory=dict)
     focus_step: int = 0
+    drift: float | None = None
 
 
 def filter_recording(
@@ -310,6 +312,7 @@ class _RecordedCell:
                     event.frames,
                     count_reasons(event.reasons),
                     event.focus_step,
+                    event.drift,
                 )
 
 

@@ -65,6 +65,8 @@ def summarize_stack(source: SourceCloud, cloud: PointCloud, drawn: CloudPictures
 def _rows(source: SourceCloud, points: int, trusted: float) -> Iterator[list[Cell]]:
     yield ['frames', f'{source.frames}']
     yield ['step of the focus measure', f'{source.focus_step} pixels']
+    if source.drift is not None:
+        yield ['sideways drift', f'{source.drift:.1f} pixels']
     yield [f'quality of at least {_TRUSTED}', f'{trusted:.1%} of the pixels']
     for reason, count in source.reasons.items():
         if count:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from simulated_drift import drifting_frames
 
 from socialcircle_ros import FocusSettings, depth_from_focus
 from socialcircle_ros.messages.header import Header
@@ -511,3 +512,12 @@ def test_the_running_stack_keeps_its_memory():
     made.release_memory()
     (cloud,) = feed(made, frames()[4:], 4)
     assert cloud.frames == 9
+
+
+def test_a_stack_that_drifts_is_a_cloud_with_a_warning():
+    steady, moved = (feed(assembler(frames=15), drifting_frames('flat', (0, x))[:15])[-1] for x in (0.5, 5))
+    assert steady.warning == ''
+    assert steady.drift == pytest.approx(0.5, abs=0.3)
+    assert moved.drift == pytest.approx(5, abs=0.5)
+    assert f'moved sideways by {moved.drift:.1f} pixels' in moved.warning
+    assert 'clamp the part and the camera' in moved.warning
