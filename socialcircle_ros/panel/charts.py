@@ -234,12 +234,18 @@ def curve_svg(curve: FocusCurve) -> str:
 
 
 def nice_ticks(low: float, high: float, about: int) -> list[float]:
-    """Multiples of 1, 2 or 5 times a power of ten between two values, about so many."""
+    """Multiples of 1, 2 or 5 times a power of ten between two values: about so many, and at least one."""
     if not (math.isfinite(low) and math.isfinite(high) and high > low):
         return [low]
     rough = (high - low) / about
     decade = 10.0 ** math.floor(math.log10(rough))
-    step = next(factor * decade for factor in (1.0, 2.0, 5.0, 10.0) if factor * decade >= rough * (1 - 1e-9))
+    steps = [factor * decade for factor in (0.5, 1.0, 2.0, 5.0, 10.0)]
+    place = next(place for place, step in enumerate(steps) if place and step >= rough * (1 - 1e-9))
+    # The step may be longer than the span; the one below it is shorter than half of that.
+    return _multiples(steps[place], low, high) or _multiples(steps[place - 1], low, high)
+
+
+def _multiples(step: float, low: float, high: float) -> list[float]:
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [step * number for number in range(first, last + 1)]
 

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from examples import surface
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from panel.test_view import drawing, masked
 
@@ -17,6 +17,7 @@ from socialcircle_ros.panel import charts, colours
 numbers = st.floats(-1e6, 1e6)
 
 
+@example(low=1.0, span=40001.0, about=2)
 @given(low=numbers, span=st.floats(1e-3, 1e6), about=st.integers(2, 8))
 def test_ticks_are_round_evenly_spaced_and_inside(low, span, about):
     high = low + span
