@@ -253,9 +253,9 @@ class RemoteNode:
 
     def _read_parameters_of_new_node(self) -> None:
         """Read the parameters unless those of this process of the node are known."""
+        # The graph may name the publisher some time after its first message. Until then the process is not known.
         endpoints = self._diagnostics_endpoints()
-        is_new = bool(endpoints - self._known_endpoints) or not self._snapshot.descriptors
-        if is_new and self._read_parameters():
+        if endpoints - self._known_endpoints and self._read_parameters():
             restarted = bool(self._known_endpoints)
             self._known_endpoints |= endpoints
             self._requests_left = _REQUESTS

@@ -184,6 +184,20 @@ def test_a_restarted_node_is_found_again_with_its_new_values(start_cell, tmp_pat
         pair.link.close()
 
 
+def test_a_publisher_that_the_graph_names_late_is_no_restart(start_cell, monkeypatch):
+    endpoints, unnamed = RemoteNode._diagnostics_endpoints, [set()] * 4
+    monkeypatch.setattr(
+        RemoteNode, '_diagnostics_endpoints', lambda node: unnamed.pop() if unnamed else endpoints(node)
+    )
+    pair = Pair(start_cell())
+    try:
+        pair.until(lambda snapshot: bool(pair.link._known_endpoints))
+        assert not unnamed
+        assert pair.until_active().starts == 1
+    finally:
+        pair.link.close()
+
+
 def test_the_values_before_a_restart_and_those_after_it_come_with_different_starts(start_cell, tmp_path):
     pair = Pair(start_cell())
     try:
