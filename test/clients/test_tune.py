@@ -137,10 +137,13 @@ def test_an_integrator_tunes_on_a_recording_of_frames_and_launches_the_cell_with
         saved = tmp_path / 'tuned.yaml'
         cell = start_cell({'circle.mode': 'paper', 'parameters_file': str(saved)})
         tuning = start_tuning(BAGS / 'stack.mcap')  # it finds the node
-        assert tuning.greeting.startswith(f'Tuning {cell.name} at http://127.0.0.1:')
         visitor = Visitor(chromium, tuning.address, tab='Recording')
         visitor.open_tab('Recording')
         assert visitor.sees('stack.pitch_x is not set')
+        told = tuning.greeting
+        while not told.startswith('Tuning'):  # the page was there before the graph named the node
+            told = tuning.process.stdout.readline()
+        assert told.startswith(f'Tuning {cell.name} at http://127.0.0.1:')
         visitor.press('Load stack.yaml into the node, and open')
         assert visitor.sees('Stack 1 of 1 of stack.mcap')
         assert visitor.sees('Cloud 1 of 1 of stack.mcap')  # the node has measured its frames

@@ -214,7 +214,7 @@ def test_a_text_that_is_no_number_is_refused_without_asking_the_node(tuning):
 def test_tiny_lengths_can_be_typed_key_by_key(tuning):
     field = tuning.visitor.field('radius [cloud]')
     field.clear()
-    field.press_sequentially('1.25e-6', delay=300)
+    field.press_sequentially('1.25e-6', delay=100)
     tuning.link.wait_for(lambda values: values['circle.radius'] == 1.25e-6)
     assert [asked['circle.radius'] for asked in tuning.link.asked] == [1.25e-6]
     tuning.visitor.open_tab('Log')
