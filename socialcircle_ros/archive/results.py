@@ -82,7 +82,7 @@ class ResultFolder:
         return content
 
     def read_all(self, folder: str, suffix: str) -> Iterator[bytes]:
-        """The contents of all files of a folder whose names end with `suffix`, by their names.
+        """The contents of all files of a folder with names that end with `suffix`, by their names.
 
         Raises:
             SocialCircleError: the URL cannot be read.

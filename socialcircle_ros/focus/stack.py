@@ -259,7 +259,7 @@ def _take_colours(
     colours: NDArray[np.uint8],
     picture: NDArray[np.uint8],
 ) -> None:
-    """Copy the colours of the pixels whose sharpest frame is this one.
+    """Copy the colours of the pixels that are sharpest in this frame.
 
     Args:
         centre: (H, W), places of the sharpest frames, with this one.

@@ -109,7 +109,7 @@ def planes_of(heights: RelativeHeights, scales: Scales, part: Part, height: int,
     Args:
         heights: (H, W) float32, the whole cloud.
         scales: of the cloud.
-        part: whose planes are wanted; `top` and `left` are even.
+        part: the part to compute the planes of; `top` and `left` are even.
         height: rows of the planes, at least half of those of the part.
         width: columns of the planes.
 
