@@ -51,7 +51,10 @@ def imported(tree, *, at_the_top):
 
 ON_DEMAND = {
     PACKAGE / 'panel' / 'server.py',
-    *(PACKAGE / 'studies' / 'learned' / f'{name}.py' for name in ('network', 'training', 'export', 'run')),
+    *(
+        PACKAGE / 'studies' / 'learned' / f'{name}.py'
+        for name in ('network', 'training', 'export', 'integers', 'run')
+    ),
 }
 """Modules that need an extra at their import; they are imported only for the tuning page and for the training."""
 

@@ -16,6 +16,7 @@ from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.machine import usable_cores
+from socialcircle_ros.settings import CPU_PROVIDER
 
 from .features import Part, Planes, planes_of, scales_of
 
@@ -42,15 +43,16 @@ class NetworkJudge:
         threshold: probability above which a point is an outlier if the network alone decides.
     """
 
-    def __init__(self, path: Path, threads: int) -> None:
+    def __init__(self, path: Path, threads: int, provider: str = CPU_PROVIDER) -> None:
         """Read the file.
 
         Args:
             path: of an ONNX file that the training wrote.
             threads: to compute with.
+            provider: execution provider of ONNX Runtime that computes.
 
         Raises:
-            SocialCircleError: ONNX Runtime is not installed, or cannot read the file.
+            SocialCircleError: ONNX Runtime is not installed, cannot read the file, or cannot use the provider.
         """
         try:
             import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
@@ -65,9 +67,15 @@ class NetworkJudge:
         # Otherwise memory for the largest cloud so far is kept.
         options.enable_cpu_mem_arena = False
         try:
-            self._session = onnxruntime.InferenceSession(str(path), options, providers=['CPUExecutionProvider'])
+            self._session = onnxruntime.InferenceSession(str(path), options, providers=[provider])
         except Exception as error:  # noqa: BLE001 - the errors of ONNX Runtime share no other base
             raise SocialCircleError(f'{path} cannot be read as a network: {error}') from None
+        # ONNX Runtime takes the CPU then, and says so in its log alone.
+        if provider not in self._session.get_providers():
+            raise SocialCircleError(
+                f'circle.provider: {provider} cannot be used on this machine; ONNX Runtime wrote why above.'
+                f' Use {CPU_PROVIDER}.'
+            )
         self.card: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
         if self.card.get('features') != _VERSION:
             raise SocialCircleError(f'{path} is no network that the training of this version wrote.')
@@ -111,19 +119,22 @@ class NetworkJudge:
 _loading = threading.Lock()
 
 
-def packaged_network() -> NetworkJudge:
-    """The network of the package, read once for this process and for the number of threads in force.
+def packaged_network(provider: str = CPU_PROVIDER) -> NetworkJudge:
+    """The network of the package, read once for this process, the provider, and the number of threads in force.
+
+    Args:
+        provider: execution provider of ONNX Runtime that computes.
 
     Raises:
-        SocialCircleError: ONNX Runtime is not installed.
+        SocialCircleError: ONNX Runtime is not installed, or cannot use the provider.
     """
     with _loading:
-        return _load(usable_cores() if bands.limit is None else bands.limit)
+        return _load(usable_cores() if bands.limit is None else bands.limit, provider)
 
 
 @lru_cache(maxsize=2)
-def _load(threads: int) -> NetworkJudge:
-    return NetworkJudge(WEIGHTS, threads)
+def _load(threads: int, provider: str) -> NetworkJudge:
+    return NetworkJudge(WEIGHTS, threads, provider)
 
 
 os.register_at_fork(after_in_child=_load.cache_clear)  # a child process has the session, but not its threads

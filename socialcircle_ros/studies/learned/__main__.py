@@ -21,7 +21,9 @@ from socialcircle_ros.errors import SocialCircleError, install_command
     help='Directory of the corpus and of the state of the training. With the same directory and options, the'
     ' training goes on where it was stopped.',
 )  # fmt: skip
-@click.option('-o', '--out', type=click.Path(path_type=Path), required=True, help='ONNX file to write.')
+@click.option(
+    '-o', '--out', type=click.Path(path_type=Path), required=True, help='ONNX file to write, with 8-bit weights.'
+)
 @click.option('--files', default=100, show_default=True, help='Files of the corpus: 100 patches, 143 MB each.')
 @click.option('--steps', default=12_000, show_default=True, help='Steps of the training.')
 @click.option('--workers', default=2, show_default=True, help='Processes; each has 8 crops a step.')
@@ -33,7 +35,7 @@ from socialcircle_ros.errors import SocialCircleError, install_command
 )  # fmt: skip
 @click.option(
     '--from', 'start', type=click.Path(path_type=Path, exists=True),
-    help='ONNX file to start from; default: random weights.',
+    help='trained.onnx of the work of an earlier training, to start from; default: random weights.',
 )  # fmt: skip
 @click.option(
     '--threshold', default=0.65, show_default=True, help='Probability above which a point is an outlier.'
@@ -50,7 +52,7 @@ def command(
     start: Path | None,
     threshold: float,
 ) -> None:
-    """Train the network that judges touch.
+    """Train the network that judges touch, and round it to 8 bits.
 
     The corpus is made first, and kept: real surfaces of the data folder and simulated ones, with outliers from
     several generators. The result depends on the options and on the number of workers.

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The network as an ONNX file, and back: what the product uses, and what a later training starts from.
+"""The trained network as an ONNX file, and back: what `integers` rounds, and what a later training starts from.
 
 Needs PyTorch and ONNX, and is imported only on demand. The file depends on the weights and the card alone. Weights
-are stored as float16 and used as float32. Norms of batches stay in the file, so that a training can go on from it;
-the runtime merges them with the convolutions.
+are stored as float16 and used as float32. Norms of batches stay in the file, so that a training can go on from it.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -18,10 +16,10 @@ from onnx import TensorProto, helper, numpy_helper
 
 from socialcircle_ros.storage import write_file
 
-from .network import HALO, INPUTS, MULTIPLE, WIDTHS, Network
+from .network import HALO, INPUTS, MULTIPLE, Network
 
-INPUT, LOGITS, LAST = 'features', 'logits', 'last'
-"""Names of the input, of the output, and of the output that a lesson refits the last layer on."""
+INPUT, LOGITS = 'features', 'logits'
+"""Names of the input and of the output."""
 _OPSET, _IR = 17, 8
 _EPSILON = 1e-5
 
@@ -43,12 +41,12 @@ class _Graph:
         self.nodes.append(helper.make_node(kind, inputs, [output], output, **attributes))
         return output
 
-    def convolution(self, name: str, planes: str, output: str = '') -> str:
+    def convolution(self, name: str, planes: str) -> str:
         """Convolution, norm and rectification, as `network.Convolution`."""
         convolved = self.node('Conv', [planes, self.weight(f'{name}.weights.weight')], f'{name}.sum', pads=[1] * 4)
         norm = [self.weight(f'{name}.norm.{part}') for part in ('weight', 'bias', 'running_mean', 'running_var')]
         normed = self.node('BatchNormalization', [convolved, *norm], f'{name}.normed', epsilon=_EPSILON)
-        return self.node('Relu', [normed], output or f'{name}.out')
+        return self.node('Relu', [normed], f'{name}.out')
 
 
 def to_onnx(network: Network, card: Mapping[str, str]) -> onnx.ModelProto:
@@ -62,28 +60,18 @@ def to_onnx(network: Network, card: Mapping[str, str]) -> onnx.ModelProto:
     graph = _Graph(weights)
     _add_layers(graph, network)
     planes = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ['batch', INPUTS, 'rows', 'columns'])
-    outputs = [
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, ['batch', count, 'rows', 'columns'])
-        for name, count in ((LOGITS, 4), (LAST, WIDTHS[0]))
-    ]
+    logits = helper.make_tensor_value_info(LOGITS, TensorProto.FLOAT, ['batch', 4, 'rows', 'columns'])
     model = helper.make_model(
-        helper.make_graph(graph.nodes, 'touch', [planes], outputs, graph.stored),
+        helper.make_graph(graph.nodes, 'touch', [planes], [logits], graph.stored),
         opset_imports=[helper.make_opsetid('', _OPSET)], ir_version=_IR, producer_name='socialcircle_ros',
     )  # fmt: skip
-    half = {name: weights[f'last.{name}'].astype(np.float16).astype(np.float64) for name in ('weight', 'bias')}
-    metadata = {
-        'version': '1', 'features': '1', 'multiple': str(MULTIPLE), 'halo': str(HALO),
-        'last_weight': json.dumps(half['weight'].reshape(4, -1).tolist()),
-        'last_bias': json.dumps(half['bias'].tolist()),
-        **card,
-    }  # fmt: skip
-    helper.set_model_props(model, metadata)
+    helper.set_model_props(model, {'features': '1', 'multiple': str(MULTIPLE), 'halo': str(HALO), **card})
     onnx.checker.check_model(model, full_check=True)
     return model
 
 
 def _add_layers(graph: _Graph, network: Network) -> None:
-    """The layers in the order of `Network.last_features`, then the last one."""
+    """The layers in the order of `Network.forward`."""
     planes, kept = INPUT, []
     graph.stored.append(numpy_helper.from_array(np.array([1, 1, 2, 2], np.float32), 'twice'))
     for level, convolutions in enumerate(network.down):
@@ -100,10 +88,8 @@ def _add_layers(graph: _Graph, network: Network) -> None:
             coordinate_transformation_mode='asymmetric', nearest_mode='floor',
         )  # fmt: skip
         planes = graph.node('Add', [raised, kept[level]], f'added.{level}')
-        count = len(network.up[level])
-        for place in range(count):
-            is_last = level == 0 and place == count - 1
-            planes = graph.convolution(f'up.{level}.{place}', planes, LAST if is_last else '')
+        for place in range(len(network.up[level])):
+            planes = graph.convolution(f'up.{level}.{place}', planes)
     graph.node('Conv', [planes, graph.weight('last.weight'), graph.weight('last.bias')], LOGITS)
 
 

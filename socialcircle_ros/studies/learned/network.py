@@ -70,11 +70,6 @@ class Network(nn.Module):
         Returns:
             (B, 4, H/2, W/2): the logits of each 2×2 square, in row order.
         """
-        logits: Tensor = self.last(self.last_features(planes))
-        return logits
-
-    def last_features(self, planes: Tensor) -> Tensor:
-        """What the last layer sees, (B, 16, H/2, W/2)."""
         kept = []
         for level, convolutions in enumerate(self.down):
             if level:
@@ -87,4 +82,5 @@ class Network(nn.Module):
             planes = raised + kept[level]
             for convolution in self.up[level]:
                 planes = convolution(planes)
-        return planes
+        logits: Tensor = self.last(planes)
+        return logits

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One training from its corpus to the ONNX file, by one or several processes. Needs PyTorch and ONNX."""
+"""One training from its corpus to the ONNX files, by one or several processes.
+
+Needs PyTorch, ONNX and ONNX Runtime.
+"""
 
 import csv
 import io
@@ -18,7 +21,11 @@ from socialcircle_ros.storage import write_file
 
 from .drawings import learning_curve
 from .export import network_from, write_onnx
+from .integers import write_integers
 from .training import Corpus, Trainer, Training
+
+TRAINED = 'trained.onnx'
+"""File in the folder of the work, with the weights as they were trained: a start for a later training."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +34,12 @@ class Run:
 
     Attributes:
         corpus: folder of the corpus.
-        work: folder of the state and of the learning curve.
-        out: ONNX file.
+        work: folder of the state, of the trained weights and of the learning curve.
+        out: ONNX file with 8-bit weights, for the product.
         steps: number of steps.
         workers: processes; each has its own crops, and one thread where there are several.
         seed: of weights and crops.
-        start: ONNX file to start from, or None.
+        start: `TRAINED` of an earlier training to start from, or None.
         threshold: written to the file.
         names: lists of names that are written to the file.
     """
@@ -49,7 +56,7 @@ class Run:
 
 
 def train(run: Run) -> None:
-    """Train, go on with a training that was stopped, and write the network."""
+    """Train, go on with a training that was stopped, and write both files."""
     if run.workers > 1:
         multiprocessing.spawn(_work, (run,), run.workers)
     else:
@@ -81,7 +88,8 @@ def _work(worker: int, run: Run) -> None:
     trainer.run(state, report)
     if worker == 0:
         card = {name: json.dumps(list(names)) for name, names in run.names.items()}
-        write_onnx(trainer.averaged(), {'threshold': f'{run.threshold:g}', **card}, run.out)
+        write_onnx(trainer.averaged(), {'threshold': f'{run.threshold:g}', **card}, run.work / TRAINED)
+        write_integers(run.work / TRAINED, trainer.corpus, run.out)
         write_file(run.work / 'curve.csv', _curve(trainer.curve))
         write_file(run.work / 'curve.png', learning_curve(*zip(*trainer.curve, strict=True)))
     if run.workers > 1:

@@ -52,7 +52,9 @@ def test_one_command_makes_the_corpus_and_trains_and_can_go_on(data, tmp_path):
     with (work / 'curve.csv').open() as file:
         assert [row['step'] for row in csv.DictReader(file)] == ['1', '2', '3']
     assert (work / 'curve.png').read_bytes().startswith(b'\x89PNG')
-    again = run(data, tmp_path / 'further', tmp_path / 'further.onnx', '--steps', 1, '--from', out)
+    again = run(
+        data, tmp_path / 'further', tmp_path / 'further.onnx', '--steps', 1, '--from', work / 'trained.onnx'
+    )
     assert again.exit_code == 0
     assert NetworkJudge(tmp_path / 'further.onnx', threads=1).threshold == 0.65
 

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rounding to 8 bits: the same answers but for the rounding, in the same bytes each time."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('scipy')
+torch = pytest.importorskip('torch')
+onnx = pytest.importorskip('onnx')
+pytest.importorskip('onnxruntime')
+
+from socialcircle_ros.circle.network import NetworkJudge  # noqa: E402 the others need PyTorch
+from socialcircle_ros.studies.learned import corpus, training  # noqa: E402
+from socialcircle_ros.studies.learned.export import write_onnx  # noqa: E402
+from socialcircle_ros.studies.learned.integers import write_integers  # noqa: E402
+from socialcircle_ros.studies.learned.network import Network  # noqa: E402
+from socialcircle_ros.studies.learned.training import Corpus, Trainer, Training  # noqa: E402
+
+torch.set_num_threads(1)
+
+
+@pytest.fixture(scope='module')
+def files(tmp_path_factory):
+    """A network that was trained a little, and the same rounded twice."""
+    folder = tmp_path_factory.mktemp('network')
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name, value in (
+            (corpus, 'SHARD', 2), (training, 'SHARD', 2), (training, '_SIDE', 32), (training, '_EVERY', 50)
+        ):  # fmt: skip
+            patch.setattr(module, name, value)
+        corpus.make_corpus(folder, [], [7], lambda step: None)
+        crops = Corpus(folder)
+        torch.manual_seed(2)
+        trainer = Trainer(crops, Training(steps=30, batch=2), Network())
+        trainer.run(folder / 'state', lambda step, loss: None)
+        trained = folder / 'trained.onnx'
+        write_onnx(trainer.averaged(), {'threshold': '0.5', 'trained_on': '["a"]'}, trained)
+        rounded = [folder / f'{name}.onnx' for name in ('rounded', 'again')]
+        for path in rounded:
+            write_integers(trained, crops, path)
+    return trained, *rounded
+
+
+def test_rounding_changes_probabilities_a_little(files):
+    heights = np.random.default_rng(3).normal(size=(70, 90)).astype(np.float32)
+    heights[20:26, 30:40] += 20
+    exact, rounded = (NetworkJudge(path, threads=1).probabilities(heights) for path in files[:2])
+    assert np.ptp(exact) > 0.1
+    assert 0 < np.abs(exact - rounded).max() < 0.1
+    assert np.abs(exact - rounded).mean() < 0.01
+
+
+def test_the_card_stays_and_weights_are_integers(files):
+    trained, rounded = (NetworkJudge(path, threads=1) for path in files[:2])
+    assert rounded.card == trained.card
+    sizes = {True: 0, False: 0}
+    for weight in onnx.load(files[1]).graph.initializer:
+        sizes[weight.data_type == onnx.TensorProto.INT8] += int(np.prod(weight.dims))
+    assert sizes[True] > 50 * sizes[False]
+
+
+def test_the_same_network_and_corpus_give_the_same_bytes(files):
+    assert files[1].read_bytes() == files[2].read_bytes()
