@@ -154,7 +154,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     if settings.judge == 'network' and lesson is None:
         from .network import packaged_network  # noqa: PLC0415 - needs an extra
 
-        likelihood = packaged_network().probabilities
+        likelihood = packaged_network(settings.provider).probabilities
     heights = np.where(measured, cloud[..., 2], np.nan)
     found = find_outliers(heights, settings.depth_of_field, judge=judge, likelihood=likelihood)
     inliers = measured & ~found.outliers

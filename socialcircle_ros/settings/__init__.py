@@ -11,6 +11,7 @@ from .documents import (
     yaml_text,
 )
 from .groups import (
+    CPU_PROVIDER,
     GROUPS,
     PAPER_ONLY,
     PARAMETERS,
@@ -38,6 +39,7 @@ from .schema import (
 from .stack_groups import Fit, FocusSettings, StackSettings, ZSource
 
 __all__ = [
+    'CPU_PROVIDER',
     'GROUPS',
     'PAPER_ONLY',
     'PARAMETERS',

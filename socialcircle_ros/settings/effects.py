@@ -13,6 +13,7 @@ _ONLY_WITH: Mapping[str, tuple[str, RosValue]] = {
     'circle.radius': ('circle.mode', 'paper'),
     'circle.radius_scale': ('circle.mode', 'paper'),
     'circle.judge': ('circle.mode', 'adaptive'),
+    'circle.provider': ('circle.judge', 'network'),
     'circle.depth_of_field': ('circle.mode', 'adaptive'),
     'circle.lesson': ('circle.mode', 'adaptive'),
     'output.score': ('circle.mode', 'adaptive'),

@@ -25,6 +25,8 @@ VOTERS = 40_000
 Mode = Literal['paper', 'adaptive']
 Judge = Literal['rules', 'network']
 
+CPU_PROVIDER = 'CPUExecutionProvider'
+"""The execution provider that every ONNX Runtime offers."""
 PAPER_ONLY = ('window', 'vote_region', 'radius', 'radius_scale')
 """Parameters of the circle that only the mode 'paper' uses."""
 
@@ -38,17 +40,22 @@ class CircleSettings(Settings):
     mode: Mode = setting(
         'adaptive',
         "Method. 'adaptive': takes its scales from the surface and keeps every community; of the other circle"
-        " parameters it uses judge, depth_of_field, lesson and not_measured only. 'paper': the published method,"
-        ' with one radius and one community; it removes nothing where the heights are much smaller than the'
-        ' pitch.',
+        ' parameters it uses judge, provider, depth_of_field, lesson and not_measured only.'
+        " 'paper': the published method, with one radius and one community; it removes nothing where the heights"
+        ' are much smaller than the pitch.',
         choices=('paper', 'adaptive'),
     )
     judge: Judge = setting(
         'rules',
         "What decides in the adaptive mode. 'rules': the steepness of borders. 'network': a network that has seen"
         ' many surfaces judges what the rules find: on unknown textures far fewer good points are removed, and'
-        ' more irregular outliers are found, in two to four times the time; it needs ONNX Runtime.',
+        ' more irregular outliers are found, in about twice the time; it needs ONNX Runtime.',
         choices=('rules', 'network'),
+    )
+    provider: str = setting(
+        CPU_PROVIDER,
+        'What computes the network: the name of an execution provider of ONNX Runtime. Others, such as'
+        ' CUDAExecutionProvider for a GPU, need an ONNX Runtime that offers them, and may round otherwise.',
     )
     window: int = setting(
         3,
@@ -144,10 +151,23 @@ class CircleSettings(Settings):
             )
         if self.judge == 'network' and importlib.util.find_spec('onnxruntime') is None:
             raise SettingError(f'circle.judge: network needs ONNX Runtime: {install_command("network")}.')
+        if self.judge == 'network' and self.provider != CPU_PROVIDER:
+            _check_offered(self.provider)
         if self.lesson:
             read_lesson(self.lesson)
         if self.depth_of_field == 0.0:
             raise SettingError('circle.depth_of_field must be above 0; use None if it is unknown.')
+
+
+def _check_offered(provider: str) -> None:
+    import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
+
+    offered = onnxruntime.get_available_providers()
+    if provider not in offered:
+        raise SettingError(
+            f'circle.provider: {provider} is not offered by the ONNX Runtime of this machine; it offers'
+            f' {", ".join(offered)}. Install an ONNX Runtime with that provider, or use {CPU_PROVIDER}.'
+        )
 
 
 def _is_finite_number(text: str) -> bool:
