@@ -342,6 +342,28 @@ def _depth() -> None:
     trust = _table('Order, losses, light, drift, blank areas; 8 bits, 10 000 e-, step DOF/4', '', '', 'value')
     with console.status('simulating stacks whose frames are out of order, lost, dark, moved or blank ...'):
         for figure in trust_rows():
-            value = f'{100 * figure.value:.2f} %' if figure.share else f'{figure.value:.3f} steps'
-            trust.add_row(figure.name, figure.figure, value)
+            trust.add_row(figure.name, figure.figure, str(figure))
     console.print(trust)
+    _instruments(console)
+
+
+def _instruments(console: 'Console') -> None:
+    """Print what the quality predicts on several instruments, and what each step gives."""
+    from socialcircle_ros.studies.bench import depth_instruments
+
+    bounds = depth_instruments.BOUNDS
+    quality = _table(
+        'Of the pixels with at least this quality: the share that is good / their share of all, %',
+        'instrument', 'step', *(f'≥ {bound}' for bound in bounds),
+    )  # fmt: skip
+    scales = _table(
+        'Step of the focus measure on a rough plane', '', 'focus.step', 'used', 'quality ≥ 0.9', 'RMS error, DOF'
+    )
+    with console.status('simulating stacks of several instruments ...'):
+        for each in depth_instruments.calibrations():
+            cells = [f'{100 * good:.1f} / {100 * pixels:.0f}' for pixels, good in each.shares.values()]
+            quality.add_row(each.name, str(each.step), *cells)
+        for row in depth_instruments.scale_figures():
+            scales.add_row(row.name, str(row.asked), str(row.used), f'{100 * row.trusted:.1f} %', f'{row.rms:.3f}')
+    console.print(quality)
+    console.print(scales)

@@ -28,6 +28,9 @@ class Reason(IntFlag):
     INCOMPLETE = 32
     """Frames near the sharpest one came too far out of order to be kept: the fit has fewer frames."""
 
+    FEW_PIXELS = 64
+    """A few pixels have most of the texture near: the depth is theirs, and may be that of a reflection."""
+
 
 def count_reasons(reasons: NDArray[np.uint8]) -> dict[str, int]:
     """Count the pixels of each reason, by its name in lower case. A pixel may have several reasons.
@@ -41,3 +44,4 @@ def count_reasons(reasons: NDArray[np.uint8]) -> dict[str, int]:
 # Kernels know plain integers only.
 NO_PEAK, SCAN_END, SATURATED = int(Reason.NO_PEAK), int(Reason.SCAN_END), int(Reason.SATURATED)
 TWO_PEAKS, LOW_CONTRAST, INCOMPLETE = int(Reason.TWO_PEAKS), int(Reason.LOW_CONTRAST), int(Reason.INCOMPLETE)
+FEW_PIXELS = int(Reason.FEW_PIXELS)

@@ -22,6 +22,7 @@ _SENTENCES = {
     'two_peaks': 'a second peak',
     'low_contrast': 'little contrast',
     'incomplete': 'frames came out of order',
+    'few_pixels': 'a few pixels have most of the texture near',
 }
 """What each reason means, in a table."""
 

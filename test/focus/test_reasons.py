@@ -67,5 +67,13 @@ def test_good_pixel_has_no_reason(noisy):
 
 def test_pixel_with_two_reasons_counts_for_both():
     reasons = np.array([[0, Reason.NO_PEAK], [Reason.NO_PEAK | Reason.SATURATED, Reason.TWO_PEAKS]], np.uint8)
-    counts = {'no_peak': 2, 'scan_end': 0, 'saturated': 1, 'two_peaks': 1, 'low_contrast': 0, 'incomplete': 0}
+    counts = {
+        'no_peak': 2,
+        'scan_end': 0,
+        'saturated': 1,
+        'two_peaks': 1,
+        'low_contrast': 0,
+        'incomplete': 0,
+        'few_pixels': 0,
+    }
     assert count_reasons(reasons) == counts

@@ -4,9 +4,12 @@
 import numpy as np
 import pytest
 from focus.stacks import same
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive import focus as naive
 
 from socialcircle_ros.focus import FocusStack, PixelCurve, depth_from_focus, focus_measure
-from socialcircle_ros.focus.scales import BIN, DepthMaps, _at_every_pixel, _bin
+from socialcircle_ros.focus.scales import BIN, DepthMaps, _at_every_pixel, _bin, _lower_where_bent
 from socialcircle_ros.settings import FocusSettings
 from socialcircle_ros.simulation import INSTRUMENTS, Optics, Stage, simulate
 
@@ -87,6 +90,36 @@ def test_brighter_pixels_than_the_saturation_do_not_overflow():
     binned = np.empty((1, 1), np.uint16)
     _bin(np.full((BIN, BIN), 65535, np.uint16), 0, binned)
     assert binned[0, 0] == 65535
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 999),
+    height=st.integers(1, 12),
+    width=st.integers(1, 15),
+    half=st.integers(0, 3),
+    offset=st.sampled_from([0.0, -3e3, 1e5]),
+)
+def test_quality_on_bent_parts_equals_the_reference(seed, height, width, half, offset):
+    rng = np.random.default_rng(seed)
+    depth = offset + rng.normal(0, 3, (height, width))
+    quality = rng.random((height, width)).astype(np.float32)
+    missing = rng.random((height, width)) < 0.1
+    depth[missing], quality[missing] = np.nan, 0
+    found = quality.copy()
+    _lower_where_bent(depth, found, half, width=1.5)
+    np.testing.assert_allclose(found, naive.quality_where_bent(depth, quality, half, 0.2 * 1.5), rtol=1e-4)
+
+
+def test_a_tilted_plane_keeps_its_quality_inside_and_an_edge_does_not():
+    row, column = np.mgrid[:20, :30]
+    quality = np.full(row.shape, 0.9, np.float32)
+    plane = quality.copy()
+    _lower_where_bent(0.5 * row - 0.3 * column, plane, 2, 1.0)
+    np.testing.assert_allclose(plane[2:-2, 2:-2], 0.9, rtol=1e-5)
+    _lower_where_bent(np.where(column < 15, 0.0, 4.0), quality, 2, 1.0)
+    assert quality[:, 14:16].max() < 0.3
+    np.testing.assert_allclose(quality[:, :13], 0.9, rtol=1e-5)
 
 
 class TestDepthAtEveryPixel:

@@ -123,3 +123,27 @@ def kept_of_curve(codes, reach=8):
 def scale_of(frame):
     """What makes the mean of every fourth row a quarter of the range."""
     return (64 if frame.dtype == np.uint8 else 16384) / max(float(frame[::4].mean(dtype=np.float64)), 1)
+
+
+def effective_share(image, step, half):
+    """The effective number of pixels with texture in each window, as a share of it; NaN: none has texture."""
+    height, width = image.shape
+    texture = focus_measure(image, step, 0, 0).astype(float)
+    shares = np.full((height, width), np.nan)
+    for row, column in np.ndindex(height, width):
+        window = texture[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1]
+        if window.any():
+            shares[row, column] = window.sum() ** 2 / (window**2).sum() / window.size
+    return shares
+
+
+def quality_where_bent(depth, quality, half, bent):
+    """The quality, with odds divided by 1 + (distance from the mean of the window / bent)²."""
+    result = quality.astype(float)
+    for row, column in np.ndindex(depth.shape):
+        window = np.s_[max(row - half, 0) : row + half + 1, max(column - half, 0) : column + half + 1]
+        counted = depth[window][quality[window] >= np.float32(0.3)]
+        if quality[row, column] > 0 and counted.size:
+            q = float(quality[row, column])
+            result[row, column] = q / (1 + (1 - q) * ((counted.mean() - depth[row, column]) / bent) ** 2)
+    return result

@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -38,13 +39,17 @@ class TrustRow:
         name: what was done to the stacks.
         figure: what was measured.
         value: the result.
-        share: whether the value is a share of pixels, else it is in z-steps.
+        unit: of the value; '%': it is a share of pixels.
     """
 
     name: str
     figure: str
     value: float
-    share: bool = True
+    unit: Literal['%', 'steps'] = '%'
+
+    def __str__(self) -> str:
+        """The value with its unit."""
+        return f'{100 * self.value:.2f} %' if self.unit == '%' else f'{self.value:.3f} {self.unit}'
 
 
 def trust_rows(seeds: Sequence[int] = SEEDS) -> Iterator[TrustRow]:
@@ -106,7 +111,7 @@ def _flicker(seeds: Sequence[int]) -> Iterator[TrustRow]:
             scan = simulate('flat', *SHAPE, seed=seed, stage=_STEADY, flicker=flicker)
             frames, z = _frames(scan)
             errors.append(_good_errors(scan, depth_from_focus(frames, z, settings), z))
-        yield TrustRow(name, 'RMS error', _rms(errors), share=False)
+        yield TrustRow(name, 'RMS error', _rms(errors), unit='steps')
 
 
 def _drift(seeds: Sequence[int]) -> Iterator[TrustRow]:
@@ -123,7 +128,7 @@ def _drift(seeds: Sequence[int]) -> Iterator[TrustRow]:
             found[:, middle : middle + SHAPE[1]] = depth_from_focus(moved, z).depth
             verdict = scan.truth.classify(found)
             errors.append(verdict.error[verdict.good] / np.median(np.diff(z)))
-        yield TrustRow(f'drift of {pixels} px', 'RMS error', _rms(errors), share=False)
+        yield TrustRow(f'drift of {pixels} px', 'RMS error', _rms(errors), unit='steps')
 
 
 def _blanks(seeds: Sequence[int]) -> Iterator[TrustRow]:
