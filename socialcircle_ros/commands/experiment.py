@@ -45,11 +45,10 @@ def command(
     The social circle is compared with the radius, the statistical and the median filter, each at default settings
     and at the best settings found on other seeds. PCL and Open3D are included where installed. The command writes
     one HTML page, its tables and its pictures. `all` runs all experiments of the paper. `adaptive` evaluates the
-    goals of the adaptive mode. `learned` compares a network with the rules of the adaptive mode, in about ten
-    minutes; it needs --data.
+    goals of the adaptive mode. `learned` compares a network with the rules of the adaptive mode; it needs --data.
 
-    The results are written after each step, with an estimate of the time that is left. If a run is interrupted,
-    the same command continues with the steps that are left.
+    It says first how long it will take, estimated from a small search on this machine. The results are written
+    after each step. If a run is interrupted, the same command continues with the steps that are left.
     """
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -105,12 +104,19 @@ def command(
 
 def _state(finished: 'Finished') -> str:
     """How far an experiment is, and how long it still takes."""
-    state = f'{finished.done} of {quantity(finished.total, "step")} {"found" if finished.resumed else "finished"}'
-    left_s = finished.seconds_left
-    if finished.done == finished.total or left_s is None:
+    state = f'{finished.done} of {quantity(finished.total, "step")} finished'
+    if finished.resumed:
+        state += f', {finished.resumed} of them by an earlier run'
+    if finished.done == finished.total:
         return state
-    left = f'{left_s / 60:.0f} min' if left_s >= 90 else f'{left_s:.0f} s'
-    return f'{state}, about {left} left'
+    return f'{state}, about {_duration(finished.seconds_left)} left'
+
+
+def _duration(seconds: float) -> str:
+    """An estimated time with one or two digits."""
+    if seconds < 90:
+        return f'{max(1, seconds):.0f} s'
+    return f'{seconds / 60:.0f} min' if seconds < 5400 else f'{seconds / 3600:.1f} h'
 
 
 def _surfaces(folder: Path) -> 'list[MeasuredCloud]':

@@ -2,12 +2,10 @@
 """All experiments by name, and the page, tables and pictures that they write."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 
 from socialcircle_ros.circle.network import NetworkJudge, packaged_network
 from socialcircle_ros.kernels.machine import hardware, usable_cores
-from socialcircle_ros.report.content import Section
 from socialcircle_ros.report.page import render
 from socialcircle_ros.storage import write_file
 
@@ -15,19 +13,19 @@ from .adaptive.experiment import adaptive
 from .comparison.measured import MeasuredCloud, measured_surfaces
 from .comparison.study import Study
 from .learned.evaluation import learned
-from .learned.surfaces import read_surfaces
 from .paper.contamination import contaminations
 from .paper.figures import figure4, figure8, figure10, figure11
 from .paper.table1 import table1
 from .steps import Finished, Step, forget_steps, run_steps
+from .workload import seconds_per_work
 
-FIGURES: dict[str, Callable[[Study], list[Section]]] = {
+FIGURES: dict[str, Callable[[Study], list[Step]]] = {
     'figure4': figure4,
     'figure8': figure8,
     'figure10': figure10,
     'figure11': figure11,
 }
-"""The experiments of the paper that are one step each; `table1` has a step for each scene."""
+"""The figures of the paper."""
 
 _PAPER_TITLE = 'The social circle compared with other filters'
 _PAPER_INTRODUCTION = (
@@ -51,7 +49,7 @@ _LEARNED_INTRODUCTION = (
 
 
 def learned_steps(study: Study, data: Path, network: Path | None, *, quick: bool = False) -> list[Step]:
-    """The one step that compares a network with the rules of the adaptive mode.
+    """The steps that compare a network with the rules of the adaptive mode.
 
     Args:
         study: seeds and repeats.
@@ -63,12 +61,7 @@ def learned_steps(study: Study, data: Path, network: Path | None, *, quick: bool
         SocialCircleError: the network cannot be read, or ONNX Runtime is not installed.
     """
     judge = packaged_network() if network is None else NetworkJudge(network, usable_cores())
-
-    def compare() -> list[Section]:
-        surfaces = read_surfaces(data)
-        return learned(study, surfaces[:1] if quick else surfaces, judge)
-
-    return [Step('learned', compare)]
+    return learned(study, data, judge, quick=quick)
 
 
 def steps_of(name: str, study: Study, measured: Sequence[MeasuredCloud] = ()) -> list[Step]:
@@ -80,13 +73,15 @@ def steps_of(name: str, study: Study, measured: Sequence[MeasuredCloud] = ()) ->
         measured: surfaces of real instruments, shown with figure 8 and used by the adaptive mode's experiment.
     """
     if name == 'adaptive':
-        return [Step('adaptive', lambda: adaptive(study, measured))]
+        return adaptive(study, measured)
     steps: list[Step] = []
     if name in ('table1', 'all'):
-        steps += [*table1(study), Step('contaminations', lambda: contaminations(study))]
-    steps += [Step(each, partial(make, study)) for each, make in FIGURES.items() if name in (each, 'all')]
-    if measured and name in ('figure8', 'all'):
-        steps.append(Step('measured', lambda: measured_surfaces(study, measured)))
+        steps += [*table1(study), *contaminations(study)]
+    for each, make in FIGURES.items():
+        if name in (each, 'all'):
+            steps += make(study)
+    if name in ('figure8', 'all'):
+        steps += measured_surfaces(study, measured)
     return steps
 
 
@@ -95,8 +90,8 @@ def run(
 ) -> Iterator[Finished]:
     """Run an experiment step by step; the page, its tables and its pictures are written after each step.
 
-    Finished steps are kept in the folder `NAME.steps`, from which the next run of the same fingerprint continues.
-    It is removed at the end.
+    The first yield comes before the first step, with an estimate from a small search. Finished steps are kept in
+    the folder `NAME.steps`, from which the next run of the same fingerprint continues. It is removed at the end.
 
     Args:
         folder: an existing directory for the results.
@@ -107,7 +102,7 @@ def run(
         restart: whether to forget what an earlier run finished.
 
     Yields:
-        What is known after each step.
+        What is known before the first step, and after each.
 
     Raises:
         SocialCircleError: the folder or a file cannot be written.
@@ -115,7 +110,7 @@ def run(
     kept = folder / f'{name}.steps'
     if restart:
         forget_steps(kept)
-    for finished in run_steps(steps, kept, fingerprint):
+    for finished in run_steps(steps, kept, fingerprint, seconds_per_work):
         write(folder, name, command, finished)
         yield finished
     forget_steps(kept)

@@ -5,7 +5,7 @@ import base64
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
 from typing import cast
@@ -23,42 +23,47 @@ class Step:
 
     Attributes:
         key: name of the step, unique in its experiment; the name of its file.
-        make: does the work, and gives sections of the page.
+        work: how long it takes relative to other steps: seconds on the machine on which `workload` was measured.
+        make: does the work, and gives sections of the page. It gets those of all steps before it, merged.
     """
 
     key: str
-    make: Callable[[], list[Section]]
+    work: float
+    make: Callable[[Sequence[Section]], list[Section]]
 
 
 @dataclass(frozen=True)
 class Finished:
-    """What is known after a step.
+    """What is known before the first step that runs, and after each.
 
     Attributes:
-        sections: of all steps so far.
+        sections: of all steps so far, merged.
         done: number of finished steps.
         total: number of all steps.
-        seconds_left: estimate from the mean duration of the steps that ran; None before one ran.
-        resumed: whether this step was finished by an earlier run.
+        seconds_left: estimate; it comes from the pilot until a step has run, then from the steps that ran.
+        resumed: number of steps that an earlier run finished.
     """
 
     sections: Sequence[Section]
     done: int
     total: int
-    seconds_left: float | None
-    resumed: bool
+    seconds_left: float
+    resumed: int
 
 
-def run_steps(steps: Sequence[Step], folder: Path, fingerprint: str) -> Iterator[Finished]:
+def run_steps(
+    steps: Sequence[Step], folder: Path, fingerprint: str, pilot: Callable[[], float]
+) -> Iterator[Finished]:
     """Run the steps that an earlier run did not finish, and keep each on disk.
 
     Args:
         steps: all steps in their order.
         folder: where finished steps are kept; it is created.
         fingerprint: of what two runs must have in common to share steps; files of another one are replaced.
+        pilot: measures how many seconds a unit of work takes here; not called if no step is left.
 
     Yields:
-        What is known after each step.
+        What is known before the first step, and after each.
 
     Raises:
         SocialCircleError: the folder or a file cannot be written.
@@ -67,22 +72,72 @@ def run_steps(steps: Sequence[Step], folder: Path, fingerprint: str) -> Iterator
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise SocialCircleError(f'{folder} cannot be written: {error.strerror}; choose another folder.') from None
-    sections: list[Section] = []
-    durations_s: list[float] = []
-    for number, step in enumerate(steps, 1):
-        path = folder / f'{step.key}.json'
-        found = _kept(path, fingerprint)
-        if found is None:
-            began_s = time.monotonic()
-            made = step.make()
-            durations_s.append(time.monotonic() - began_s)
-            packed = [_packed(each) for each in made]
-            write_file(path, json.dumps({'fingerprint': fingerprint, 'sections': packed}, default=_plain))
+    made = {}
+    for step in steps:
+        found = _kept(folder / f'{step.key}.json', fingerprint)
+        if found is not None:
+            made[step.key] = found
+    resumed = len(made)
+    left = [step for step in steps if step.key not in made]
+    seconds_per_work = pilot() if left else 0.0
+    spent_s = spent_work = 0.0
+    while True:
+        sections = merged([section for step in steps for section in made.get(step.key, ())])
+        seconds_left = seconds_per_work * sum(step.work for step in left)
+        yield Finished(sections, len(made), len(steps), seconds_left, resumed)
+        if not left:
+            return
+        step = left.pop(0)
+        began_s = time.monotonic()
+        made[step.key] = step.make(sections)
+        spent_s += time.monotonic() - began_s
+        spent_work += step.work
+        if spent_work:
+            seconds_per_work = spent_s / spent_work
+        packed = [_packed(each) for each in made[step.key]]
+        content = json.dumps({'fingerprint': fingerprint, 'sections': packed}, default=_plain)
+        write_file(folder / f'{step.key}.json', content)
+
+
+def merged(sections: Sequence[Section]) -> list[Section]:
+    """Join the sections of one title: their paragraphs once, their findings, the rows of their tables of one name.
+
+    An experiment can make a table row by row, each in a step of its own.
+    """
+    by_title: dict[str, Section] = {}
+    for section in sections:
+        before = by_title.get(section.title)
+        by_title[section.title] = section if before is None else _joined(before, section)
+    return list(by_title.values())
+
+
+def rows_of(sections: Sequence[Section], name: str) -> list[Sequence[Cell]]:
+    """The rows of a table that earlier steps made; none if there is no such table."""
+    return [row for section in sections for table in section.tables if table.name == name for row in table.rows]
+
+
+def _joined(before: Section, after: Section) -> Section:
+    items = list(before.items)
+    places = {item.name: place for place, item in enumerate(items) if isinstance(item, Table)}
+    for item in after.items:
+        place = places.get(item.name) if isinstance(item, Table) else None
+        table = None if place is None else items[place]
+        if place is not None and isinstance(item, Table) and isinstance(table, Table):
+            items[place] = replace(
+                table,
+                rows=[*table.rows, *item.rows],
+                links=[*table.links, *item.links],
+                note=table.note or item.note,
+            )
         else:
-            made = found
-        sections += made
-        left_s = sum(durations_s) / len(durations_s) * (len(steps) - number) if durations_s else None
-        yield Finished(tuple(sections), number, len(steps), left_s, resumed=found is not None)
+            items.append(item)
+    return replace(
+        before,
+        text=list(dict.fromkeys((*before.text, *after.text))),
+        findings=[*before.findings, *after.findings],
+        items=items,
+        warnings=list(dict.fromkeys((*before.warnings, *after.warnings))),
+    )
 
 
 def forget_steps(folder: Path) -> None:

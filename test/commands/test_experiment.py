@@ -2,6 +2,7 @@
 """`socialcircle experiment`."""
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -42,7 +43,9 @@ def test_all_experiments_write_one_page_its_tables_and_its_pictures(run, tmp_pat
     assert str(tmp_path) not in page
     findings = [line for line in done.out.splitlines() if line.startswith('- ')]
     assert len(findings) > 8
-    assert ' steps finished, about ' in done.err
+    states = [line for line in done.err.splitlines() if ' steps finished' in line]
+    assert re.search(r' 0 of (\d+) steps finished, about .+ left$', states[0])
+    assert re.search(r' (\d+) of \1 steps finished$', states[-1])
     assert not (folder / 'all.steps').exists()
 
 

@@ -6,39 +6,45 @@ from collections.abc import Sequence
 from socialcircle_ros.report.content import Section
 from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 from socialcircle_ros.studies.comparison.study import Study
+from socialcircle_ros.studies.steps import Step
+from socialcircle_ros.studies.workload import DETECTION, SYNTHETIC, million_points
 
-from .goals import goals_table
+from .goals import GOALS, goals_met
 from .inserted_outliers import measured_surface
 from .leave_one_out import leave_one_out
 from .robustness import ambiguous_clouds, changed_units, outlier_free_scenes
-from .run_time import run_time
+from .run_time import run_time, run_time_work
 from .stacks import simulated_stacks
-from .surfaces import REPEATS, contaminated_surfaces, untouched_surfaces
+from .surfaces import REPEATS, surface_steps
 
 DEFAULT_SEEDS = tuple(range(301, 321))
 """Seeds of the simulated stacks; no constant of the adaptive mode was chosen on them."""
 
 
-def adaptive(study: Study, measured: Sequence[MeasuredCloud]) -> list[Section]:
+def adaptive(study: Study, measured: Sequence[MeasuredCloud]) -> list[Step]:
     """Evaluate the adaptive mode.
 
     Args:
         study: its plan gives sizes, repeats and seeds.
         measured: surfaces of real instruments; without them their goals are not evaluated.
     """
+    plan = study.plan
     surfaces = [measured_surface(cloud) for cloud in measured]
-    evaluations = [simulated_stacks(study)]
-    if surfaces:
-        evaluations += [contaminated_surfaces(study, surfaces), untouched_surfaces(study, surfaces)]
-    if len(surfaces) > 1:
-        evaluations.append(leave_one_out(surfaces, study.plan.seeds[:REPEATS], study.progress))
-    evaluations += [outlier_free_scenes(study), ambiguous_clouds(study), changed_units(study), run_time(study)]
-    goals = [goal for each in evaluations for goal in each.goals]
     warnings = [] if surfaces else ['No measured surfaces were given (--data): their goals are not evaluated.']
-    first = Section(
-        'Goals',
-        findings=[goal.sentence for goal in goals],
-        items=[goals_table('adaptive_goals', goals)],
-        warnings=warnings,
-    )
-    return [first, *(each.section for each in evaluations)]
+    small = million_points(plan.small_size) * (SYNTHETIC + DETECTION)
+    steps = [
+        Step('adaptive_introduction', 0.0, lambda _: [Section('Goals', warnings=warnings)]),
+        *simulated_stacks(study),
+    ]
+    if surfaces:
+        steps += surface_steps(study, surfaces)
+    if len(surfaces) > 1:
+        steps += leave_one_out(surfaces, plan.seeds[:REPEATS], study.progress)
+    return [
+        *steps,
+        Step('adaptive_breaking', 30 * small, lambda _: outlier_free_scenes(study)),
+        Step('adaptive_decisions', 5 * small, lambda _: ambiguous_clouds(study)),
+        Step('adaptive_scales', 7 * small, lambda _: changed_units(study)),
+        Step('adaptive_times', run_time_work(study), lambda _: run_time(study)),
+        Step('adaptive_goals', 0.0, lambda made: [goals_met(GOALS, made)]),
+    ]

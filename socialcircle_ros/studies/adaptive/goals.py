@@ -3,9 +3,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from socialcircle_ros.report.content import Column, Section, Table
+from socialcircle_ros.studies.steps import rows_of
+
+GOALS = 'adaptive_goals'
+"""The table of the goals of the adaptive mode."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +50,20 @@ class Goal:
         return f'{self.quantity}: {self.measured:{self.form}} (goal: {self.bound_text}, {self.verdict}).'
 
 
-class Evaluation(NamedTuple):
-    """A section of the page, and the goals that its numbers decide."""
+def goals_section(name: str, goals: Sequence[Goal]) -> Section:
+    """The goals, one a row and one a finding. Sections of several steps are merged into one.
 
-    section: Section
-    goals: list[Goal]
-
-
-def goals_table(name: str, goals: Sequence[Goal]) -> Table:
-    """The goals, one a row."""
+    Args:
+        name: of the table.
+        goals: those that a step decides.
+    """
     columns = [Column('quantity'), Column('goal'), Column('measured'), Column('result')]
     rows = [[goal.quantity, goal.bound_text, f'{goal.measured:{goal.form}}', goal.verdict] for goal in goals]
-    met = sum(goal.is_met for goal in goals)
-    return Table(name, f'{met} of {len(goals)} goals met', columns, rows)
+    table = Table(name, 'Goals and measured values', columns, rows)
+    return Section('Goals', findings=[goal.sentence for goal in goals], items=[table])
+
+
+def goals_met(name: str, made: Sequence[Section]) -> Section:
+    """How many of the goals of all steps are met."""
+    results = [row[-1] for row in rows_of(made, name)]
+    return Section('Goals', findings=[f'{results.count("met")} of {len(results)} goals are met.'])

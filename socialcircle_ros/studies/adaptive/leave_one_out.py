@@ -4,6 +4,7 @@
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from statistics import mean, median
 
 import numpy as np
@@ -11,8 +12,10 @@ import numpy as np
 from socialcircle_ros.circle.adaptive import Rules, find_outliers
 from socialcircle_ros.metrics.scores import Scores
 from socialcircle_ros.report.content import Cell, Column, Section, Table
+from socialcircle_ros.studies.steps import Step, rows_of
+from socialcircle_ros.studies.workload import DETECTION, INSERTION, million_points
 
-from .goals import Evaluation, Goal
+from .goals import GOALS, Goal, goals_section
 from .inserted_outliers import ContaminatedSurface, StudiedSurface, insert_outliers
 
 SELECTION_SEEDS = (501, 502)
@@ -21,6 +24,11 @@ SELECTION_SHARES = (0.01, 0.05, 0.3)
 """Shares of inserted outliers that rules are chosen on."""
 MOST_REMOVED = 0.003
 """Largest share of the plausible points of an untouched surface that rules may remove, to be chosen."""
+
+
+_TITLE = 'Leave-one-out validation'
+_TRIALS = 'adaptive_rules'
+_RULES = (Column('steep', '.3f'), Column('clip', '.1f'), Column('few', '.4f'))
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ def candidates() -> Iterator[Rules]:
 
 def leave_one_out(
     surfaces: Sequence[StudiedSurface], seeds: Sequence[int], progress: Callable[[str], None]
-) -> Evaluation:
+) -> list[Step]:
     """Choose the rules on all surfaces but one, and judge them on that one; each surface is left out once.
 
     The chosen rules have the highest mean F1 on the other surfaces at 1, 5 and 30 % inserted outliers, among the
@@ -50,18 +58,59 @@ def leave_one_out(
         surfaces: two at least.
         seeds: of the inserted outliers that the rules are judged on, at 5 %.
         progress: called with the step that begins.
+
+    Returns:
+        A step for each surface, which tries all rules on it, and the choice.
     """
-    trials = _trials(surfaces, progress)
+    clouds = len(SELECTION_SHARES) * len(SELECTION_SEEDS)
+    rules = list(candidates())
+    per_point = clouds * INSERTION + (clouds + 1) * len(rules) * DETECTION
+    steps = [
+        Step(
+            f'adaptive_rules_{surface.cloud.name}',
+            per_point * million_points(surface.plausible.shape),
+            partial(_tried, surface, rules, progress),
+        )
+        for surface in surfaces
+    ]
+    points = sum(million_points(surface.plausible.shape) for surface in surfaces)
+    work = points * len(seeds) * (INSERTION + DETECTION)
+    return [*steps, Step('adaptive_leave_one_out', work, partial(_judged, surfaces, seeds, progress))]
+
+
+def _tried(
+    surface: StudiedSurface, rules: Sequence[Rules], progress: Callable[[str], None], _: Sequence[Section]
+) -> list[Section]:
+    """Try all rules on one surface."""
+    name = surface.cloud.name
+    contaminated = [
+        insert_outliers(surface, share, seed) for share in SELECTION_SHARES for seed in SELECTION_SEEDS
+    ]
+    rows: list[list[Cell]] = []
+    for number, each in enumerate(rules, start=1):
+        progress(f'{name}: rules {number} of {len(rules)}')
+        f1 = mean(_score(cloud, each).f1 for cloud in contaminated)
+        rows.append([name, each.steep, each.clip, each.few, f1, _removed(surface, each)])
+    columns = [Column('surface'), *_RULES, Column('mean F1', '.3f'), Column('untouched: removed', '.2%')]
+    return [Section(_TITLE, items=[Table(_TRIALS, 'All rules on all surfaces', columns, rows)])]
+
+
+def _judged(
+    surfaces: Sequence[StudiedSurface],
+    seeds: Sequence[int],
+    progress: Callable[[str], None],
+    made: Sequence[Section],
+) -> list[Section]:
+    """Choose the rules for each surface that is left out, and judge them on it."""
+    trials = _trials(rows_of(made, _TRIALS), [surface.cloud.name for surface in surfaces])
     rows: list[list[Cell]] = []
     for place, surface in enumerate(surfaces):
+        progress(f'{surface.cloud.name}: left out')
         chosen = _choose(trials, [other for other in range(len(surfaces)) if other != place])
         rules = chosen.rules
         f1 = median(_score(insert_outliers(surface, 0.05, seed), rules).f1 for seed in seeds)
         rows.append([surface.cloud.name, rules.steep, rules.clip, rules.few, f1, chosen.removed[place]])
-    columns = [
-        Column('left out'), Column('steep', '.3f'), Column('clip', '.1f'), Column('few', '.4f'),
-        Column('F1 at 5 %', '.3f'), Column('untouched: removed', '.2%'),
-    ]  # fmt: skip
+    columns = [Column('left out'), *_RULES, Column('F1 at 5 %', '.3f'), Column('untouched: removed', '.2%')]
     text = (
         'Three rules of the adaptive mode are chosen on all surfaces but the one in the row, and judged on that'
         ' one. The other constants are not part of this validation.'
@@ -72,21 +121,16 @@ def leave_one_out(
         median(float(row[4] or 0) for row in rows),
         0.92,
     )
-    return Evaluation(Section('Leave-one-out validation', [text], items=[table]), [goal])
+    return [Section(_TITLE, [text], items=[table]), goals_section(GOALS, [goal])]
 
 
-def _trials(surfaces: Sequence[StudiedSurface], progress: Callable[[str], None]) -> list[_RulesTrial]:
-    """Evaluate all candidates on all surfaces."""
-    contaminated = [
-        [insert_outliers(surface, share, seed) for share in SELECTION_SHARES for seed in SELECTION_SEEDS]
-        for surface in surfaces
+def _trials(rows: Sequence[Sequence[Cell]], names: Sequence[str]) -> list[_RulesTrial]:
+    """The rules, and what each does on every surface, from the table of the steps."""
+    by_surface = [[[float(value or 0) for value in row[1:]] for row in rows if row[0] == name] for name in names]
+    return [
+        _RulesTrial(Rules(*of_rules[0][:3]), [each[3] for each in of_rules], [each[4] for each in of_rules])
+        for of_rules in zip(*by_surface, strict=True)
     ]
-    trials = []
-    for number, rules in enumerate(candidates(), start=1):
-        progress(f'leave-one-out validation: candidate {number}')
-        f1 = [mean(_score(each, rules).f1 for each in of_surface) for of_surface in contaminated]
-        trials.append(_RulesTrial(rules, f1, [_removed(surface, rules) for surface in surfaces]))
-    return trials
 
 
 def _choose(trials: Sequence[_RulesTrial], places: Sequence[int]) -> _RulesTrial:

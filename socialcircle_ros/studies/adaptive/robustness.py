@@ -16,7 +16,7 @@ from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud, O
 from socialcircle_ros.studies.comparison.study import Study
 
 from .detection import detect
-from .goals import Evaluation, Goal
+from .goals import GOALS, Goal, goals_section
 
 _SCENES = ('quantised', 'islands', 'discs', 'closed_groove', 'steep_groove', 'steps')
 _REPEATS = 5
@@ -32,7 +32,7 @@ _UNITS: tuple[tuple[str, tuple[float, float, float]], ...] = (
 )
 
 
-def outlier_free_scenes(study: Study) -> Evaluation:
+def outlier_free_scenes(study: Study) -> list[Section]:
     """Filter simulated scenes that have no outliers, but structures that resemble them."""
     rows: list[list[Cell]] = []
     seeds = study.plan.seeds[:_REPEATS]
@@ -52,10 +52,10 @@ def outlier_free_scenes(study: Study) -> Evaluation:
     columns = [Column('scene'), Column('removed, median', '.3%'), Column('most', '.3%')]
     table = Table('adaptive_breaking', f'Scenes without outliers; {len(seeds)} seeds', columns, rows)
     text = 'Every removed point is a false positive.'
-    return Evaluation(Section('Scenes without outliers', [text], items=[table]), [goal])
+    return [Section('Scenes without outliers', [text], items=[table]), goals_section(GOALS, [goal])]
 
 
-def ambiguous_clouds(study: Study) -> Evaluation:
+def ambiguous_clouds(study: Study) -> list[Section]:
     """Filter clouds that are hard to decide: the result must be correct, or come with a warning."""
     rows: list[list[Cell]] = []
     for name, cloud in _ambiguous(study.plan.small_size, study.plan.seeds[0]):
@@ -73,7 +73,7 @@ def ambiguous_clouds(study: Study) -> Evaluation:
         ' warning.'
     )
     table = Table('adaptive_decisions', 'Ambiguous clouds', columns, rows)
-    return Evaluation(Section('Ambiguous clouds', [text], items=[table]), [goal])
+    return [Section('Ambiguous clouds', [text], items=[table]), goals_section(GOALS, [goal])]
 
 
 def _decision(result: CircleResult, scores: Scores) -> str:
@@ -113,7 +113,7 @@ def _raised(flat: LabelledCloud, where: Mask, step: float, outlier: Mask) -> Lab
     return LabelledCloud(flat.title, points, outlier & measured, measured, flat.z_true, flat.pitch, {})
 
 
-def changed_units(study: Study) -> Evaluation:
+def changed_units(study: Study) -> list[Section]:
     """Count the points of the mask that change when the same cloud is given in another unit."""
     study.progress('other units')
     points = synthetic_cloud('flat', study.plan.small_size, study.plan.seeds[0]).points
@@ -127,4 +127,4 @@ def changed_units(study: Study) -> Evaluation:
     text = 'A factor that is a power of two changes no digit; the other factors round each coordinate.'
     columns = [Column('unit'), Column('points that change', 'd'), Column('share', '.4%')]
     table = Table('adaptive_scales', 'The same cloud in other units', columns, rows)
-    return Evaluation(Section('Units', [text], items=[table]), [goal])
+    return [Section('Units', [text], items=[table]), goals_section(GOALS, [goal])]

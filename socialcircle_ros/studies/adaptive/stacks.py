@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clouds from simulated focus stacks: the adaptive mode against filters that are tuned on the same clouds."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from statistics import median
 
 from socialcircle_ros.baselines.settings import MedianSettings, RadiusSettings, StatisticalSettings
@@ -13,9 +14,11 @@ from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud, s
 from socialcircle_ros.studies.comparison.methods import FilterSettings, Method, describe, method, name_of
 from socialcircle_ros.studies.comparison.search import best_settings
 from socialcircle_ros.studies.comparison.study import Study
+from socialcircle_ros.studies.steps import Step
+from socialcircle_ros.studies.workload import DETECTION, DRAWING, SCAN, SEARCH, million_points
 
 from .detection import detect
-from .goals import Evaluation, Goal
+from .goals import GOALS, Goal, goals_section
 
 _TUNED: tuple[type[FilterSettings], ...] = (RadiusSettings, StatisticalSettings, MedianSettings)
 
@@ -43,11 +46,22 @@ class _StackComparison:
         ]
 
 
-def simulated_stacks(study: Study) -> Evaluation:
+def simulated_stacks(study: Study) -> list[Step]:
     """Scan two specimens with the virtual instrument, and filter the clouds."""
-    flat = _compare(study, 'flat', 'flat rough surface')
-    groove = _compare(study, 'steep_groove', 'steep groove')
-    pictures = [_picture(study, 'flat', flat), _picture(study, 'steep_groove', groove)]
+    plan = study.plan
+    work = len(plan.seeds) * million_points(plan.small_size) * (SCAN + DETECTION + SEARCH) + DRAWING
+    return [
+        Step('adaptive_stacks_flat', work, partial(_stacks, study, 'flat', 'flat rough surface', _flat_goals)),
+        Step(
+            'adaptive_stacks_groove', work, partial(_stacks, study, 'steep_groove', 'steep groove', _groove_goals)
+        ),
+    ]
+
+
+def _stacks(
+    study: Study, specimen: str, title: str, goals: Callable[[_StackComparison], list[Goal]], _: Sequence[Section]
+) -> list[Section]:
+    compared = _compare(study, specimen, title)
     columns = [
         Column('surface'), Column('filter'), Column('settings'), Column('F1, median', '.3f'),
         Column('least', '.3f'), Column('precision', '.3f'), Column('recall', '.3f'),
@@ -58,9 +72,9 @@ def simulated_stacks(study: Study) -> Evaluation:
         ' information. The other filters have the settings that are best on these very clouds. The adaptive mode'
         ' has the heights, and the depth of field that it estimates from the focus curves of the stack.'
     )
-    table = Table('adaptive_stacks', 'Focus stacks; medians over the seeds', columns, [*flat.rows, *groove.rows])
-    section = Section('Simulated focus stacks', [text], items=[table, *pictures])
-    return Evaluation(section, [*_flat_goals(flat), *_groove_goals(groove)])
+    table = Table('adaptive_stacks', 'Focus stacks; medians over the seeds', columns, compared.rows)
+    section = Section('Simulated focus stacks', [text], items=[table, _picture(study, specimen, compared)])
+    return [section, goals_section(GOALS, goals(compared))]
 
 
 def _compare(study: Study, specimen: str, title: str) -> _StackComparison:

@@ -7,89 +7,68 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask
-from socialcircle_ros.pictures.style import new_figure
-from socialcircle_ros.pictures.thinning import any_in_tile, thinned
+from socialcircle_ros.pictures import style
 
 from .labelled_clouds import LabelledCloud
-from .plotting import (
-    FilterMasks,
-    PlotRegion,
-    as_png,
-    box_extent,
-    colour_range,
-    densest_box,
-    extent_of,
-    outline,
-    red_where,
-)
+from .plotting import CloudPanels, FilterMasks, PlotRegion, as_png, colour_range, densest_box
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_KEPT, _REMOVED, _MISSED, _LOST, _UNCOUNTED = '#e4e4e4', '#7db4d8', '#d00000', '#111111', '#ffffff'
 _LEGEND = {
-    _KEPT: 'good, kept',
-    _REMOVED: 'outlier, removed',
-    _MISSED: 'outlier, missed',
-    _LOST: 'good, removed',
-    _UNCOUNTED: 'ambiguous or not measured',
+    'good, kept': style.KEPT,
+    'outlier, removed': style.OUTLIER,
+    'outlier, kept': style.FALSE_NEGATIVE,
+    'good, removed': style.FALSE_POSITIVE,
+    'undecided': style.UNDECIDED,
+    'not measured': style.NOT_MEASURED,
 }
 
 
 def removal_maps(cloud: LabelledCloud, filters: FilterMasks) -> bytes:
     """Draw the heights that each filter keeps, and its decisions in the part with most outliers."""
     z = cloud.points[..., 2]
-    low, high = colour_range(cloud.z_true)
+    limits = colour_range(cloud.z_true)
     box = densest_box(cloud.outlier)
     count = len(filters) + 1
-    figure: Figure = new_figure(3.9 * count, 6.8)
+    figure: Figure = style.new_figure(4.1 * count, 7.4)
     axes = figure.subplots(2, count)
+    whole = CloudPanels(cloud.points, 'µm')
+    part = whole.part(box)
     everything = [('as measured', np.zeros_like(cloud.outlier)), *filters]
     for axis, (name, found) in zip(axes[0], everything, strict=True):
-        heights = thinned(np.where(found, np.nan, z))
-        image = axis.imshow(
-            heights, cmap='viridis', vmin=low, vmax=high, interpolation='nearest',
-            extent=extent_of(z.shape, cloud.pitch),
-        )  # fmt: skip
+        image = whole.heights(axis, np.where(found, np.nan, z), limits)
         axis.set_title(name)
-        outline(axis, box, cloud.pitch)
-    axes[0, 0].set_ylabel('what remains')
-    figure.colorbar(image, ax=axes[0], label='z [µm]', shrink=0.8)
-    show_part = {'extent': box_extent(box, cloud.pitch), 'interpolation': 'nearest'}
-    axes[1, 0].imshow(z[box], cmap='viridis', vmin=low, vmax=high, **show_part)
-    axes[1, 0].set_ylabel('the framed part')
-    for axis, (_, found) in zip(axes[1, 1:], filters, strict=True):
-        axis.imshow(_decision_colours(cloud, found, box), **show_part)
-    for axis in axes[1]:
-        axis.set_xlabel('x, y [µm]')
-    _add_legend(figure, axes[1, -1])
+        whole.outline(axis, box)
+    whole.bar(figure, image, list(axes[0]), limits)
+    image = part.heights(axes[1, 0], z[box], limits)
+    axes[1, 0].set_title('the framed part')
+    for axis, (name, found) in zip(axes[1, 1:], filters, strict=True):
+        part.colours(axis, _decision_colours(cloud, found, box))
+        axis.set_title(f'{name}: decisions')
+    part.bar(figure, image, list(axes[1]), limits)
+    _add_legend(figure)
     return as_png(figure)
 
 
 def measured_surface(points: Cloud, unit: str, filters: FilterMasks) -> bytes:
     """Draw a measured surface, what each filter keeps of it, and what each removes in red below."""
     z = points[..., 2].astype(np.float64)
-    low, high = colour_range(z)
-    height = 3.1 * min(max(z.shape[0] / z.shape[1], 0.4), 2.0)
-    figure: Figure = new_figure(3.7 * (len(filters) + 1), 2 * height + 1.6)
+    limits = colour_range(z)
+    height = 3.3 * min(max(z.shape[0] / z.shape[1], 0.4), 2.0)
+    figure: Figure = style.new_figure(4.1 * (len(filters) + 1), 2 * height + 1.8)
     axes = figure.subplots(2, len(filters) + 1)
+    maps = CloudPanels(points, unit)
     titled = [(f'{name}\n{np.count_nonzero(found):,} removed', found) for name, found in filters]
     everything = [('as measured\n', np.zeros(z.shape, np.bool_)), *titled]
     for (above, below), (name, found) in zip(axes.T, everything, strict=True):
-        image = above.imshow(
-            thinned(np.where(found, np.nan, z)), cmap='viridis', vmin=low, vmax=high, interpolation='nearest',
-            aspect='auto',
-        )  # fmt: skip
+        image = maps.heights(above, np.where(found, np.nan, z), limits)
         above.set_title(name)
-        below.imshow(thinned(z), cmap='gray', vmin=low, vmax=high, interpolation='nearest', aspect='auto')
-        below.imshow(red_where(any_in_tile(found)), interpolation='nearest', aspect='auto')
-        for axis in (above, below):
-            axis.set_xticks([])
-            axis.set_yticks([])
-    axes[0, 0].set_ylabel('what remains')
-    axes[1, 0].set_ylabel('what was removed, in red')
-    figure.colorbar(image, ax=axes, label=f'z [{unit}]', shrink=0.7)
+        gray = maps.heights(below, z, limits, 'gray')
+        maps.mark(below, found)
+        below.set_title('removed, in red' if found.any() else '')
+    maps.bar(figure, image, list(axes[0]), limits)
+    maps.bar(figure, gray, list(axes[1]), limits)
     return as_png(figure)
 
 
@@ -98,21 +77,22 @@ def _decision_colours(cloud: LabelledCloud, found: Mask, box: PlotRegion) -> npt
     from matplotlib.colors import to_rgb  # noqa: PLC0415 - an extra
 
     outlier, counted, found = cloud.outlier[box], cloud.counted[box], found[box]
+    measured = np.isfinite(cloud.points[box][..., 2])
     colours = np.empty((*outlier.shape, 3))
-    for where, colour in (
-        (~outlier & ~found, _KEPT),
-        (outlier & found, _REMOVED),
-        (outlier & ~found, _MISSED),
-        (~outlier & found, _LOST),
-        (~counted, _UNCOUNTED),
+    for where, name in (
+        (~outlier & ~found, 'good, kept'),
+        (outlier & found, 'outlier, removed'),
+        (outlier & ~found, 'outlier, kept'),
+        (~outlier & found, 'good, removed'),
+        (~counted, 'undecided'),
+        (~measured, 'not measured'),
     ):
-        colours[where] = to_rgb(colour)
+        colours[where] = to_rgb(_LEGEND[name])
     return colours
 
 
-def _add_legend(figure: 'Figure', axis: 'Axes') -> None:
-    handles = [
-        axis.plot([], [], 's', color=colour, markeredgecolor='#888888', markersize=9, label=text)[0]
-        for colour, text in _LEGEND.items()
-    ]
+def _add_legend(figure: 'Figure') -> None:
+    from matplotlib.patches import Patch  # noqa: PLC0415 - an extra
+
+    handles = [Patch(facecolor=colour, edgecolor='gray', lw=0.3, label=name) for name, colour in _LEGEND.items()]
     figure.legend(handles=handles, loc='outside lower center', ncols=len(handles))

@@ -6,6 +6,7 @@ The experiment shows what each filter removes and how the texture parameters cha
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
 from socialcircle_ros.settings import CircleSettings
+from socialcircle_ros.studies.steps import Step
+from socialcircle_ros.studies.workload import DRAWING, METHODS, million_points
 
 from . import drawings
 from .methods import SETTINGS_TYPES, default_settings, method
@@ -34,20 +37,27 @@ class MeasuredCloud:
     unit: str
 
 
-def measured_surfaces(study: Study, clouds: Sequence[MeasuredCloud]) -> list[Section]:
+def measured_surfaces(study: Study, clouds: Sequence[MeasuredCloud]) -> list[Step]:
     """Filter each cloud with each filter at its default settings, and with the social circle on scaled heights."""
-    pictures, rows = [], []
-    for cloud in clouds:
-        study.progress(f'{cloud.name}: filtering and drawing')
-        found = _found_by_filter(cloud)
-        rows += [_row(cloud, name, outliers) for name, outliers in found]
-        pictures.append(
-            Picture(
-                f'real_{cloud.name}',
-                drawings.measured_surface(cloud.points, cloud.unit, found),
-                f'{cloud.name}: what each filter keeps and removes at its default settings.',
-            )
+    return [
+        Step(
+            f'measured_{cloud.name}',
+            million_points(cloud.points.shape) * METHODS + DRAWING,
+            partial(_filtered, study, cloud),
         )
+        for cloud in clouds
+    ]
+
+
+def _filtered(study: Study, cloud: MeasuredCloud, _: Sequence[Section]) -> list[Section]:
+    study.progress(f'{cloud.name}: filtering and drawing')
+    found = _found_by_filter(cloud)
+    rows = [_row(cloud, name, outliers) for name, outliers in found]
+    picture = Picture(
+        f'real_{cloud.name}',
+        drawings.measured_surface(cloud.points, cloud.unit, found),
+        f'{cloud.name}: what each filter keeps and removes at its default settings.',
+    )
     text = (
         'The outliers of these surfaces are unknown, so there are no scores; the pictures show what was removed.'
         ' The social circle compares lengths in x, y and z. Where heights are far smaller than the pitch, it'
@@ -60,7 +70,7 @@ def measured_surfaces(study: Study, clouds: Sequence[MeasuredCloud]) -> list[Sec
     ]  # fmt: skip
     note = 'Sa, Sq, Sz: ISO 25178-2, levelled, form not removed; change from before to after filtering.'
     table = Table('real', 'Measured surfaces, each filter at its default settings', columns, rows, note)
-    return [Section('Measured surfaces', [text], items=[table, *pictures])]
+    return [Section('Measured surfaces', [text], items=[table, picture])]
 
 
 def with_z_scaled(points: Cloud) -> Cloud:

@@ -1,24 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the pictures of all experiments share: PNG output, value ranges, extents, and marks on height maps."""
+"""What the pictures of all experiments share: PNG output, value ranges, and maps in the style of all pictures."""
 
 import io
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import HeightMap, Mask
+from socialcircle_ros.cloud import Cloud, HeightMap, Mask
+from socialcircle_ros.lengths import length_scale
+from socialcircle_ros.pictures import style
+from socialcircle_ros.pictures.frame import MapExtent, MapFrame, frame_of
+from socialcircle_ros.pictures.thinning import any_in_tile, thinned
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 PlotRegion = tuple[slice, slice]
 """A rectangular part of a cloud: its rows and its columns."""
 FilterMasks = list[tuple[str, Mask]]
 """Names of filters, and the points (H, W) that each removes."""
-
-_MARK_COLOUR = '#d00000'
 
 
 def as_png(figure: 'Figure') -> bytes:
@@ -41,28 +49,78 @@ def colour_range(heights: HeightMap) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def extent_of(shape: tuple[int, ...], pitch: float) -> tuple[float, float, float, float]:
-    """Left, right, bottom and top of a whole cloud, with row 0 on top."""
-    return 0.0, shape[1] * pitch, shape[0] * pitch, 0.0
+@dataclass(frozen=True, eq=False)
+class CloudPanels:
+    """Maps of one cloud, or of a part of it, in the style of all pictures: axes with units and a scale bar.
 
+    Attributes:
+        points: (H, W, 3).
+        unit: of the coordinates.
+    """
 
-def box_extent(box: PlotRegion, pitch: float) -> tuple[float, float, float, float]:
-    """Left, right, bottom and top of a part of a cloud."""
-    rows, columns = box
-    return columns.start * pitch, columns.stop * pitch, rows.stop * pitch, rows.start * pitch
+    points: Cloud
+    unit: str
 
+    def part(self, box: PlotRegion) -> 'CloudPanels':
+        """Maps of a part of the cloud."""
+        return CloudPanels(self.points[box], self.unit)
 
-def outline(axis: 'Axes', box: PlotRegion, pitch: float) -> None:
-    """Draw a rectangle round the part that is shown enlarged."""
-    left, right, bottom, top = box_extent(box, pitch)
-    axis.plot([left, right, right, left, left], [top, top, bottom, bottom, top], color=_MARK_COLOUR, linewidth=1.5)
+    def heights(
+        self, axes: 'Axes', values: HeightMap, limits: tuple[float, float], colours: str = style.HEIGHTS
+    ) -> 'AxesImage':
+        """Map heights (H, W) between the first and the last colour; NaN has the colour of missing points."""
+        image = axes.imshow(
+            thinned(values),
+            cmap=colours,
+            vmin=limits[0],
+            vmax=limits[1],
+            interpolation='nearest',
+            extent=self._extent,
+        )
+        axes.set_facecolor(style.NOT_MEASURED)
+        self._frame.put_on(axes)
+        return image
 
+    def colours(self, axes: 'Axes', rgb: npt.NDArray[np.float64]) -> None:
+        """Map colours, (H, W, 3) or (H, W, 4)."""
+        axes.imshow(rgb, interpolation='nearest', extent=self._extent)
+        self._frame.put_on(axes)
 
-def red_where(mask: Mask) -> npt.NDArray[np.float64]:
-    """(H, W, 4): an opaque red where the mask is True, transparent elsewhere."""
-    red = np.zeros((*mask.shape, 4))
-    red[mask] = (0.85, 0, 0, 1)
-    return red
+    def mark(self, axes: 'Axes', mask: Mask) -> None:
+        """Mark points (H, W) of a map in the colour of outliers; none is lost where the map is thinned."""
+        from matplotlib.colors import to_rgba  # noqa: PLC0415 - an extra
+
+        marked = any_in_tile(mask)
+        red = np.zeros((*marked.shape, 4))
+        red[marked] = to_rgba(style.OUTLIER)
+        axes.imshow(red, interpolation='nearest', extent=self._extent, zorder=2)
+
+    def outline(self, axes: 'Axes', box: PlotRegion) -> None:
+        """Draw a rectangle round the part that is shown enlarged."""
+        left, right, bottom, top = self.part(box)._extent  # noqa: SLF001 - of its own class
+        axes.plot(
+            [left, right, right, left, left], [top, top, bottom, bottom, top], color=style.OUTLIER, linewidth=1.5
+        )
+
+    def bar(
+        self,
+        figure: 'Figure',
+        image: 'ScalarMappable',
+        axes: 'Sequence[Axes]',
+        limits: tuple[float, float],
+        name: str = 'z',
+    ) -> None:
+        """Draw the colour bar of heights beside some axes."""
+        bar = figure.colorbar(image, ax=axes, shrink=0.8, extend='both')
+        length_scale(limits, self.unit).label_axis(bar.ax.yaxis, name)
+
+    @cached_property
+    def _frame(self) -> MapFrame:
+        return frame_of(self.points, np.isfinite(self.points[..., 2]), self.unit)
+
+    @property
+    def _extent(self) -> MapExtent:
+        return self._frame.extent
 
 
 def densest_box(outlier: Mask, share: float = 0.18) -> PlotRegion:

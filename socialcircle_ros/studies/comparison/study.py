@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from socialcircle_ros.metrics.scores import Scores
+from socialcircle_ros.studies.workload import SCAN, SEARCH, SYNTHETIC, million_points
 
 from .labelled_clouds import (
     PAPER_SCENES,
@@ -88,6 +89,7 @@ class Study:
     plan: Plan
     progress: Callable[[str], None]
     _best: dict[tuple[str, bool], list[FilterSettings]] = field(default_factory=dict)
+    _planned: set[tuple[str, bool]] = field(default_factory=set)
 
     def cloud(self, scene: str, seed: int, *, from_stack: bool = False) -> LabelledCloud:
         """A cloud of a scene: synthetic, or from a rendered focus stack."""
@@ -102,6 +104,24 @@ class Study:
             self.progress(f'{scene}: making the cloud of seed {seed}')
             clouds.append(self.cloud(scene, seed, from_stack=from_stack))
         return clouds
+
+    def search_work(self, scene: str, *, from_stack: bool = False) -> float:
+        """Work of the search for the best settings of a scene: 0 from the second call on, since it runs once."""
+        if (scene, from_stack) in self._planned:
+            return 0.0
+        self._planned.add((scene, from_stack))
+        making = SCAN if from_stack else SYNTHETIC
+        return len(self.plan.search_seeds) * million_points(self.plan.medium_size) * (making + SEARCH)
+
+    def clouds_work(self, *, from_stack: bool = False, per_cloud: float = 0.0) -> float:
+        """Work of making the clouds of a scene that are scored, and of what is done with each.
+
+        Args:
+            from_stack: whether they come from rendered focus stacks.
+            per_cloud: work for a million of its points.
+        """
+        size, making = (self.plan.medium_size, SCAN) if from_stack else (self.plan.full_size, SYNTHETIC)
+        return len(self.plan.seeds) * million_points(size) * (making + per_cloud)
 
     def best(self, scene: str, *, from_stack: bool = False) -> list[FilterSettings]:
         """The best settings of each filter, in the order of `SETTINGS_TYPES`."""

@@ -9,34 +9,37 @@ import numpy as np
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.studies.adaptive.inserted_outliers import ContaminatedSurface
-from socialcircle_ros.studies.comparison.plotting import as_png, box_extent, colour_range, densest_box, red_where
+from socialcircle_ros.studies.comparison.plotting import CloudPanels, as_png, colour_range, densest_box
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def judged(surface: ContaminatedSurface, found: Mask) -> bytes:
+def judged(surface: ContaminatedSurface, unit: str, found: Mask) -> bytes:
     """Draw the part with most errors: heights, the truth, missed outliers, and removed good points.
 
     Args:
         surface: with inserted outliers.
+        unit: of its coordinates.
         found: (H, W) bool, removed points.
     """
     missed: Mask = surface.outlier & surface.counted & ~found
     wrong: Mask = found & surface.counted & ~surface.outlier
     box = densest_box(missed | wrong, 0.25)
-    heights = surface.points[..., 2]
-    low, high = colour_range(heights[box])
-    extent = box_extent(box, 1.0)
-    figure: Figure = new_figure(15, 4.4)
+    part = CloudPanels(surface.points, unit).part(box)
+    heights = surface.points[box][..., 2]
+    limits = colour_range(heights)
+    figure: Figure = new_figure(17, 4.6)
+    axes = figure.subplots(1, 4)
     marked = [
         ('heights', np.zeros_like(found)), ('inserted outliers', surface.outlier), ('missed', missed),
         ('good points removed', wrong),
     ]  # fmt: skip
-    for axis, (title, mask) in zip(figure.subplots(1, 4), marked, strict=True):
-        axis.imshow(heights[box], cmap='gray', vmin=low, vmax=high, interpolation='nearest', extent=extent)
-        axis.imshow(red_where(mask[box]), extent=extent, interpolation='nearest')
-        axis.set_title(f'{title}: {np.count_nonzero(mask[box])}' if mask.any() else title)
+    for axis, (title, mask) in zip(axes, marked, strict=True):
+        image = part.heights(axis, heights, limits, 'gray')
+        part.mark(axis, mask[box])
+        axis.set_title(f'{title}: {np.count_nonzero(mask[box]):,}' if mask.any() else title)
+    part.bar(figure, image, list(axes), limits)
     return as_png(figure)
 
 

@@ -2,8 +2,11 @@
 """The network, the rules of the adaptive mode, and both, on the same whole surfaces with the same outliers."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +16,19 @@ from socialcircle_ros.circle.adaptive.likelihood import CERTAIN, LIKELY, LIKELY_
 from socialcircle_ros.circle.network import NetworkJudge
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
-from socialcircle_ros.studies.adaptive.goals import Goal, goals_table
+from socialcircle_ros.studies.adaptive.goals import Goal, goals_section
 from socialcircle_ros.studies.adaptive.inserted_outliers import (
-    ContaminatedSurface,
     OutlierShapes,
     StudiedSurface,
     insert_outliers,
 )
 from socialcircle_ros.studies.comparison.study import Study
+from socialcircle_ros.studies.steps import Step, rows_of
 from socialcircle_ros.studies.timing import repeated_ms
+from socialcircle_ros.studies.workload import DETECTION, DRAWING, INSERTION, NETWORK, million_points
 
 from . import drawings
-from .surfaces import DEVELOPMENT, HELD_OUT
+from .surfaces import DEVELOPMENT, HELD_OUT, SurfaceFile, read_surface, surface_files
 
 THRESHOLDS = (0.3, 0.5, 0.65, 0.8, 0.9, 0.95)
 """Probabilities that the table of thresholds compares."""
@@ -33,6 +37,7 @@ PICTURES = 10
 JUDGES = ('rules', 'network', 'both')
 """`both` is what `circle.judge: network` does."""
 _TIMED = (960, 1280)
+_SURFACES, _BY_THRESHOLD = 'learned_surfaces', 'learned_by_threshold'
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,6 @@ class Judged:
         removed: share of the plausible points of the untouched surface, by each judge.
         nearly: share of its points in shapes that are nearly islands, from which the rules warn.
         by_threshold: for each threshold, F1 of each check and the share removed.
-        worst: the contaminated surface of the second check, and what the network removes of it.
     """
 
     name: str
@@ -78,23 +82,47 @@ class Judged:
     removed: list[float]
     nearly: float
     by_threshold: list[tuple[list[float], float]]
-    worst: tuple[ContaminatedSurface, Mask] = field(repr=False)
 
 
-def learned(study: Study, surfaces: Sequence[StudiedSurface], judge: NetworkJudge) -> list[Section]:
-    """Compare the network with the rules: goals, surfaces, thresholds, time, and the worst clouds.
+def learned(study: Study, folder: Path, judge: NetworkJudge, *, quick: bool = False) -> list[Step]:
+    """Compare the network with the rules: surfaces, goals, thresholds, time, and the worst clouds.
 
     Args:
         study: its seeds give the outliers; medians are over them.
-        surfaces: of the data folder and of its `training/`.
+        folder: of measured surfaces, with its subfolder `training/`.
         judge: the network.
+        quick: only the first surface.
     """
-    judged = []
-    for surface in surfaces:
-        study.progress(f'{surface.cloud.name}: rules and network')
-        judged.append(_judged(surface, judge, study.plan.seeds))
-    study.progress('timing')
-    goals = [*_goals(judged), _time_goal(judge, study.plan.repeats)]
+    files = surface_files(folder)[: 1 if quick else None]
+    masks = len(CHECKS) * len(study.plan.seeds) + 1
+    per_point = masks * (2 * DETECTION + NETWORK + INSERTION)
+    timing = 2 * study.plan.repeats * million_points(_TIMED) * (2 * DETECTION + NETWORK)
+    return [
+        *(
+            Step(
+                f'learned_{file.path.stem}',
+                per_point * file.points / 1e6,
+                partial(_surface, study, file.path, judge),
+            )
+            for file in files
+        ),
+        Step('learned_goals', timing, partial(_conclusion, study, judge)),
+        Step('learned_worst', PICTURES * DRAWING, partial(_worst, study, files, judge)),
+    ]
+
+
+def _surface(study: Study, path: Path, judge: NetworkJudge, _: Sequence[Section]) -> list[Section]:
+    study.progress(f'{path.stem}: rules and network')
+    judged = _judged(read_surface(path), judge, study.plan.seeds)
+    surfaces = _columns([Column('surface'), Column('group')])
+    scores = [value for values in judged.f1 for value in values]
+    row: list[Cell] = [judged.name, judged.group, *scores, *judged.removed, judged.nearly]
+    columns = [Column('surface'), Column('group'), Column('threshold', '.2f')]
+    columns += [*(Column(check.name, '.3f') for check in CHECKS), Column('untouched: removed', '.3%')]
+    by_threshold: list[list[Cell]] = [
+        [judged.name, judged.group, threshold, *f1, removed]
+        for threshold, (f1, removed) in zip(THRESHOLDS, judged.by_threshold, strict=True)
+    ]
     text = (
         'Outliers are put into whole surfaces by two generators that the network was never trained on: `ellipses`'
         ' is `simulation.add_outliers`, `irregular` is `add_irregular_outliers`. Points of the untouched surface'
@@ -105,23 +133,50 @@ def learned(study: Study, surfaces: Sequence[StudiedSurface], judge: NetworkJudg
         + '; '.join(f'{name} ({instrument})' for name, instrument in HELD_OUT.items())
         + '.'
     )
+    tables = [
+        Table(_SURFACES, 'Each surface', [*surfaces, Column('untouched: nearly outliers', '.1%')], [row]),
+        Table(_BY_THRESHOLD, 'F1 of the network on each surface by threshold', columns, by_threshold),
+    ]
+    return [Section('Surfaces', [text], items=tables)]
+
+
+def _conclusion(study: Study, judge: NetworkJudge, made: Sequence[Section]) -> list[Section]:
+    """The goals, and medians over the surfaces."""
+    study.progress('timing')
+    judged = _judged_rows(made)
+    goals = [*_goals(judged), _time_goal(judge, study.plan.repeats)]
+    thresholds = _thresholds_table(rows_of(made, _BY_THRESHOLD))
+    return [goals_section('learned_goals', goals), Section('All surfaces', items=[_summary(judged), thresholds])]
+
+
+class _Row(NamedTuple):
+    """A row of the table of surfaces; the numbers are in the order of its columns."""
+
+    name: str
+    group: str
+    values: list[float]
+
+    def f1(self, check: int, judge: int) -> float:
+        return self.values[check * len(JUDGES) + judge]
+
+    def removed(self, judge: int) -> float:
+        return self.values[len(CHECKS) * len(JUDGES) + judge]
+
+
+def _judged_rows(made: Sequence[Section]) -> list[_Row]:
     return [
-        Section('Goals', findings=[goal.sentence for goal in goals], items=[goals_table('learned_goals', goals)]),
-        Section('Surfaces', [text], items=[_summary(judged), _surfaces_table(judged), _thresholds_table(judged)]),
-        Section('Worst clouds', items=_pictures(judged, study.progress)),
+        _Row(str(name), str(group), [float(value or 0) for value in values])
+        for name, group, *values in rows_of(made, _SURFACES)
     ]
 
 
 def _judged(surface: StudiedSurface, judge: NetworkJudge, seeds: Sequence[int]) -> Judged:
-    f1, by_check, worst = [], [], None
+    f1, by_check = [], []
     for check in CHECKS:
         scores = []
         for seed in seeds:
             made = insert_outliers(surface, check.share, seed, check.shapes)
-            masks = _masks(made.points[..., 2], judge)
-            scores.append([made.score(mask).f1 for mask in masks])
-            if check is CHECKS[1]:
-                worst = made, masks[1]
+            scores.append([made.score(mask).f1 for mask in _masks(made.points[..., 2], judge)])
         medians = [median(column) for column in zip(*scores, strict=True)]
         f1.append(medians[: len(JUDGES)])
         by_check.append(medians[len(JUDGES) :])
@@ -129,10 +184,9 @@ def _judged(surface: StudiedSurface, judge: NetworkJudge, seeds: Sequence[int]) 
     by_threshold = [
         ([each[place] for each in by_check], removed[len(JUDGES) + place]) for place in range(len(THRESHOLDS))
     ]
-    assert worst is not None  # noqa: S101 the second check ran
     name = surface.cloud.name
     nearly = find_outliers(surface.cloud.points[..., 2].astype(np.float32)).nearly
-    return Judged(name, _group(name), f1, removed[: len(JUDGES)], nearly, by_threshold, worst)
+    return Judged(name, _group(name), f1, removed[: len(JUDGES)], nearly, by_threshold)
 
 
 def _masks(heights: NDArray[np.floating], judge: NetworkJudge) -> list[Mask]:
@@ -156,45 +210,31 @@ def _columns(first: Sequence[Column]) -> list[Column]:
     return [*first, *checks, *(Column(f'untouched: {judge}', '.3%') for judge in JUDGES)]
 
 
-def _summary(judged: Sequence[Judged]) -> Table:
+def _summary(judged: Sequence[_Row]) -> Table:
     """Median and worst surface of each group."""
     rows: list[list[Cell]] = []
+    count_f1 = len(CHECKS) * len(JUDGES)
     for group in ('left out', 'development', 'training'):
-        members = [each for each in judged if each.group == group]
+        members = [each.values for each in judged if each.group == group]
         if not members:
             continue
-        scores = [
-            [each.f1[check][judge] for each in members]
-            for check in range(len(CHECKS))
-            for judge in range(len(JUDGES))
-        ]
-        removed = [[each.removed[judge] for each in members] for judge in range(len(JUDGES))]
-        count = len(members)
-        rows.append([f'{group}, {count}: median', *map(median, scores), *map(median, removed)])
-        rows.append([f'{group}, {count}: worst', *map(min, scores), *map(max, removed)])
-    columns = _columns([Column('surfaces')])
-    return Table('learned_summary', 'F1 and removed points', columns, rows)
+        columns = list(zip(*members, strict=True))
+        scores, removed = columns[:count_f1], columns[count_f1 : count_f1 + len(JUDGES)]
+        rows.append([f'{group}, {len(members)}: median', *map(median, scores), *map(median, removed)])
+        rows.append([f'{group}, {len(members)}: worst', *map(min, scores), *map(max, removed)])
+    return Table('learned_summary', 'F1 and removed points', _columns([Column('surfaces')]), rows)
 
 
-def _surfaces_table(judged: Sequence[Judged]) -> Table:
-    rows: list[list[Cell]] = [
-        [each.name, each.group, *(value for values in each.f1 for value in values), *each.removed, each.nearly]
-        for each in judged
-    ]
-    columns = [*_columns([Column('surface'), Column('group')]), Column('untouched: nearly outliers', '.1%')]
-    return Table('learned_surfaces', 'Each surface', columns, rows)
-
-
-def _thresholds_table(judged: Sequence[Judged]) -> Table:
+def _thresholds_table(by_surface: Sequence[Sequence[Cell]]) -> Table:
     """The threshold is chosen on the development surfaces; the table shows what others would have done."""
     rows: list[list[Cell]] = []
     for group in ('development', 'left out'):
-        members = [each for each in judged if each.group == group]
-        for place, threshold in enumerate(THRESHOLDS if members else ()):
-            of_threshold = [each.by_threshold[place] for each in members]
-            f1 = [median(each[0][check] for each in of_threshold) for check in range(len(CHECKS))]
-            removed = [each[1] for each in of_threshold]
-            rows.append([group, threshold, *f1, median(removed), max(removed)])
+        for threshold in THRESHOLDS:
+            members = [[float(value or 0) for value in row[3:]] for row in by_surface
+                       if (row[1], row[2]) == (group, threshold)]  # fmt: skip
+            if members:
+                *f1, removed = zip(*members, strict=True)
+                rows.append([group, threshold, *map(median, f1), median(removed), max(removed)])
     columns = [
         Column('surfaces'), Column('threshold', '.2f'), *(Column(check.name, '.3f') for check in CHECKS),
         Column('untouched, median', '.3%'), Column('untouched, worst', '.3%'),
@@ -202,23 +242,23 @@ def _thresholds_table(judged: Sequence[Judged]) -> Table:
     return Table('learned_thresholds', 'Median F1 of the network by threshold', columns, rows)
 
 
-def _goals(judged: Sequence[Judged]) -> list[Goal]:
+def _goals(judged: Sequence[_Row]) -> list[Goal]:
     """The goals that were set for the network."""
     goals = []
     developed = [each for each in judged if each.group == 'development']
     apart = [each for each in judged if each.group == 'left out']
     if developed:
         for place in (0, 1):
-            f1 = median(each.f1[place][1] for each in developed)
+            f1 = median(each.f1(place, 1) for each in developed)
             goals.append(Goal(f'Development surfaces, {CHECKS[place].name}: median F1', f1, 0.96))
     if apart:
-        five = [each.f1[1][1] for each in apart]
-        removed = [each.removed[1] for each in apart]
+        five = [each.f1(1, 1) for each in apart]
+        removed = [each.removed(1) for each in apart]
         goals += [
             Goal(f'{len(apart)} surfaces left out, 5 %: median F1', median(five), 0.94),
             Goal('The same: worst F1', min(five), 0.80),
-            Goal('The same at 1 %: median F1', median(each.f1[2][1] for each in apart), 0.88),
-            Goal('The same at 30 %: median F1', median(each.f1[3][1] for each in apart), 0.92),
+            Goal('The same at 1 %: median F1', median(each.f1(2, 1) for each in apart), 0.88),
+            Goal('The same at 30 %: median F1', median(each.f1(3, 1) for each in apart), 0.92),
             Goal('The same, untouched: plausible points removed, median', median(removed), 0.0005, False, '.3%'),
             Goal('The same: plausible points removed, worst', max(removed), 0.003, False, '.3%'),
         ]
@@ -241,19 +281,25 @@ def _calls(judge: NetworkJudge, heights: NDArray[np.float32]) -> list[Callable[[
     ]
 
 
-def _pictures(judged: Sequence[Judged], progress: Callable[[str], None]) -> list[Picture]:
+def _worst(
+    study: Study, files: Sequence[SurfaceFile], judge: NetworkJudge, made: Sequence[Section]
+) -> list[Section]:
     """The clouds with the lowest F1 at 5 % irregular outliers: those left out, then the others."""
-    order = sorted(judged, key=lambda each: (each.group != 'left out', each.f1[1][1]))
+    judged = _judged_rows(made)
+    paths = {file.path.stem: file.path for file in files}
     pictures = []
-    for each in order[:PICTURES]:
-        progress(f'{each.name}: picture')
-        made, found = each.worst
+    check = CHECKS[1]
+    for each in sorted(judged, key=lambda each: (each.group != 'left out', each.f1(1, 1)))[:PICTURES]:
+        study.progress(f'{each.name}: picture')
+        surface = read_surface(paths[each.name])
+        cloud = insert_outliers(surface, check.share, study.plan.seeds[-1], check.shapes)
+        found = judge.probabilities(cloud.points[..., 2].astype(np.float32)) > judge.threshold
         pictures.append(
             Picture(
                 f'learned_{each.name}',
-                drawings.judged(made, found),
-                f'{each.name} ({each.group}), 5 % irregular outliers: F1 {each.f1[1][1]:.3f}, rules'
-                f' {each.f1[1][0]:.3f}; untouched {each.removed[1]:.2%} removed. The part with most errors.',
+                drawings.judged(cloud, surface.cloud.unit, found),
+                f'{each.name} ({each.group}), {check.name}: F1 {each.f1(1, 1):.3f}, rules {each.f1(1, 0):.3f};'
+                f' untouched {each.removed(1):.2%} removed. The part with most errors.',
             )
         )
-    return pictures
+    return [Section('Worst clouds', items=pictures)]

@@ -2,6 +2,7 @@
 """The measured surfaces: which ones there are, and which ones the packaged weights were never trained on."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,17 +28,33 @@ DEVELOPMENT = (
 """Surfaces on which the rules and the threshold were chosen."""
 
 
-def read_surfaces(folder: Path) -> list[StudiedSurface]:
-    """Read the height maps of the data folder and of its `training/`; focus stacks are skipped.
+class SurfaceFile(NamedTuple):
+    """A file of a measured surface, and its number of points."""
+
+    path: Path
+    points: int
+
+
+def surface_files(folder: Path) -> list[SurfaceFile]:
+    """The height maps of the data folder and of its `training/`; focus stacks are skipped.
 
     Args:
         folder: of `.npz` files, as its README describes them.
     """
-    surfaces = []
+    files = []
     for path in [*sorted(folder.glob('*.npz')), *sorted((folder / 'training').glob('*.npz'))]:
         with np.load(path) as arrays:
-            if 'frames' in arrays:
-                continue
-        cloud = import_cloud(path)
-        surfaces.append(measured_surface(MeasuredCloud(path.stem, cloud.points, cloud.unit or '')))
-    return surfaces
+            if 'frames' not in arrays:
+                files.append(SurfaceFile(path, int(arrays['z'].size) if 'z' in arrays else 0))
+    return files
+
+
+def read_surface(path: Path) -> StudiedSurface:
+    """Read one height map, and measure its noise and its spikes."""
+    cloud = import_cloud(path)
+    return measured_surface(MeasuredCloud(path.stem, cloud.points, cloud.unit or ''))
+
+
+def read_surfaces(folder: Path) -> list[StudiedSurface]:
+    """Read all of `surface_files`."""
+    return [read_surface(file.path) for file in surface_files(folder)]

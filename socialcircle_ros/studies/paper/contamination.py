@@ -2,7 +2,7 @@
 """F1 of each filter from 2 to 45 % outliers: isolated, clustered, and clustered with blurred flanks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from itertools import chain, product
 from typing import get_args
 
@@ -19,6 +19,8 @@ from socialcircle_ros.studies.comparison.labelled_clouds import (
 from socialcircle_ros.studies.comparison.methods import SETTINGS_TYPES, Method, method, name_of
 from socialcircle_ros.studies.comparison.search import best_settings
 from socialcircle_ros.studies.comparison.study import Plan, Study
+from socialcircle_ros.studies.steps import Step, rows_of
+from socialcircle_ros.studies.workload import DRAWING, METHODS, SEARCH, SYNTHETIC, million_points
 
 from . import drawings
 from .verdicts import SAME_SHARE
@@ -26,33 +28,35 @@ from .verdicts import SAME_SHARE
 _LABELS = [f'{name_of(each)}, {variant}' for each in SETTINGS_TYPES for variant in ('default', 'best')]
 
 
-@dataclass(frozen=True)
-class _Condition:
-    """Mean F1 of the methods, in the order of `_LABELS`, on one scene with one kind and share of outliers."""
-
-    scene: str
-    kind: OutlierKind
-    share: float
-    f1: list[float]
+_TITLE = 'From 2 to 45 % outliers'
+_KINDS: tuple[OutlierKind, ...] = tuple(kind for kind in get_args(OutlierKind) if kind != 'own')
 
 
-def contaminations(study: Study) -> list[Section]:
-    """Measure F1 of each filter for each scene, kind of outlier, and share of outliers."""
+def contaminations(study: Study) -> list[Step]:
+    """Measure F1 of each filter for each scene, kind of outlier, and share of outliers; then draw the curves."""
     plan = study.plan
-    kinds: list[OutlierKind] = [kind for kind in get_args(OutlierKind) if kind != 'own']
-    conditions = []
-    for scene, kind, share in product(PAPER_SCENES, kinds, plan.shares):
+    points = million_points(plan.small_size)
+    clouds = len(plan.seeds) + len(plan.search_seeds)
+    searches = len(plan.search_seeds) * SEARCH + len(plan.seeds) * METHODS + clouds * SYNTHETIC
+    work = len(plan.shares) * points * searches
+    conditions = [
+        Step(f'contamination_{scene}_{kind}', work, partial(_condition, study, scene, kind))
+        for scene, kind in product(PAPER_SCENES, _KINDS)
+    ]
+    return [*conditions, Step('contamination_curves', DRAWING, partial(_curves_section, study))]
+
+
+def _condition(study: Study, scene: str, kind: OutlierKind, _: Sequence[Section]) -> list[Section]:
+    plan = study.plan
+    rows: list[list[Cell]] = []
+    for share in plan.shares:
         study.progress(f'{scene}: {100 * share:g} % {kind} outliers')
-        conditions.append(_Condition(TITLES[scene], kind, share, _mean_f1_of_methods(plan, scene, kind, share)))
+        rows.append([TITLES[scene], kind, share, *_mean_f1_of_methods(plan, scene, kind, share)])
     text = (
         f'Clouds of {plan.small_size[1]}×{plan.small_size[0]} points. Isolated outliers are single points.'
         ' Clustered outliers are clusters of 2 to 8 points radius that are displaced together, with sharp flanks.'
         ' The displacement of a blurred cluster rises over its whole radius, so that each point is close to the'
         ' next.'
-    )
-    caption = (
-        'F1 against the share of outliers. Solid: best settings, searched for each point of the curve on other'
-        ' seeds. Dashed: default settings.'
     )
     columns = [
         Column('scene'),
@@ -60,18 +64,18 @@ def contaminations(study: Study) -> list[Section]:
         Column('share', '.0%'),
         *(Column(label, '.3f') for label in _LABELS),
     ]
-    rows: list[list[Cell]] = [[each.scene, each.kind, each.share, *each.f1] for each in conditions]
-    return [
-        Section(
-            'From 2 to 45 % outliers',
-            [text],
-            findings=[_finding(kind, [each for each in conditions if each.kind == kind]) for kind in kinds],
-            items=[
-                Picture('contamination', drawings.contamination_curves(plan.shares, _curves(conditions)), caption),
-                Table('contamination', 'F1 by scene, kind and share of outliers', columns, rows),
-            ],
-        )
-    ]
+    table = Table('contamination', 'F1 by scene, kind and share of outliers', columns, rows)
+    return [Section(_TITLE, [text], items=[table])]
+
+
+def _curves_section(study: Study, made: Sequence[Section]) -> list[Section]:
+    rows = rows_of(made, 'contamination')
+    caption = (
+        'F1 against the share of outliers. Solid: best settings, searched for each point of the curve on other'
+        ' seeds. Dashed: default settings.'
+    )
+    picture = Picture('contamination', drawings.contamination_curves(study.plan.shares, _curves(rows)), caption)
+    return [Section(_TITLE, findings=[_finding(kind, rows) for kind in _KINDS], items=[picture])]
 
 
 def _mean_f1_of_methods(plan: Plan, scene: str, kind: OutlierKind, share: float) -> list[float]:
@@ -86,22 +90,23 @@ def _mean_f1(each: Method, clouds: Sequence[LabelledCloud]) -> float:
     return float(np.mean([cloud.score(each(cloud.points).outliers).f1 for cloud in clouds]))
 
 
-def _curves(conditions: Sequence[_Condition]) -> dict[tuple[str, str], dict[str, list[float]]]:
+def _curves(rows: Sequence[Sequence[Cell]]) -> dict[tuple[str, str], dict[str, list[float]]]:
     """F1 over the shares: by scene and kind, then by label."""
     curves: dict[tuple[str, str], dict[str, list[float]]] = {}
-    for each in conditions:
-        curve = curves.setdefault((each.scene, each.kind), {label: [] for label in _LABELS})
-        for label, f1 in zip(_LABELS, each.f1, strict=True):
-            curve[label].append(f1)
+    for scene, kind, _, *f1 in rows:
+        curve = curves.setdefault((str(scene), str(kind)), {label: [] for label in _LABELS})
+        for label, value in zip(_LABELS, f1, strict=True):
+            curve[label].append(float(value or 0))
     return curves
 
 
-def _finding(kind: str, conditions: Sequence[_Condition]) -> str:
+def _finding(kind: str, rows: Sequence[Sequence[Cell]]) -> str:
     """In how many conditions the social circle has the highest F1, and the range of its F1."""
-    default, best = (sum(each.f1[own] >= max(each.f1[2:]) - SAME_SHARE for each in conditions) for own in (0, 1))
-    ours = [each.f1[0] for each in conditions]
+    scores = [[float(value or 0) for value in row[3:]] for row in rows if row[1] == kind]
+    default, best = (sum(f1[own] >= max(f1[2:]) - SAME_SHARE for f1 in scores) for own in (0, 1))
+    ours = [f1[0] for f1 in scores]
     return (
-        f'{kind.capitalize()} outliers, {len(conditions)} conditions, other filters at their best settings for'
+        f'{kind.capitalize()} outliers, {len(scores)} conditions, other filters at their best settings for'
         f' each: the social circle has the highest F1 (within {SAME_SHARE:g}) in {default} at its default settings'
         f' and in {best} at its best settings. At its default settings F1 is between {min(ours):.3f} and'
         f' {max(ours):.3f}.'

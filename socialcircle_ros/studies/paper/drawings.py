@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from socialcircle_ros.cloud import HeightMap
+from socialcircle_ros.pictures import style
 from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud
 from socialcircle_ros.studies.comparison.plotting import (
+    CloudPanels,
     PlotRegion,
     as_png,
-    box_extent,
     colour_range,
     densest_box,
 )
@@ -60,7 +61,7 @@ def contamination_curves(
 
 
 def elections(panels: Sequence[tuple[str, LabelledCloud, PlotRegion, tuple[int, int]]]) -> bytes:
-    """Draw vote regions as point clouds with the elected seed in red, as the paper's figure 4.
+    """Draw vote regions as point clouds with the elected seed in black, as the paper's figure 4.
 
     Args:
         panels: title, cloud, vote region, and row and column of the seed in the cloud.
@@ -70,15 +71,17 @@ def elections(panels: Sequence[tuple[str, LabelledCloud, PlotRegion, tuple[int, 
         axis = figure.add_subplot(1, len(panels), number, projection='3d')
         x, y, z = cloud.points[region].reshape(-1, 3).T
         bad = cloud.outlier[region].ravel()
-        axis.scatter(x[~bad], y[~bad], z[~bad], s=3, color='#7d8b99', label='good', depthshade=False)
-        axis.scatter(x[bad], y[bad], z[bad], s=3, color='#e69f00', label='outlier', depthshade=False)
+        axis.scatter(x[~bad], y[~bad], z[~bad], s=3, color=style.SURFACE, label='good', depthshade=False)
+        axis.scatter(x[bad], y[bad], z[bad], s=3, color=style.OUTLIER, label='outlier', depthshade=False)
         # The neighbours of a seed on a rough surface would hide it: it is drawn last.
         axis.scatter(
-            *cloud.points[seed], s=110, color='#d00000', marker='o', label='seed', zorder=1000, depthshade=False
-        )
+            *cloud.points[seed], s=130, color='black', edgecolor='white', marker='o', label='seed', zorder=1000,
+            depthshade=False,
+        )  # fmt: skip
         axis.computed_zorder = False
         axis.set(title=title, xlabel='x [µm]', ylabel='y [µm]', zlabel='z [µm]')
         axis.view_init(elev=18, azim=-60)
+        axis.set_box_aspect((4, 4, 3), zoom=0.85)  # the label of z is not cut off
     figure.legend(*axis.get_legend_handles_labels(), loc='outside lower center', ncols=3, markerscale=1.5)
     return as_png(figure)
 
@@ -91,31 +94,32 @@ def repaired_surfaces(cloud: LabelledCloud, repaired: Sequence[tuple[str, Height
         repaired: title and heights (H, W), NaN where there is no height.
     """
     from matplotlib import colormaps  # noqa: PLC0415 - an extra
-    from matplotlib.colors import LightSource, LogNorm  # noqa: PLC0415 - an extra
+    from matplotlib.cm import ScalarMappable  # noqa: PLC0415 - an extra
+    from matplotlib.colors import LightSource, LogNorm, Normalize, to_rgba  # noqa: PLC0415 - an extra
 
     box = densest_box(cloud.outlier, 0.3)
     low, high = colour_range(cloud.z_true)
     light = LightSource(azdeg=315, altdeg=40)
     everything = [('as measured', cloud.points[..., 2]), *repaired]
-    figure: Figure = new_figure(3.9 * len(everything), 6.8)
-    axes = figure.subplots(2, len(everything), sharex=True, sharey=True)
-    extent = box_extent(box, cloud.pitch)
+    figure: Figure = new_figure(4.1 * len(everything), 7.4)
+    axes = figure.subplots(2, len(everything))
+    part = CloudPanels(cloud.points, 'µm').part(box)
     nearest, furthest = 0.05 * cloud.pitch, 50 * cloud.pitch
     for (above, below), (name, heights) in zip(axes.T, everything, strict=True):
         z = heights[box].astype(np.float64)
         filled = np.where(np.isfinite(z), np.clip(z, low - 20 * cloud.pitch, high + 20 * cloud.pitch), np.nan)
         shaded = light.shade(
-            np.ma.masked_invalid(filled), cmap=colormaps['viridis'], vmin=low, vmax=high, blend_mode='soft',
+            np.ma.masked_invalid(filled), cmap=colormaps[style.HEIGHTS], vmin=low, vmax=high, blend_mode='soft',
             dx=cloud.pitch, dy=cloud.pitch,
         )  # fmt: skip
-        shaded[~np.isfinite(z)] = 1.0
-        above.imshow(shaded, extent=extent, interpolation='nearest')
+        shaded[~np.isfinite(z)] = to_rgba(style.NOT_MEASURED)
+        part.colours(above, shaded)
         above.set_title(name)
         error = np.maximum(np.abs(z - cloud.z_true[box]), nearest)
-        image = below.imshow(
-            error, extent=extent, interpolation='nearest', cmap='magma_r', norm=LogNorm(nearest, furthest)
-        )
-    axes[0, 0].set_ylabel('lit from the upper left')
-    axes[1, 0].set_ylabel('distance to the true surface')
-    figure.colorbar(image, ax=axes, label='|z − true z| [µm]', shrink=0.7)
+        image = part.heights(below, error, (nearest, furthest), 'magma_r')
+        image.set_norm(LogNorm(nearest, furthest))
+        below.set_title('distance to the true surface')
+    ground = ScalarMappable(Normalize(low, high), style.HEIGHTS)
+    part.bar(figure, ground, list(axes[0]), (low, high), 'lit from the upper left: z')
+    figure.colorbar(image, ax=list(axes[1]), label='|z − true z| [µm]', shrink=0.8, extend='both')
     return as_png(figure)

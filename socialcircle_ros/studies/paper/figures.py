@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures 4, 8, 10 and 11 of the paper, on clouds of known truth."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Literal
 
@@ -23,14 +24,18 @@ from socialcircle_ros.studies.comparison.labelled_clouds import (
     OutlierKind,
     synthetic_cloud,
 )
-from socialcircle_ros.studies.comparison.methods import Method
+from socialcircle_ros.studies.comparison.methods import SETTINGS_TYPES, Method
 from socialcircle_ros.studies.comparison.plotting import PlotRegion
 from socialcircle_ros.studies.comparison.study import Study
+from socialcircle_ros.studies.steps import Step, rows_of
+from socialcircle_ros.studies.workload import DRAWING, ELECTION, METHODS, REPAIRS, SYNTHETIC, million_points
 
 from . import drawings
 
 _LOW_SHARE, _HIGH_SHARE = 0.02, 0.45
 _RegionChoice = Literal['chosen', 'anywhere']
+_CHOICES: tuple[_RegionChoice, ...] = ('chosen', 'anywhere')
+_FIGURE_4 = 'Figure 4: is the elected seed a good point?'
 _REPAIRS: tuple[RepairMethod, ...] = ('spline', 'biharmonic')
 _REPAIR_NAMES = {'spline': 'spline (the paper’s)', 'biharmonic': 'biharmonic'}
 _COMPLETE = 0.95
@@ -56,21 +61,32 @@ class _Election:
         return float(self.cloud.outlier[self.region].mean())
 
 
-def figure4(study: Study) -> list[Section]:
+def figure4(study: Study) -> list[Step]:
     """Test whether the elected seed is a good point, with few and with many outliers in the vote region."""
+    plan = study.plan
+    elections = plan.elections * len(tuple(_conditions()))
+    work = elections * million_points(plan.small_size) * (SYNTHETIC + ELECTION)
+    scenes = [Step(f'figure4_{scene}', work, partial(_elections, study, scene)) for scene in TITLES]
+    return [*scenes, Step('figure4_findings', 0.0, _seed_findings)]
+
+
+def _conditions() -> Iterator[tuple[OutlierKind, float, _RegionChoice]]:
+    kinds: tuple[OutlierKind, ...] = ('isolated', 'clustered')
+    return product(kinds, (_LOW_SHARE, _HIGH_SHARE), _CHOICES)
+
+
+def _elections(study: Study, scene: str, _: Sequence[Section]) -> list[Section]:
     rows: list[list[Cell]] = []
     panels = []
-    kinds: tuple[OutlierKind, ...] = ('isolated', 'clustered')
-    choices: tuple[_RegionChoice, ...] = ('chosen', 'anywhere')
-    for scene, kind, share, choice in product(TITLES, kinds, (_LOW_SHARE, _HIGH_SHARE), choices):
-        study.progress(f'{scene}: electing seeds among {100 * share:g} % {kind} outliers')
+    for kind, share, choice in _conditions():
+        study.progress(f'{scene}: electing seeds among {100 * share:g} % {kind} outliers, region {choice}')
         held = [
             _election(scene, study.plan.small_size, study.plan.seeds[0] + number, kind, share, choice)
             for number in range(study.plan.elections)
         ]
         if (scene, kind, choice) == ('metal_groove', 'clustered', 'anywhere'):
             first = held[0]
-            title = f'{100 * first.share:.0f} % outliers: the seed is {"good" if first.is_good else "an outlier"}'
+            title = f'{100 * first.share:.1f} % outliers: the seed is {"good" if first.is_good else "an outlier"}'
             panels.append((title, first.cloud, first.region, first.seed))
         mean_share = float(np.mean([each.share for each in held]))
         rows.append(
@@ -89,17 +105,14 @@ def figure4(study: Study) -> list[Section]:
         'As the paper’s figure 4: a vote region with few and with many outliers, and the elected seed (metal'
         ' groove, clustered outliers, random region).'
     )
-    return [
-        Section(
-            'Figure 4: is the elected seed a good point?',
-            [text],
-            findings=[_seed_finding(rows, choice) for choice in choices],
-            items=[
-                Picture('figure4', drawings.elections(panels), caption),
-                Table('figure4', 'Elections in which the seed is a good point', columns, rows),
-            ],
-        )
-    ]
+    pictures = [Picture('figure4', drawings.elections(panels), caption)] if panels else []
+    table = Table('figure4', 'Elections in which the seed is a good point', columns, rows)
+    return [Section(_FIGURE_4, [text], items=[*pictures, table])]
+
+
+def _seed_findings(made: Sequence[Section]) -> list[Section]:
+    rows = rows_of(made, 'figure4')
+    return [Section(_FIGURE_4, findings=[_seed_finding(rows, choice) for choice in _CHOICES])]
 
 
 def _election(
@@ -129,37 +142,53 @@ def _seed_finding(rows: Sequence[Sequence[Cell]], choice: _RegionChoice) -> str:
     return f'{region}: the elected seed is a good point in {parts[0]}, and in {parts[1]}.'
 
 
-def figure8(study: Study) -> list[Section]:
+def figure8(study: Study) -> list[Step]:
     """Draw what each filter keeps and removes, at its default and at its best settings."""
-    pictures = []
+    steps = []
     for scene, from_stack in study.plan.scenes:
-        methods = study.methods(scene, from_stack=from_stack)
-        study.progress(f'{scene}: drawing what each filter removed')
-        cloud = study.cloud(scene, study.plan.seeds[0], from_stack=from_stack)
-        for variant in study.plan.drawn_variants:
-            found = [(each.label, each(cloud.points).outliers) for each in methods if each.variant == variant]
-            pictures.append(
-                Picture(
-                    f'figure8_{scene}{"_stack" if from_stack else ""}_{variant}',
-                    removal_maps(cloud, found),
-                    f'{cloud.title}, {variant} settings. Above: the heights that remain; removed points are white.'
-                    ' Below: the framed part, which has most outliers, and the decisions of each filter there.',
-                )
+        work = study.search_work(scene, from_stack=from_stack) + len(study.plan.drawn_variants) * DRAWING
+        work += study.clouds_work(from_stack=from_stack, per_cloud=METHODS) / len(study.plan.seeds)
+        key = f'figure8_{scene}{"_stack" if from_stack else ""}'
+        steps.append(Step(key, work, partial(_removals, study, scene, from_stack)))
+    return steps
+
+
+def _removals(study: Study, scene: str, from_stack: bool, _: Sequence[Section]) -> list[Section]:
+    methods = study.methods(scene, from_stack=from_stack)
+    study.progress(f'{scene}: drawing what each filter removed')
+    cloud = study.cloud(scene, study.plan.seeds[0], from_stack=from_stack)
+    pictures = []
+    for variant in study.plan.drawn_variants:
+        found = [(each.label, each(cloud.points).outliers) for each in methods if each.variant == variant]
+        pictures.append(
+            Picture(
+                f'figure8_{scene}{"_stack" if from_stack else ""}_{variant}',
+                removal_maps(cloud, found),
+                f'{cloud.title}, {variant} settings. Above: the heights that remain; points that are removed or'
+                ' not measured are orange. Below: the framed part, which has most outliers, and the decisions of'
+                ' each filter there.',
             )
+        )
     return [Section('Figure 8: what each filter removes', items=pictures)]
 
 
-def figure10(study: Study) -> list[Section]:
+def figure10(study: Study) -> list[Step]:
     """Filter and repair the metal groove, and the steep groove that the exact mode cannot climb."""
     return [
-        _repaired(study, 'metal_groove', 'Figure 10: the metal groove, filtered and repaired'),
-        _repaired(study, 'steep_groove', 'Beyond figure 10: the steep groove, filtered and repaired'),
+        _repair_step(study, 'metal_groove', 'Figure 10: the metal groove, filtered and repaired'),
+        _repair_step(study, 'steep_groove', 'Beyond figure 10: the steep groove, filtered and repaired'),
     ]
 
 
-def figure11(study: Study) -> list[Section]:
+def figure11(study: Study) -> list[Step]:
     """Filter and repair the composite material."""
-    return [_repaired(study, 'composite', 'Figure 11: the composite material, filtered and repaired')]
+    return [_repair_step(study, 'composite', 'Figure 11: the composite material, filtered and repaired')]
+
+
+def _repair_step(study: Study, scene: str, heading: str) -> Step:
+    repairs = 2 * len(SETTINGS_TYPES) * REPAIRS  # at default and at best settings
+    work = study.search_work(scene) + study.clouds_work(per_cloud=METHODS + repairs) + DRAWING
+    return Step(f'repaired_{scene}', work, lambda _: [_repaired(study, scene, heading)])
 
 
 def _repaired(study: Study, scene: str, heading: str) -> Section:

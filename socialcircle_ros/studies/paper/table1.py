@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from socialcircle_ros.baselines import peers
 from socialcircle_ros.metrics.scores import recall_by, roc_area
 from socialcircle_ros.report.content import Cell, Column, Section, Table
 from socialcircle_ros.studies.comparison.labelled_clouds import (
@@ -26,6 +27,7 @@ from socialcircle_ros.studies.comparison.methods import (
 from socialcircle_ros.studies.comparison.search import SEARCH_SPACES
 from socialcircle_ros.studies.comparison.study import Study, mean_scores
 from socialcircle_ros.studies.steps import Step
+from socialcircle_ros.studies.workload import METHODS, PEERS, million_points
 
 from .verdicts import Outcome, f1_ranking, judge, summary, verdict_table
 
@@ -47,12 +49,17 @@ def table1(study: Study) -> list[Step]:
 
     def step(scene: str, *, from_stack: bool) -> Step:
         key = f'table1_{scene}{"_stack" if from_stack else ""}'
-        return Step(key, lambda: [_comparison(study, scene, from_stack=from_stack)])
+        scored = METHODS * (1 + study.plan.repeats / len(study.plan.seeds))
+        work = study.search_work(scene, from_stack=from_stack)
+        work += study.clouds_work(from_stack=from_stack, per_cloud=scored)
+        if scene in PAPER_SCENES and not from_stack and peers.pcl_is_installed():
+            work += million_points(study.plan.full_size) * PEERS
+        return Step(key, work, lambda _: [_comparison(study, scene, from_stack=from_stack)])
 
     return [
-        Step('table1_introduction', lambda: [_introduction(study)]),
+        Step('table1_introduction', 0.0, lambda _: [_introduction(study)]),
         *(step(scene, from_stack=from_stack) for scene, from_stack in study.plan.scenes),
-        Step('table1_settings', lambda: [_settings(study)]),
+        Step('table1_settings', 0.0, lambda _: [_settings(study)]),
     ]
 
 

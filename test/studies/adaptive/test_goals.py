@@ -5,7 +5,8 @@ import math
 
 import pytest
 
-from socialcircle_ros.studies.adaptive.goals import Goal, goals_table
+from socialcircle_ros.studies.adaptive.goals import Goal, goals_met, goals_section
+from socialcircle_ros.studies.steps import merged
 
 
 @pytest.mark.parametrize(
@@ -26,7 +27,11 @@ def test_the_sentence_gives_value_bound_and_verdict():
     assert goal.sentence == 'Points removed: 0.47% (goal: at most 0.30%, missed).'
 
 
-def test_the_table_counts_the_goals_that_are_met():
-    table = goals_table('goals', [Goal('one', 1, 0), Goal('two', 0, 1)])
-    assert table.title == '1 of 2 goals met'
-    assert [row[-1] for row in table.rows] == ['met', 'missed']
+def test_the_goals_of_all_steps_are_counted():
+    goals = [
+        goals_section('goals', [Goal('one', 1, 0), Goal('two', 0, 1)]),
+        goals_section('goals', [Goal('three', 2, 1)]),
+    ]
+    (section,) = merged([*goals, goals_met('goals', goals)])
+    assert section.findings[-1] == '2 of 3 goals are met.'
+    assert [row[-1] for row in section.tables[0].rows] == ['met', 'missed', 'met']

@@ -7,12 +7,11 @@ import pytest
 pytest.importorskip('matplotlib')
 pytest.importorskip('scipy')
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.studies.adaptive.inserted_outliers import measured_surface
-from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 from socialcircle_ros.studies.comparison.study import Plan, Study
 from socialcircle_ros.studies.experiments import learned_steps
 from socialcircle_ros.studies.learned import evaluation
 from socialcircle_ros.studies.learned.surfaces import DEVELOPMENT, HELD_OUT, read_surfaces
+from socialcircle_ros.studies.steps import merged
 
 
 class Residual:
@@ -24,35 +23,35 @@ class Residual:
         return (np.abs(heights - np.nanmedian(heights)) > 4).astype(np.float32)
 
 
-def surface(name, seed):
-    rows, columns = np.mgrid[:60, :80].astype(np.float64)
-    heights = np.random.default_rng(seed).normal(size=rows.shape)
-    return measured_surface(MeasuredCloud(name, np.dstack([columns, rows, heights]).astype(np.float32), 'µm'))
-
-
 @pytest.fixture(scope='module')
-def sections():
+def sections(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('surfaces')
+    for name in (DEVELOPMENT[0], next(iter(HELD_OUT)), 'other'):
+        np.savez(folder / f'{name}.npz', z=np.random.default_rng(3).normal(size=(60, 80)), dx=1.0, dy=1.5)
+    np.savez(folder / 'stack.npz', frames=np.zeros((3, 4, 5), np.uint8), z=np.arange(3))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(evaluation, '_TIMED', (40, 50))
-        names = (DEVELOPMENT[0], next(iter(HELD_OUT)), 'other')
-        steps = []
-        made = evaluation.learned(
-            Study(Plan((1,), repeats=1), steps.append), [surface(name, 3) for name in names], Residual()
-        )
-        assert [step for step in steps if 'other' in step]
+        told, made = [], []
+        for step in evaluation.learned(Study(Plan((1,), repeats=1), told.append), folder, Residual()):
+            made = merged([*made, *step.make(made)])
+        assert [step for step in told if 'other' in step]
         return {section.title: section for section in made}
 
 
 def test_every_surface_is_judged_by_both(sections):
-    summary, surfaces, thresholds = sections['Surfaces'].tables
-    assert [row[1] for row in surfaces.rows] == ['development', 'left out', 'training']
+    surfaces, by_threshold = sections['Surfaces'].tables
+    summary, thresholds = sections['All surfaces'].tables
+    assert {row[0]: row[1] for row in surfaces.rows} == {
+        DEVELOPMENT[0]: 'development', next(iter(HELD_OUT)): 'left out', 'other': 'training',
+    }  # fmt: skip
+    assert len(by_threshold.rows) == 3 * len(evaluation.THRESHOLDS)
     assert [len(table.columns) for table in (summary, surfaces)] == [16, 18]
     assert all(0 <= value <= 1 for row in surfaces.rows for value in row[2:])
     assert len(thresholds.rows) == 2 * len(evaluation.THRESHOLDS)
 
 
 def test_isolated_outliers_of_a_flat_surface_are_found_by_this_stand_in(sections):
-    _, surfaces, _ = sections['Surfaces'].tables
+    surfaces, _ = sections['Surfaces'].tables
     assert surfaces.rows[0][3] > 0.8
 
 
