@@ -380,6 +380,19 @@ class HealthValues(StatusValues):
             'How far the frames of the last stack moved sideways; absent if their texture does not tell.', 'pixels'
         ),
     )
+    stack_registered_px: float | None = field(
+        default=None,
+        metadata=_key(
+            'How far stack.register moved a corner of the frames of the last stack, at most; absent without it.',
+            'pixels',
+        ),
+    )
+    stack_registered_magnification: float | None = field(
+        default=None,
+        metadata=_key(
+            'Largest magnification of one frame of the last stack relative to another, as stack.register found it.'
+        ),
+    )
     publishers: int | None = field(
         default=None, metadata=_key('Publishers on points; present while the node is active.')
     )

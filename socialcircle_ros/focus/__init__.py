@@ -7,6 +7,7 @@ Frames are gray images here. Messages, colour, and the conversion of depth into 
 from .measure import Frame, focus_measure
 from .pixel_curve import FocusCurve, PixelCurve
 from .reasons import Reason, count_reasons
+from .registration import Registered
 from .stack import FocusResult, FocusStack, depth_from_focus
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     'Frame',
     'PixelCurve',
     'Reason',
+    'Registered',
     'count_reasons',
     'depth_from_focus',
     'focus_measure',

@@ -62,8 +62,7 @@ class DriftMeter:
 
     def __init__(self) -> None:
         self._frames = 0
-        self._band: _Band | None = None
-        self._previous: NDArray[np.complex128] | None = None
+        self._correlation = PhaseCorrelation()
         self._path: list[NDArray[np.float64]] = [np.zeros(2)]
         self._variance = 0.0  # of the last point of the path
 
@@ -88,33 +87,50 @@ class DriftMeter:
         return drift if math.sqrt(self._variance) < max(_MOST_TOTAL_ERROR, drift / 3) else None
 
     def _compare(self, frame: Frame) -> None:
-        height, width = frame.shape
-        side = max(_LEAST_BIN, math.ceil(max(height, width) / _MOST_SIDE))
-        if min(height, width) < side * _LEAST_SIDE:
-            return
-        thinned = np.empty((height // side, width // side), np.float32)
-        _thin(frame, side, thinned)
-        band = self._band
-        if band is None:
-            band = self._band = _band(thinned.shape)
-        np.log(thinned, out=thinned)
-        spectrum = np.fft.rfft2((thinned - thinned.mean()) * band.window)
-        if self._previous is not None:
-            step = _displacement(spectrum * np.conj(self._previous), band)
-            if step is not None:
-                self._path.append(self._path[-1] + side * step.moved)
-                self._variance += side**2 * step.variance
-        self._previous = spectrum
+        step = self._correlation.compare(frame)
+        if step is not None:
+            self._path.append(self._path[-1] + step.moved)
+            self._variance += step.variance
 
 
-class _Displacement(NamedTuple):
+class Displacement(NamedTuple):
     """How far one frame is from another."""
 
     moved: NDArray[np.float64]
-    """(2,) along y and x, in thinned pixels."""
+    """(2,) along y and x, in pixels."""
 
     variance: float
-    """Of its estimate, in squared thinned pixels."""
+    """Of its estimate, in squared pixels."""
+
+
+class PhaseCorrelation:
+    """Compares each frame with the one before it."""
+
+    def __init__(self) -> None:
+        self._band: _Band | None = None
+        self._previous: NDArray[np.complex128] | None = None
+
+    def compare(self, frame: Frame) -> Displacement | None:
+        """How far a frame, (H, W), is from the one before it; None: there is none, or too little texture."""
+        height, width = frame.shape
+        side = max(_LEAST_BIN, math.ceil(max(height, width) / _MOST_SIDE))
+        if min(height, width) < side * _LEAST_SIDE:
+            return None
+        copy = np.log(thinned(frame, side))
+        band = self._band
+        if band is None:
+            band = self._band = _band(copy.shape)
+        spectrum = np.fft.rfft2((copy - copy.mean()) * band.window)
+        previous, self._previous = self._previous, spectrum
+        found = None if previous is None else _displacement(spectrum * np.conj(previous), band)
+        return found and Displacement(side * found.moved, side**2 * found.variance)
+
+
+def thinned(frame: Frame, side: int) -> NDArray[np.float32]:
+    """The sums over squares of pixels, at least 1 each, (H // side, W // side)."""
+    copy = np.empty((frame.shape[0] // side, frame.shape[1] // side), np.float32)
+    _thin(frame, side, copy)
+    return copy
 
 
 class _Band(NamedTuple):
@@ -148,7 +164,7 @@ def _band(shape: tuple[int, int]) -> _Band:
     return _Band(shape, window, weights, rows, columns)
 
 
-def _displacement(cross: NDArray[np.complex128], band: _Band) -> _Displacement | None:
+def _displacement(cross: NDArray[np.complex128], band: _Band) -> Displacement | None:
     """How far a frame is from another one.
 
     Args:
@@ -156,8 +172,8 @@ def _displacement(cross: NDArray[np.complex128], band: _Band) -> _Displacement |
         band: of frames of this shape.
 
     Returns:
-        The displacement, without the part along directions in which there is too little texture; None: there is
-        too little in any direction.
+        The displacement in thinned pixels, without the part along directions in which there is too little
+        texture; None: there is too little in any direction.
     """
     height, width = band.shape
     magnitude = np.abs(cross)
@@ -192,7 +208,7 @@ def _displacement(cross: NDArray[np.complex128], band: _Band) -> _Displacement |
     known = error <= _MOST_ERROR
     if not known.any():
         return None
-    return _Displacement(vectors[:, known] @ (vectors[:, known].T @ found), float(np.sum(error[known] ** 2)))
+    return Displacement(vectors[:, known] @ (vectors[:, known].T @ found), float(np.sum(error[known] ** 2)))
 
 
 def _peak(values: NDArray[np.float64]) -> float:

@@ -50,13 +50,12 @@ class PixelCurve(FocusStack):
         self._found: dict[int, dict[float, float]] = {}  # by the step of the scale, and z
         self.curve: FocusCurve | None = None
 
-    def add(self, frame: Frame, z: float, colours: NDArray[np.uint8] | None = None) -> None:
-        """Add a frame, as `FocusStack` does."""
-        super().add(frame, z, colours)
+    def _measure(self, frame: Frame, z: float, colours: NDArray[np.uint8] | None) -> None:
+        super()._measure(frame, z, colours)
         for scale in self._scales:
             measure = self._factor * scale.measure_at(frame, *self._place)
             found = self._found.setdefault(scale.step, {})
-            found[float(z)] = max(measure, found.get(float(z), 0.0))
+            found[z] = max(measure, found.get(z, 0.0))
 
     def reset(self) -> None:
         """Forget all frames."""

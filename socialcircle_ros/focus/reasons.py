@@ -31,6 +31,9 @@ class Reason(IntFlag):
     FEW_PIXELS = 64
     """A few pixels have most of the texture near: the depth is theirs, and may be that of a reflection."""
 
+    OUT_OF_PICTURE = 128
+    """The pixel, or a part of its window, leaves the picture in some registered frame: the depth is NaN."""
+
 
 def count_reasons(reasons: NDArray[np.uint8]) -> dict[str, int]:
     """Count the pixels of each reason, by its name in lower case. A pixel may have several reasons.
@@ -44,4 +47,4 @@ def count_reasons(reasons: NDArray[np.uint8]) -> dict[str, int]:
 # Kernels know plain integers only.
 NO_PEAK, SCAN_END, SATURATED = int(Reason.NO_PEAK), int(Reason.SCAN_END), int(Reason.SATURATED)
 TWO_PEAKS, LOW_CONTRAST, INCOMPLETE = int(Reason.TWO_PEAKS), int(Reason.LOW_CONTRAST), int(Reason.INCOMPLETE)
-FEW_PIXELS = int(Reason.FEW_PIXELS)
+FEW_PIXELS, OUT_OF_PICTURE = int(Reason.FEW_PIXELS), int(Reason.OUT_OF_PICTURE)

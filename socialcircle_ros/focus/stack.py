@@ -16,7 +16,8 @@ from .curve_rows import REACH
 from .drift import DriftMeter
 from .measure import REFERENCE, Frame, checked_frame, scale_of
 from .order import RECENT, FrameOrder
-from .reasons import SATURATED
+from .reasons import OUT_OF_PICTURE, SATURATED
+from .registration import Registered, Registration
 from .scales import Scale, ScaleResult, choose, scales_for
 
 _MOST_PLACES = 32_767 - REACH
@@ -64,6 +65,9 @@ class FocusResult:
     colours: NDArray[np.uint8] | None = None
     """(H, W, 3): the all-in-focus image in colour; None where the frames came without colours."""
 
+    registered: Registered | None = None
+    """What was corrected of drift and magnification; None where nothing was asked for."""
+
 
 _MOST_FLICKER = 4.0
 """Greatest ratio between the mean light of a frame and of the first one that is divided out."""
@@ -82,6 +86,16 @@ class FocusStack:
     another order a frame that comes late may be missing next to the sharpest frame of a pixel. That pixel then has
     `Reason.INCOMPLETE` and a quality of 0.5 at most.
 
+    Args:
+        settings: of the focus measure and the fit; None: the defaults.
+        register: whether each frame is moved and scaled to where the first frame shows the part, see
+            `registration`. The frames must then come in order of z, upward or downward. A pixel that leaves the
+            picture in some frame has no depth, and `Reason.OUT_OF_PICTURE`. The stack takes 1 or 2 bytes more for
+            each pixel.
+
+    Attributes:
+        register: as above; a change holds from the next stack on.
+
     Example:
         >>> stack = FocusStack()
         >>> for frame, z in instrument:
@@ -89,8 +103,10 @@ class FocusStack:
         >>> stack.finish().depth
     """
 
-    def __init__(self, settings: FocusSettings | None = None) -> None:
+    def __init__(self, settings: FocusSettings | None = None, *, register: bool = False) -> None:
         self._settings = settings or FocusSettings()
+        self.register = register
+        self._registration: Registration | None = None
         self._order = FrameOrder()
         self._scales: tuple[Scale, ...] = ()
         self._lights: list[float] = []  # mean light of each frame
@@ -136,13 +152,21 @@ class FocusStack:
         if not order.z:
             self._scales, self._lights, self._divisors = scales, [], []
             self._drift = DriftMeter()
+            self._registration = Registration(frame.shape) if self.register else None
             self._picture = None if colours is None else np.zeros_like(colours, order='C')
             for scale in scales:
                 scale.begin(frame)
-        place, rows, recent, places = len(order.z), list(order.rows), order.recent, order.places
-        arrival = order.add(float(z))
-        self._factor = self._factor_for(frame, is_known=arrival.is_known)
         self._drift.add(frame)
+        if self._registration is not None:
+            frame, colours = self._registration.add(frame, colours)
+        self._measure(frame, float(z), colours)
+
+    def _measure(self, frame: Frame, z: float, colours: NDArray[np.uint8] | None) -> None:
+        """Measure a frame, (H, W), that may be registered; with its colours, (H, W, 3)."""
+        scales, order, image = self._scales, self._order, self._scales[0].image
+        place, rows, recent, places = len(order.z), list(order.rows), order.recent, order.places
+        arrival = order.add(z)
+        self._factor = self._factor_for(frame, is_known=arrival.is_known)
         for scale in scales:
             if place < RECENT:
                 scale.curves.clear_slots(place)
@@ -208,12 +232,19 @@ class FocusStack:
         depth, quality, reasons = found.maps
         level = settings.saturation or np.iinfo(image.dtype).max
         _mark_saturated(image, level, found.half_window, reasons, quality)
+        registered = None
+        if self._registration is not None:
+            registered = self._registration.result
+            outside = self._registration.outside(found.step + found.half_window)
+            depth[outside], quality[outside] = np.nan, 0
+            reasons[outside] |= OUT_OF_PICTURE
         flicker = float(np.std(self._lights) / np.mean(self._lights))
         width = found.width
         depth_of_field = width and width / _WIDTH
         picture = None if self._picture is None else self._picture.copy()
+        drift = self._drift.drift
         return FocusResult(
-            depth, quality, image, reasons, depth_of_field, flicker, found.step, self._drift.drift, picture
+            depth, quality, image, reasons, depth_of_field, flicker, found.step, drift, picture, registered
         )
 
 
@@ -225,16 +256,20 @@ def depth_from_focus(
     frames: Iterable[Frame],
     z: Sequence[float] | NDArray[np.floating] | NDArray[np.integer],
     settings: FocusSettings | None = None,
+    *,
+    register: bool = False,
 ) -> FocusResult:
     """Measure the depth of each pixel from a whole focus stack.
 
     The result does not depend on the order of the frames, and is that of a `FocusStack` that takes them while the
-    stage moves in one direction, bit for bit.
+    stage moves in one direction, bit for bit; with `register`, upward.
 
     Args:
         frames: (N, H, W), uint8 or uint16.
         z: (N,), position of the stage at each frame, in any order and unit.
         settings: of the focus measure and the fit; None: the defaults.
+        register: whether sideways drift and changes of the magnification are corrected, see `FocusStack`; the
+            heights are then those at the pixels of the lowest frame.
 
     Raises:
         StackError: a frame or a z cannot be used, their numbers differ, or fewer than three z are different.
@@ -243,7 +278,7 @@ def depth_from_focus(
     if len(frames) != len(z):
         raise StackError(f'Each frame needs its z, but there are {len(frames)} frames and {len(z)} z.')
     positions = [float(position) for position in z]
-    stack = FocusStack(settings)
+    stack = FocusStack(settings, register=register)
     # A z that is not finite has no order; the stack refuses it.
     for index in sorted(range(len(positions)), key=lambda k: (math.isfinite(positions[k]), positions[k])):
         stack.add(frames[index], positions[index])

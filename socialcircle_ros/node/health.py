@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from socialcircle_ros.focus import Registered
 from socialcircle_ros.interface import BAD_PIXELS, HealthValues
 
 WINDOW_S = 10.0
@@ -50,6 +51,7 @@ class Health:
     _stack_flicker: float | None = None
     _stack_focus_step: int | None = None
     _stack_drift: float | None = None
+    _stack_registered: Registered | None = None
     _bad_pixels: Mapping[str, int] = field(default_factory=dict)
 
     def received(self) -> None:
@@ -120,7 +122,14 @@ class Health:
             self.counts.stack_refusals += 1
             self._trouble(reason)
 
-    def stack_finished(self, latency: float, flicker: float, focus_step: int, drift: float | None) -> None:
+    def stack_finished(
+        self,
+        latency: float,
+        flicker: float,
+        focus_step: int,
+        drift: float | None,
+        registered: Registered | None = None,
+    ) -> None:
         """A stack became a cloud.
 
         Args:
@@ -128,11 +137,13 @@ class Health:
             flicker: of its light.
             focus_step: of its focus measure, pixels.
             drift: of its frames, pixels; None: unknown.
+            registered: what was corrected of it; None: nothing was asked for.
         """
         with self._lock:
             self.counts.stacks += 1
             self._stack_latency_s, self._stack_flicker = latency, flicker
             self._stack_focus_step, self._stack_drift = focus_step, drift
+            self._stack_registered = registered
             self._last_was_refused = False
 
     def pixels_judged(self, bad: Mapping[str, int]) -> None:
@@ -153,6 +164,7 @@ class Health:
             self._arrivals_s.clear()
             self._latencies_s.clear()
             self._stack_latency_s = self._stack_flicker = self._stack_focus_step = self._stack_drift = None
+            self._stack_registered = None
             self._bad_pixels = {}
             self._failed_limits = ''
             self._trouble_at_s = float('-inf')
@@ -187,6 +199,7 @@ class Health:
             differences: what the installed rclpy lacks; None: nothing.
         """
         with self._lock:
+            registered = self._stack_registered
             now_s = time.monotonic()
             arrivals = sum(now_s - at_s < WINDOW_S for at_s in self._arrivals_s)
             latencies_ms = sorted(1e3 * latency for at_s, latency in self._latencies_s if now_s - at_s < WINDOW_S)
@@ -212,6 +225,8 @@ class Health:
                 stack_flicker=self._stack_flicker and round(self._stack_flicker, 5),
                 stack_focus_step=self._stack_focus_step,
                 stack_drift_px=self._stack_drift and round(self._stack_drift, 2),
+                stack_registered_px=None if registered is None else round(registered.moved, 2),
+                stack_registered_magnification=None if registered is None else round(registered.magnification, 5),
                 publishers=publishers,
                 connections=connections,
                 differences=differences,

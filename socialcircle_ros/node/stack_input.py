@@ -218,7 +218,7 @@ class StackInput:
             self._node.get_logger().warning(cloud.warning, throttle_duration_sec=_LOG_PERIOD_S)
         self._publishers.publish(STACK_POINTS, cloud.points)
         latency_s = time.monotonic() - self._closing_arrival_s
-        self._health.stack_finished(latency_s, cloud.flicker, cloud.focus_step, cloud.drift)
+        self._health.stack_finished(latency_s, cloud.flicker, cloud.focus_step, cloud.drift, cloud.registered)
         self._filter_cloud(cloud.points, cloud.depth_of_field)
         self._publishers.publish(STACK_IMAGE, cloud.image)
         self._health.pixels_judged(count_reasons(cloud.reasons))

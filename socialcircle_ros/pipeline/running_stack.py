@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.errors import StackError
-from socialcircle_ros.focus import FocusStack, Frame
+from socialcircle_ros.focus import FocusResult, FocusStack, Frame
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image
 from socialcircle_ros.settings import StackSettings
@@ -132,7 +132,7 @@ class RunningStack:
             self.header,
             frames=self.frames,
             preview=preview,
-            warning='' if preview else self._warning(lost, result.drift),
+            warning='' if preview else self._warning(lost, result),
             speed=self._speed,
             blue_first=self._blue_first,
         )
@@ -187,18 +187,25 @@ class RunningStack:
         step = (self._furthest_z - self._first_z) / (self.frames - 1)
         return abs((z - self._last_z) / step - 1) > 0.5
 
-    def _warning(self, lost: int, drift: float | None) -> str:
+    def _warning(self, lost: int, result: FocusResult) -> str:
         """What may be wrong with the cloud; '': there is no sign of it.
 
         Args:
             lost: frames that were lost on the way.
-            drift: of the frames, pixels; None: unknown.
+            result: what was measured.
         """
         sentences = []
-        if drift is not None and drift > _MOST_DRIFT:
+        drift, registered = result.drift, result.registered
+        if registered is not None and registered.failed:
+            sentences.append(
+                f'{_frames(registered.failed)} of a stack could not be registered, which makes heights less exact:'
+                ' their texture does not tell where they show the part. Take more frames, nearer to each other.'
+            )
+        elif registered is None and drift is not None and drift > _MOST_DRIFT:
             sentences.append(
                 f'The frames of a stack moved sideways by {drift:.1f} pixels, which makes heights less exact:'
-                ' clamp the part and the camera, align the stage with the optical axis, and scan again.'
+                ' clamp the part and the camera, align the stage with the optical axis, and scan again; or set'
+                ' stack.register.'
             )
         if lost:
             sentences.append(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.focus import FocusResult, Frame
+from socialcircle_ros.focus import FocusResult, Frame, Registered
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.messages.header import Header
@@ -37,6 +37,7 @@ class StackCloud:
         speed: of the stage, mean from the first to the last frame, m/s; 0: unknown.
         focus_step: step of the focus measure, pixels: `focus.step`, or what was chosen from the frames.
         drift: how far the frames moved sideways, pixels; None: their texture does not tell.
+        registered: what was corrected of drift and magnification; None: nothing was asked for.
     """
 
     points: bytes
@@ -50,6 +51,7 @@ class StackCloud:
     speed: float = 0.0
     focus_step: int = 0
     drift: float | None = None
+    registered: Registered | None = None
 
 
 def make_cloud(
@@ -103,6 +105,7 @@ def make_cloud(
         speed=speed,
         focus_step=result.step,
         drift=result.drift,
+        registered=result.registered,
     )
 
 

@@ -279,6 +279,7 @@ class StackAssembler:
             self._memory = kind, self._make_focus(self._focus)
         _, focus = self._memory
         focus.reset()
+        focus.register = self._settings.register
         self._stack = RunningStack(focus, self._settings, shape, frame.encoding, frame.header)
         return self._stack
 

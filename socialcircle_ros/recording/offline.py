@@ -10,7 +10,7 @@ import numpy as np
 
 from socialcircle_ros.cloud import Cloud, HeightMap, Mask
 from socialcircle_ros.errors import RecordingError, SocialCircleError
-from socialcircle_ros.focus import count_reasons
+from socialcircle_ros.focus import Registered, count_reasons
 from socialcircle_ros.interface import (
     CLOUD_OUTPUTS,
     FILTERED,
@@ -92,6 +92,7 @@ class SourceCloud:
         reasons: number of pixels of a stack by objection to their depth.
         focus_step: step of the focus measure of a stack, pixels; 0 for a cloud.
         drift: how far the frames of a stack moved sideways, pixels; None: unknown, or a cloud.
+        registered: what was corrected of it; None: nothing was asked for, or a cloud.
     """
 
     namespace: str
@@ -105,6 +106,7 @@ class SourceCloud:
     reasons: Mapping[str, int] = field(default_factory=dict)
     focus_step: int = 0
     drift: float | None = None
+    registered: Registered | None = None
 
 
 def filter_recording(
@@ -313,6 +315,7 @@ class _RecordedCell:
                     count_reasons(event.reasons),
                     event.focus_step,
                     event.drift,
+                    event.registered,
                 )
 
 

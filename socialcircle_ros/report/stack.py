@@ -22,6 +22,7 @@ _SENTENCES = {
     'two_peaks': 'a second peak',
     'low_contrast': 'little contrast',
     'incomplete': 'frames came out of order',
+    'out_of_picture': 'left the picture in some registered frame',
     'few_pixels': 'a few pixels have most of the texture near',
 }
 """What each reason means, in a table."""
@@ -69,6 +70,11 @@ def _rows(source: SourceCloud, points: int, trusted: float) -> Iterator[list[Cel
     if source.drift is not None:
         yield ['sideways drift', f'{source.drift:.1f} pixels']
     yield [f'quality of at least {_TRUSTED}', f'{trusted:.1%} of the pixels']
+    if source.registered is not None:
+        yield [
+            'registered',
+            f'{source.registered.moved:.1f} pixels, magnification {source.registered.magnification:.4f}',
+        ]
     for reason, count in source.reasons.items():
         if count:
             yield [_SENTENCES.get(reason, reason), f'{count:,} ({count / points:.1%})']

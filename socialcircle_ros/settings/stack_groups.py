@@ -135,6 +135,11 @@ class StackSettings(Settings):
     end_at_turn: bool = setting(
         False, 'Whether a stack ends when z reverses. The first frame after the reversal begins the next stack.'
     )
+    register: bool = setting(
+        False,
+        'Whether each frame is moved and scaled to where the first one shows the part, for macro stacks that move'
+        ' sideways or change their magnification. Pixels that leave the picture have no depth.',
+    )
     preview: int = setting(
         0,
         'Number of frames between two clouds of the unfinished stack on stack/preview. 0: none are published.',

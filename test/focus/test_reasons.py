@@ -75,5 +75,6 @@ def test_pixel_with_two_reasons_counts_for_both():
         'low_contrast': 0,
         'incomplete': 0,
         'few_pixels': 0,
+        'out_of_picture': 0,
     }
     assert count_reasons(reasons) == counts

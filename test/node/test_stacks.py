@@ -24,7 +24,16 @@ from socialcircle_ros.settings import FocusSettings, PipelineSettings, StackSett
 pytestmark = pytest.mark.live
 
 BAG = Path(__file__).resolve().parents[2] / 'bags' / 'stack.mcap'
-REASONS = ('no_peak', 'scan_end', 'saturated', 'two_peaks', 'low_contrast', 'incomplete', 'few_pixels')
+REASONS = (
+    'no_peak',
+    'scan_end',
+    'saturated',
+    'two_peaks',
+    'low_contrast',
+    'incomplete',
+    'few_pixels',
+    'out_of_picture',
+)
 INPUTS = ('/stack/image', '/stack/joint_states')
 
 

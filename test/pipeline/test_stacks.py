@@ -521,3 +521,18 @@ def test_a_stack_that_drifts_is_a_cloud_with_a_warning():
     assert moved.drift == pytest.approx(5, abs=0.5)
     assert f'moved sideways by {moved.drift:.1f} pixels' in moved.warning
     assert 'clamp the part and the camera' in moved.warning
+
+
+def test_a_registered_stack_has_no_warning_of_its_drift():
+    frames = drifting_frames('flat', (0, 5))[:15]
+    cloud = feed(assembler(frames=15, register=True), frames)[-1]
+    assert cloud.registered.moved == pytest.approx(5, abs=0.6)
+    assert cloud.registered.failed == 0
+    assert cloud.warning == ''
+
+
+def test_a_stack_whose_frames_cannot_be_registered_is_a_cloud_with_a_warning():
+    frames = list(np.random.default_rng(0).integers(0, 255, (5, 60, 80), np.uint8))
+    cloud = feed(assembler(frames=5, register=True), frames)[-1]
+    assert cloud.registered.failed == 4
+    assert '4 frames of a stack could not be registered' in cloud.warning

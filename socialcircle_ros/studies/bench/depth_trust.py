@@ -15,7 +15,7 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.stack_cloud import FIELDS, StackCloud
 from socialcircle_ros.pipeline.stacks import StackAssembler
 from socialcircle_ros.settings import FocusSettings, StackSettings
-from socialcircle_ros.simulation import Camera, Simulation, Stage, simulate
+from socialcircle_ros.simulation import NOISELESS, Camera, Optics, Simulation, Stage, simulate
 
 SEEDS = (30, 31)
 """Held-out seeds, as those of `depth_error`."""
@@ -29,6 +29,13 @@ _BLANK_CAMERAS = {
     '12 bits, 100 000 e-': Camera(bits=12, full_well=100_000),
 }
 _STEADY = Stage(jitter=0, encoder_noise=0)
+MACRO = Optics(magnification=1.0, numerical_aperture=0.1, pixel=5.0)
+"""A macro lens at life size, f/2.5."""
+
+_MARGIN = 24
+INNER = (slice(_MARGIN, -_MARGIN), slice(_MARGIN, -_MARGIN))
+_LOBES = 8
+"""Of the interpolation of moved frames, which must be finer than that of what is tested."""
 
 
 @dataclass(frozen=True)
@@ -115,20 +122,63 @@ def _flicker(seeds: Sequence[int]) -> Iterator[TrustRow]:
 
 
 def _drift(seeds: Sequence[int]) -> Iterator[TrustRow]:
-    """A part that moves sideways during the scan."""
-    for pixels in (1, 5):
-        errors = []
+    """A part that moves sideways during the scan, and a macro lens that magnifies as it focuses."""
+    for moved, magnification in ((1.0, 0.0), (5.0, 0.0), (0.0, 0.02), (5.0, 0.03)):
+        name = ' and '.join(
+            ([f'drift of {moved:g} px'] if moved else [])
+            + ([f'{100 * magnification:g} % of magnification'] if magnification else [])
+        )
+        errors: dict[bool, list[npt.NDArray[np.float64]]] = {False: [], True: []}
         for seed in seeds:
-            scan = simulate('flat', SHAPE[0], SHAPE[1] + pixels, seed=seed, stage=_STEADY)
-            frames, z = _frames(scan)
-            starts = np.rint(np.linspace(0, pixels, len(z))).astype(int)
-            moved = [frame[:, start : start + SHAPE[1]] for frame, start in zip(frames, starts, strict=True)]
-            found = np.full(scan.truth.depth.shape, np.nan)
-            middle = pixels // 2
-            found[:, middle : middle + SHAPE[1]] = depth_from_focus(moved, z).depth
-            verdict = scan.truth.classify(found)
-            errors.append(verdict.error[verdict.good] / np.median(np.diff(z)))
-        yield TrustRow(f'drift of {pixels} px', 'RMS error', _rms(errors), unit='steps')
+            scan, frames, z = moving_frames('flat', (0.3 * moved, moved), magnification, seed)
+            for register, parts in errors.items():
+                found = np.full(scan.truth.depth.shape, np.nan)
+                found[INNER] = depth_from_focus(frames, z, register=register).depth
+                verdict = scan.truth.classify(found)
+                error = verdict.error[~verdict.missing]
+                parts.append(error[np.abs(error) < scan.optics.depth_of_field] / np.median(np.diff(z)))
+        for register, parts in errors.items():
+            yield TrustRow(
+                f'macro lens, {name}{", stack.register" if register else ""}', 'RMS error', _rms(parts), 'steps'
+            )
+
+
+def moving_frames(
+    specimen: str, moved: tuple[float, float], magnification: float, seed: int
+) -> tuple[Simulation, list[Frame], npt.NDArray[np.float64]]:
+    """Frames of a part that moves and grows steadily; the first one shows `INNER` of the scan.
+
+    Args:
+        specimen: name of a material.
+        moved: along y and x from the first frame to the last one, pixels.
+        magnification: growth from the first frame to the last one, as a share.
+        seed: of surface and noise.
+
+    Returns:
+        The scan, with a margin around the frames and without their motion; the frames; their z.
+    """
+    whole = SHAPE[0] + 2 * _MARGIN, SHAPE[1] + 2 * _MARGIN
+    scan = simulate(specimen, *whole, seed=seed, instrument=MACRO, stage=_STEADY, camera=NOISELESS, flicker=0.0)
+    sensor = Camera().sensor(SHAPE, np.random.default_rng(seed))
+    frames, z = [], []
+    for frame in scan.frames():
+        part = frame.index / (len(scan) - 1)
+        light = (frame.image / NOISELESS.top - NOISELESS.black_level) / NOISELESS.exposure
+        down, across = (
+            _sampled(size, (np.arange(size) - middle - part * shift) / (1 + part * magnification) + middle)
+            for size, middle, shift in zip(SHAPE, (np.array(SHAPE) - 1) / 2, moved, strict=True)
+        )
+        frames.append(sensor.expose((down @ light @ across.T).astype(np.float32), frame.index))
+        z.append(frame.z)
+    return scan, frames, np.array(z)
+
+
+def _sampled(size: int, positions: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The matrix that interpolates an axis, with a margin on either side, at positions in its inner part."""
+    distance = positions[:, np.newaxis] + _MARGIN - np.arange(size + 2 * _MARGIN)
+    weights = np.where(np.abs(distance) < _LOBES, np.sinc(distance) * np.sinc(distance / _LOBES), 0)
+    found: npt.NDArray[np.float64] = weights / weights.sum(axis=1, keepdims=True)
+    return found
 
 
 def _blanks(seeds: Sequence[int]) -> Iterator[TrustRow]:

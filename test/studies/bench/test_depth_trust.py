@@ -14,6 +14,9 @@ def test_stacks_are_trustworthy():
     steady = rows['steady lamp', 'RMS error']
     assert rows['flicker of 5 %', 'RMS error'] < 1.1 * steady
     assert rows['flicker of 5 %, focus.normalize false', 'RMS error'] > 1.1 * steady
-    assert steady < rows['drift of 1 px', 'RMS error'] < rows['drift of 5 px', 'RMS error']
+    for motion in ('drift of 5 px', '2 % of magnification', 'drift of 5 px and 3 % of magnification'):
+        corrected = rows[f'macro lens, {motion}, stack.register', 'RMS error']
+        assert corrected < 0.5 * rows[f'macro lens, {motion}', 'RMS error']
+        assert corrected < 1.5 * rows['macro lens, drift of 1 px, stack.register', 'RMS error']
     blank = [value for (name, figure), value in rows.items() if name.startswith('blank') and '0.9' in figure]
     assert max(blank) <= 0.01
