@@ -3,7 +3,7 @@
 
 import math
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from html import escape as html_escape
 from pathlib import Path
@@ -106,6 +106,12 @@ def trends(drifts: Iterable[str], address: str) -> str:
     sentences = ''.join(f'<div>{escape(sentence)}</div>' for sentence in drifts)
     link = f'<a href="{escape(address)}" target="_blank" rel="noopener">Open the page of trends</a>'
     return _box(f'<div class="sc-card sc-{"warn" if sentences else "idle"}">{sentences}{link}</div>')
+
+
+def good_clouds(names: Sequence[str]) -> str:
+    """The clouds that are called good."""
+    rows = ''.join(f'<div>{escape(name)}</div>' for name in names)
+    return _box(f'<div class="sc-card sc-idle"><b>Called good: {len(names)}</b>{rows}</div>')
 
 
 def stack(stack: RecordedStack) -> str:

@@ -19,6 +19,7 @@ from .recording_tab import RecordingTab
 from .restart_offer import RestartOffer
 from .result_tab import ResultTab
 from .state import CurrentState, State
+from .teach_tab import TeachTab
 from .trend_tab import TrendTab
 from .trends import Trends
 
@@ -100,6 +101,7 @@ class NodePage:
             guarded('Showing the parameters', self._show_parameters, state.snapshot)
             guarded('Offering the settings before a restart', self._restart_offer.show, state)
             guarded('Showing the recording', self._recording_tab.show, state)
+            guarded('Showing the good clouds', self._teach_tab.show, state)
             guarded('Showing the comparison', self._preset_tab.comparison.show, state)
             if self._server.get_clients():  # the first visitor gets the newest cloud
                 guarded('Showing the cloud', self._result_tab.show, state)
@@ -136,12 +138,14 @@ class NodePage:
         gui = self._server.gui
         self._node = gui.add_html(markup.node_card(self._link.name, Snapshot()))
         tabs = gui.add_tab_group()
-        self._tune_tab = tabs.add_tab('Tune', icon('adjustments-horizontal'))
+        self._tune_tab = tabs.add_tab('Tune')
         with self._tune_tab:
             self._build_tuning()
-        with tabs.add_tab('Presets', icon('bookmarks')):
+        with tabs.add_tab('Presets'):
             self._preset_tab = PresetTab(gui, self._link, presets, self._changes, self._current, self._log)
-        with tabs.add_tab('Recording', icon('player-track-next')):
+        with tabs.add_tab('Teach'):
+            self._teach_tab = TeachTab(gui, presets, self._changes, self._current, self._log)
+        with tabs.add_tab('Recording'):
             self._recording_tab = RecordingTab(gui, self._link, self._changes, self._current, self._log)
 
     def _build_tuning(self) -> None:

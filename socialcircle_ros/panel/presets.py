@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Presets: named settings, each in a parameter file from which a node can also start."""
+"""Presets: named settings, each in a parameter file from which a node can also start; and lessons beside them."""
 
+import itertools
 import os
 import re
 from collections.abc import Mapping
@@ -59,6 +60,21 @@ class Presets:
         if path.exists() and not path.is_file():
             raise SocialCircleError(f'{path} cannot be read: it is not a regular file.')
         return read_parameter_file(path, NODE_NAME)
+
+    def free_lesson(self, name: str) -> Path:
+        """A file for a lesson: of this name, with a number if there is one already.
+
+        A node reads a lesson once. So none is replaced: the node would go on with the old one.
+
+        Raises:
+            SettingError: the name is not suitable for a file.
+        """
+        path = self._path(name).with_suffix('.teach')
+        for number in itertools.count(2):
+            if not path.exists():
+                break
+            path = path.with_name(f'{self._path(name).stem}-{number}.teach')
+        return path
 
     def _path(self, name: str) -> Path:
         if not _NAME.fullmatch(name):

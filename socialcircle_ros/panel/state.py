@@ -17,6 +17,7 @@ from socialcircle_ros.focus import FocusCurve
 from socialcircle_ros.messages.header import FIRST_DATE, stamp_of, stamp_text
 from socialcircle_ros.settings import RosValue
 from socialcircle_ros.settings.effects import VOTE_REGION, has_effect
+from socialcircle_ros.teaching.clouds import GoodCloud
 
 from .comparison import Comparison
 from .display import Display
@@ -25,6 +26,9 @@ from .recorded import RecordedCloud
 
 Lost = Mapping[str, tuple[RosValue, RosValue]]
 """The value before a restart of the node, and the one after it, by the name of the parameter."""
+
+MOST_GOOD = 8
+"""Most clouds that can be called good: each takes its size in memory."""
 
 _CIRCLE = 'circle.'
 _DEPTH_OF_FIELD = 'circle.depth_of_field'
@@ -114,6 +118,7 @@ class State:
         curve: the focus curve of that point; None: nobody asked for it.
         region_of_interest: row, column, height and width; (): none. It stays while all clouds have one size.
         restarted: whether the cloud that is shown was filtered before the node was started again.
+        good: the clouds that are called good, by their bytes, oldest first.
         display: how the cloud is displayed.
     """
 
@@ -127,6 +132,7 @@ class State:
     curve: FocusCurve | None = None
     region_of_interest: tuple[int, ...] = ()
     restarted: bool = False
+    good: Mapping[bytes, GoodCloud] = field(default_factory=dict)
     display: Display = field(default_factory=Display)
 
     # The next state
@@ -213,6 +219,15 @@ class State:
     def displaying(self, display: Display) -> 'State':
         """With the cloud displayed in another way."""
         return dataclasses.replace(self, display=display)
+
+    def calling_good(self, message: bytes, cloud: GoodCloud) -> 'State':
+        """With a cloud called good, by its message; the oldest goes where there are too many."""
+        good = {**self.good, message: cloud}
+        return dataclasses.replace(self, good=dict(list(good.items())[-MOST_GOOD:]))
+
+    def forgetting_good(self) -> 'State':
+        """With no cloud called good."""
+        return dataclasses.replace(self, good={})
 
     def keeping_new_settings(self) -> 'State':
         """Without the offer of the settings before a restart."""

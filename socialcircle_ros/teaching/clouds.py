@@ -108,19 +108,39 @@ def read_good_clouds(
             chosen = evenly_spread(_not_refused(events, refused), most)
             units = ['m' if cloud.image is not None else unit_of(reader, cloud.topic) for _, cloud in chosen]
         for (name, cloud), unit in zip(chosen, units, strict=True):
+            depth = settings.circle.depth_of_field or cloud.depth_of_field
+            title = f'{path.name} {name}'
             try:
-                xyz = PointCloud.decode(cloud.points).xyz()
-                unmeasured = recognise(xyz, settings.circle.not_measured).points
+                good = good_cloud(title, cloud.points, settings.circle.not_measured, depth, unit)
             except SocialCircleError as error:
                 refused[str(error)] += 1
                 continue
-            if unmeasured is not None:
-                xyz = np.where(unmeasured[..., None], xyz.dtype.type(np.nan), xyz)
-            depth = settings.circle.depth_of_field or cloud.depth_of_field
-            clouds.append(GoodCloud(f'{path.name} {name}', xyz, depth, unit))
+            clouds.append(good)
     if not clouds:
         raise CloudError(f'There is no cloud to teach on. {" ".join(refused)}'.strip())
     return clouds, refused
+
+
+def good_cloud(
+    name: str, message: bytes, not_measured: str, depth_of_field: float | None, unit: str | None
+) -> GoodCloud:
+    """A cloud of a good part from its message.
+
+    Args:
+        name: of the cloud.
+        message: the PointCloud2, serialized.
+        not_measured: which points are not measured, as `circle.not_measured`.
+        depth_of_field: of a cloud that was a stack, in the unit of the cloud.
+        unit: of the coordinates; None: not known.
+
+    Raises:
+        MessageError: the message is no organized cloud.
+    """
+    xyz = PointCloud.decode(message).xyz()
+    unmeasured = recognise(xyz, not_measured).points
+    if unmeasured is not None:
+        xyz = np.where(unmeasured[..., None], xyz.dtype.type(np.nan), xyz)
+    return GoodCloud(name, xyz, depth_of_field, unit)
 
 
 def fields_of(clouds: Sequence[GoodCloud]) -> tuple[list[GoodField], list[GoodField]]:
