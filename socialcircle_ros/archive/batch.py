@@ -9,7 +9,7 @@ from hashlib import blake2b
 from pathlib import Path
 
 from socialcircle_ros.pictures.style import new_figure
-from socialcircle_ros.recording.mcap_output import Compression
+from socialcircle_ros.recording.mcap_writer import Compression
 from socialcircle_ros.report.page import environment, prepare
 from socialcircle_ros.settings import PipelineSettings
 from socialcircle_ros.storage import is_url

@@ -17,7 +17,7 @@ from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import CloudOutputs
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
-from socialcircle_ros.recording.mcap_output import Compression
+from socialcircle_ros.recording.mcap_writer import Compression
 from socialcircle_ros.recording.offline import SourceCloud, Summary, filter_recording, measure_recording
 from socialcircle_ros.report.report import make_report
 from socialcircle_ros.settings import PipelineSettings

@@ -18,7 +18,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.recording import Message, RecordingWriter, ros_topic
-from socialcircle_ros.recording.mcap_output import LAST_TIME, Compression
+from socialcircle_ros.recording.mcap_output import LAST_TIME
+from socialcircle_ros.recording.mcap_writer import Compression
 from socialcircle_ros.storage import free_bytes, noted_signals
 
 from .message_types import message_class

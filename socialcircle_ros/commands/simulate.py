@@ -9,7 +9,7 @@ import click
 from .options import progress_bar
 
 if TYPE_CHECKING:
-    from socialcircle_ros.recording.mcap_output import Compression
+    from socialcircle_ros.recording.mcap_writer import Compression
 
 
 @click.command('simulate', epilog='Example: socialcircle simulate steep_groove -o groove.mcap --seed 3')

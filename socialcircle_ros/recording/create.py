@@ -15,7 +15,7 @@ from socialcircle_ros.simulation import Simulation
 from .frame_checks import FrameChecks
 from .frame_names import Order, ZFrom
 from .importers import ImportedCloud, import_cloud
-from .mcap_output import Compression
+from .mcap_writer import Compression
 from .origins import FileOrigin, in_metres, origin_of
 from .pictures import FramePicture
 from .simulated import pitch_of, write_simulation

@@ -7,7 +7,6 @@ damage, and the index is rebuilt. Reading is the same in both cases.
 """
 
 import os
-import struct
 import sys
 import zlib
 from collections.abc import Iterator, Mapping
@@ -23,7 +22,9 @@ from mcap.writer import MCAP0_MAGIC
 from socialcircle_ros.errors import RecordingError
 
 from .compression import ZSTD_MAGIC, expand_file, expand_message
+from .large_chunks import LARGE, read_sound_chunk
 from .mcap_records import (
+    CHUNK,
     COMPRESSIONS,
     CONTENT,
     CUT_OFF,
@@ -47,7 +48,6 @@ from .mcap_records import (
 from .topics import Attachment, Message, MetadataRecord
 
 _RUN_LENGTH = 1 << 20  # messages outside of chunks are joined to spans of about this many bytes
-_CHUNK = struct.Struct('<QQQII')  # the start of a chunk's body: times, size, CRC, length of the compression's name
 
 # How files of other formats begin, what they are, and how they become MCAP.
 _FORMATS = {
@@ -107,16 +107,14 @@ class McapFile:
         Raises:
             One of `DAMAGE`: the rest of the span cannot be read.
         """
-        for opcode, body in self._records(span.offset, span.length):
-            if opcode == Opcode.MESSAGE:
-                channel, sequence, log_time, publish_time = MESSAGE.unpack_from(body)
-                if channel not in self.channels:
-                    raise Damage(NO_TOPIC)
-                data = bytes(body[MESSAGE.size :])
-                # CDR begins with a zero byte.
-                if data.startswith(ZSTD_MAGIC) and self.channels[channel].encoding == 'cdr':
-                    data = expand_message(data)
-                yield Message(self.names[channel], data, log_time, publish_time, sequence)
+        for head, data in self._messages(span):
+            channel, sequence, log_time, publish_time = MESSAGE.unpack(head)
+            if channel not in self.channels:
+                raise Damage(NO_TOPIC)
+            # CDR begins with a zero byte.
+            if data.startswith(ZSTD_MAGIC) and self.channels[channel].encoding == 'cdr':
+                data = expand_message(data)  # noqa: PLW2901
+            yield Message(self.names[channel], data, log_time, publish_time, sequence)
 
     def attachments(self) -> Iterator[Attachment]:
         """Load the attachments one at a time.
@@ -249,8 +247,8 @@ class McapFile:
 
     def _check_chunk(self, chunk: ChunkIndex) -> None:
         start = chunk.chunk_start_offset
-        head = self._read(start, start + HEAD.size + _CHUNK.size)
-        begin, end, size, _, length = _CHUNK.unpack_from(head, HEAD.size)
+        head = self._read(start, start + HEAD.size + CHUNK.size)
+        begin, end, size, _, length = CHUNK.unpack_from(head, HEAD.size)
         name = self._read(start + len(head), start + len(head) + length) if length < 100 else b''
         expected = (chunk.message_start_time, chunk.message_end_time, chunk.uncompressed_size)
         if (
@@ -327,6 +325,22 @@ class McapFile:
 
     def _body(self, extra: Extra) -> memoryview:
         return memoryview(self._read(extra.offset, extra.offset + extra.length))[HEAD.size :]
+
+    def _messages(self, span: Span) -> Iterator[tuple[bytes, bytes]]:
+        """The head and the data of each message of a span.
+
+        Raises:
+            One of `DAMAGE`: the rest of the span cannot be read.
+        """
+        if span.length >= LARGE and span.offset + span.length <= self._size:
+            self._file.seek(span.offset)
+            found = read_sound_chunk(self._file, span.length)
+            if found is not None:
+                yield from found
+                return
+        for opcode, body in self._records(span.offset, span.length):
+            if opcode == Opcode.MESSAGE:
+                yield bytes(body[: MESSAGE.size]), bytes(body[MESSAGE.size :])
 
     def _read(self, start: int, end: int) -> bytes:
         if not 0 <= start <= end <= self._size:

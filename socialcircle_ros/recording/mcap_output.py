@@ -5,16 +5,12 @@ import errno
 import os
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal
-
-from mcap.writer import CompressionType, IndexType, Writer
 
 from socialcircle_ros.storage import Reserve, is_full
 
+from .mcap_writer import Buffer, Compression, McapWriter
 from .metadata import FileContents, bag_information, channel_metadata, to_yaml
 from .topics import Attachment, Message, MetadataRecord, Topic
-
-Compression = Literal['none', 'lz4', 'zstd']
 
 LAST_TIME = 2**63 - 1
 """The last log time that rosbag2 can hold: ns in signed 64 bits."""
@@ -76,7 +72,7 @@ class McapOutput:
         self._pending_bytes = 0
         # What the end of the recording takes, without the pending chunk.
         self._ending_bytes = _SLACK + files * _FILE_OVERHEAD
-        self._torn = False  # whether mcap's writer was interrupted, so that its index cannot be trusted
+        self._torn = False  # whether the writer was interrupted, so that its index cannot be trusted
         self._finished = False
         self._attachments: list[Attachment] = []  # to be written before the first message
         self._metadata: list[MetadataRecord] = []
@@ -181,13 +177,13 @@ class McapOutput:
             raise OSError(errno.EIO, 'a message was interrupted while it was written')
         self._torn = True
         if not self.message_count:
-            # mcap writes topics into chunks. Without a message it writes no chunk, and the topics would be lost.
+            # Topics are written into chunks. Without a message there is no chunk, and the topics would be lost.
             self._begin_again(chunked=False)
             for name, topic in topics.items():
                 self._register(name, topic)
         information = bag_information(topics, [self.contents])
         self._writer.add_metadata('rosbag2', {'serialized_metadata': to_yaml(information)})
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._writer.finish()
         self._finished = True
 
     def cut(self) -> int:
@@ -209,18 +205,9 @@ class McapOutput:
         self._writer = self._begin(chunked=chunked)
         self._whole = self._stream.position, self.contents
 
-    def _begin(self, *, chunked: bool) -> Writer:
+    def _begin(self, *, chunked: bool) -> McapWriter:
         """Begin the file, with the attachments and the metadata that wait."""
-        indexes = IndexType.ALL if chunked else IndexType.METADATA | IndexType.ATTACHMENT
-        if not self._attachments:
-            indexes &= ~IndexType.ATTACHMENT  # other tools take an empty index of attachments for damage
-        writer = Writer(
-            self._stream,  # type: ignore[arg-type]
-            chunk_size=_CHUNK_SIZE,
-            compression=CompressionType[self._compression.upper()],
-            index_types=indexes,
-            use_chunking=chunked,
-        )
+        writer = McapWriter(self._stream, _CHUNK_SIZE, self._compression, chunked=chunked)
         writer.start(profile='ros2', library='socialcircle_ros')
         for name, media_type, data, log_time, create_time in self._attachments:
             writer.add_attachment(create_time, log_time, name, media_type, data)
@@ -262,7 +249,7 @@ class McapOutput:
 
 
 class _Stream:
-    """What mcap writes to: without a buffer, so that an error comes where it belongs.
+    """What the records are written to: without a buffer, so that an error comes where it belongs.
 
     Attributes:
         position: the number of bytes that are written.
@@ -273,24 +260,20 @@ class _Stream:
         self._reserve = reserve
         self.position = 0
 
-    def write(self, data: bytes) -> int:
-        view = memoryview(data)
-        while view:
+    def write(self, *parts: Buffer) -> None:
+        views = [memoryview(part) for part in parts if part]
+        while views:
             try:
-                written = os.write(self._descriptor, view)
+                written = os.writev(self._descriptor, views)
             except OSError as error:
                 if self._reserve is None or not is_full(error) or not self._reserve.give_back():
                     raise
                 continue
-            view = view[written:]
-        self.position += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        return self.position
-
-    def flush(self) -> None:
-        """Nothing waits to be written."""
+            while views and written >= len(views[0]):
+                written -= len(views.pop(0))
+            if written:
+                views[0] = views[0][written:]
+        self.position += sum(map(len, parts))
 
     def cut(self, position: int) -> None:
         os.ftruncate(self._descriptor, position)

@@ -19,6 +19,8 @@ from .topics import Topic
 
 HEAD = struct.Struct('<BQ')  # the start of every record: opcode, length of the body
 MESSAGE = struct.Struct('<HIQQ')  # the start of a message's body: channel, sequence, log time, publish time
+CHUNK = struct.Struct('<QQQII')  # the start of a chunk's body: times, size, CRC, length of the compression's name
+LENGTH = struct.Struct('<Q')  # of a chunk's records as they are stored
 FOOTER = struct.Struct('<BQQQI')  # opcode, length, summary start, summary offset start, CRC
 CONTENT = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE})
 EXTRAS = frozenset({Opcode.ATTACHMENT, Opcode.METADATA})

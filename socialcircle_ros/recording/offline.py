@@ -31,7 +31,7 @@ from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
 
 from .any_file import open_recording
-from .mcap_output import Compression
+from .mcap_writer import Compression
 from .overlap import WriterBehind, read_ahead
 from .reader import RecordingReader
 from .topics import Message, ros_topic

@@ -13,7 +13,8 @@ from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.messages.header import FIRST_DATE, stamp_text
 from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_target, remove_leftovers
 
-from .mcap_output import LAST_TIME, Compression, McapOutput
+from .mcap_output import LAST_TIME, McapOutput
+from .mcap_writer import Compression
 from .metadata import FileContents, bag_information, to_yaml
 from .topics import Attachment, Message, MetadataRecord, Topic
 
@@ -176,10 +177,10 @@ class RecordingWriter:
         try:
             if self._is_file_full(log_time):
                 self._begin_next_file()
-            # mcap drops topics at the end of a file that no message follows, but its index still names them. So
-            # topics are written just before a message; one that is added after the last is in the metadata only.
+            # A chunk at the end without a message is not written, but the index would name its topics. So topics
+            # are written just before a message; one that is added after the last is in the metadata only.
             waiting, self._waiting = self._waiting, {}
-            # mcap's annotation says bytes, but it copies any buffer.
+            # The annotation of a message says bytes, as readers give it; any buffer is written.
             payload = cast('bytes', data)
             self._file.write(Message(topic, payload, log_time, publish_time, sequence), waiting)
         except OSError as error:
