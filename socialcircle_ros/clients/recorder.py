@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
 
 import rclpy
 from rclpy.context import Context
@@ -17,7 +16,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
-from socialcircle_ros.recording import Message, RecordingWriter, ros_topic
+from socialcircle_ros.node.lost_messages import LostMessages
+from socialcircle_ros.node.rclpy_internals import TakenMessage, listen
+from socialcircle_ros.recording import RecordingWriter, ros_topic
 from socialcircle_ros.recording.mcap_output import LAST_TIME
 from socialcircle_ros.recording.mcap_writer import Compression
 from socialcircle_ros.storage import free_bytes, noted_signals
@@ -28,12 +29,6 @@ from .qos import recorded_text, recording_qos
 _LOOK_PERIOD_S = 0.2  # between two looks at the graph for new topics
 _DISK_PERIOD_S = 0.2  # between two looks at the free space
 _NOT_RECORDED = '/_action/status'
-
-
-class _MessageInfo(TypedDict, total=False):
-    """What rclpy tells of a message; the middleware may leave the source's time out."""
-
-    source_timestamp: int
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,8 @@ class Recorder(Node):
     Args:
         writer: where to write.
         topics: which topics.
-        received: called after each message that was written.
+        received: called with the topic of each message after it was written.
+        lost: called with a topic and the number of its messages that were published but did not arrive.
         context: the ROS context; None: the default one.
 
     Attributes:
@@ -79,7 +75,8 @@ class Recorder(Node):
         self,
         writer: RecordingWriter,
         topics: TopicChoice,
-        received: Callable[[Message], None] = lambda message: None,
+        received: Callable[[str], None] = lambda topic: None,
+        lost: Callable[[str, int], None] = lambda topic, count: None,
         context: Context | None = None,
     ) -> None:
         super().__init__('socialcircle_record', context=context)
@@ -87,6 +84,7 @@ class Recorder(Node):
         self._writer = writer
         self._topics = topics
         self._received = received
+        self._lost = lost
         self._recorded: set[str] = set()
         self.subscribe_to_new_topics()
         self.create_timer(_LOOK_PERIOD_S, self.subscribe_to_new_topics)
@@ -113,19 +111,21 @@ class Recorder(Node):
             self.refused[name] = str(error)
             self.get_logger().warning(f'{name} is not recorded: {error}')
             return
-        self.create_subscription(message_type, name, self._write_to(name), recording_qos(publishers), raw=True)
+        lost = LostMessages(lambda count: self._lost(name, count))
+        qos = recording_qos(publishers)
+        listen(self, message_type, name, self._write_to(name, lost), qos_profile=qos, event_callbacks=lost)
         self._recorded.add(name)
 
-    def _write_to(self, topic: str) -> Callable[[bytes, _MessageInfo], None]:
+    def _write_to(self, topic: str, lost: LostMessages) -> Callable[[TakenMessage], None]:
         """The callback that writes the messages of a topic."""
 
-        def write(data: bytes, info: _MessageInfo) -> None:
+        def write(taken: TakenMessage) -> None:
             now = time.time_ns()
-            published = info.get('source_timestamp', 0)
+            lost.arrived(taken)
             # A publisher with a wrong clock may send any number, which must not end the recording.
-            message = Message(topic, data, now, published if 0 < published <= LAST_TIME else now, 0)
-            self._writer.write(*message)
-            self._received(message)
+            published = taken.published_ns if 0 < taken.published_ns <= LAST_TIME else now
+            self._writer.write(topic, taken.message, now, published)
+            self._received(topic)
 
         return write
 
@@ -136,10 +136,12 @@ class Recorded:
 
     Attributes:
         counts: the number of messages for each topic that had one.
+        lost: the number of messages, by topic, that were published but did not arrive.
         ended_by: the signal that ended the recording; None: its duration, or the end of the context.
     """
 
     counts: Counter[str]
+    lost: Counter[str]
     ended_by: signal.Signals | None
 
 
@@ -176,6 +178,7 @@ def record_topics(
             says what it holds.
     """
     counts: Counter[str] = Counter()
+    lost: Counter[str] = Counter()
     end = time.monotonic() + duration_s if duration_s is not None else float('inf')
     # The signals are noted, so that none interrupts a message that is being written.
     with noted_signals(signal.SIGINT, signal.SIGTERM, signal.SIGHUP) as noted:
@@ -196,7 +199,13 @@ def record_topics(
 
         try:
             with writer:
-                _record(writer, topics or TopicChoice(), lambda message: counts.update([message.topic]), goes_on)
+                _record(
+                    writer,
+                    topics or TopicChoice(),
+                    lambda topic: counts.update([topic]),
+                    lambda topic, count: lost.update({topic: count}),
+                    goes_on,
+                )
         except SocialCircleError:
             raise
         except Exception as error:
@@ -204,19 +213,20 @@ def record_topics(
                 f'{path} has ended early ({type(error).__name__}: {error}). {writer.contents()} '
                 'All later messages are missing.'
             ) from error
-    return Recorded(counts, noted.first)
+    return Recorded(counts, lost, noted.first)
 
 
 def _record(
     writer: RecordingWriter,
     topics: TopicChoice,
-    received: Callable[[Message], None],
+    received: Callable[[str], None],
+    lost: Callable[[str, int], None],
     goes_on: Callable[[Recorder], bool],
 ) -> None:
     """Record while `goes_on` says so; it is called some times per second."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
-        recorder = Recorder(writer, topics, received)
+        recorder = Recorder(writer, topics, received, lost)
         executor = SingleThreadedExecutor()
         executor.add_node(recorder)
         try:

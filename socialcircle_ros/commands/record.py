@@ -110,8 +110,15 @@ def command(
         )
     counts = recorded.counts
     for name, count in sorted(counts.items()):
-        click.echo(f'{name}: {count}')
+        lost = f', {recorded.lost[name]} lost on the way' if recorded.lost[name] else ''
+        click.echo(f'{name}: {count}{lost}')
     click.echo(f'{quantity(counts.total(), "message")} written to {output}.')
+    if recorded.lost:
+        click.echo(
+            f'{quantity(recorded.lost.total(), "message")} did not arrive.'
+            ' Give the publisher a larger depth, or see docs/network.md.',
+            err=True,
+        )
     for name in topics:
         if name not in counts and f'/{name}' not in counts:
             click.echo(f'No message came on {name}.', err=True)

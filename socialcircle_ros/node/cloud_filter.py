@@ -20,7 +20,7 @@ from .health import Health
 from .live_rows import LiveRows
 from .lost_messages import LostMessages, lost_sentence
 from .parameters import Configuration
-from .rclpy_internals import MessageInput, listen
+from .rclpy_internals import MessageInput, TakenMessage, listen
 from .topics import CLASSES, Publishers, qos_options
 from .worker import LatestWorker
 
@@ -75,15 +75,13 @@ class CloudFilter:
     def listen(self) -> None:
         """Subscribe to clouds."""
         lost = LostMessages(self._clouds_lost)
-        self._input = listen(
-            self._node,
-            CLASSES[POINTS.type],
-            POINTS.name,
-            self._cloud_arrived,
-            lost.arrived,
-            event_callbacks=lost,
-            **qos_options(POINTS),
-        )
+
+        def arrived(taken: TakenMessage) -> None:
+            lost.arrived(taken)
+            self._cloud_arrived(taken.message)
+
+        kind, options = CLASSES[POINTS.type], qos_options(POINTS)
+        self._input = listen(self._node, kind, POINTS.name, arrived, event_callbacks=lost, **options)
 
     def ignore(self) -> None:
         """End the subscription."""

@@ -16,13 +16,14 @@ from rclpy.event_handler import (
     UnsupportedEventTypeError,
 )
 
+from .rclpy_internals import TakenMessage
 from .transport import NETWORK_PROFILE
 
 _MOST_PUBLISHERS = 16  # of which the last number is kept
 
 
 class LostMessages(SubscriptionEventCallbacks):
-    """Counts the lost messages of a subscription: its event callbacks, and what takes the numbers of its messages.
+    """Counts the lost messages of a subscription: its event callbacks, which also take what `listen` hands over.
 
     Args:
         lost: takes the number of messages that are newly known to be lost, on the executor's thread.
@@ -36,8 +37,11 @@ class LostMessages(SubscriptionEventCallbacks):
         self._reported_since = 0  # by the middleware, since the last message
         self._told = 0
 
-    def arrived(self, publisher: bytes, number: int) -> None:
-        """A message came; `number` is counted by its publisher."""
+    def arrived(self, taken: TakenMessage) -> None:
+        """A message came; its publisher numbers its messages."""
+        publisher, number = taken.publisher, taken.number
+        if number is None:
+            return
         before = self._last_numbers.pop(publisher, None)
         self._last_numbers[publisher] = number
         if len(self._last_numbers) > _MOST_PUBLISHERS:

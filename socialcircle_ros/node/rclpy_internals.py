@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
+from typing import Protocol, TypedDict
 
 import numpy as np
 from lifecycle_msgs.srv import ChangeState
@@ -180,11 +180,13 @@ class TakenMessage:
         message: serialized, in memory of its own.
         publisher: identifies the publisher; empty if rclpy does not tell it.
         number: the publisher numbers its messages one by one; None if rclpy or the middleware does not tell it.
+        published_ns: when it was published, by the clock of its publisher, ns since 1970; 0 if unknown.
     """
 
     message: memoryview
     publisher: bytes = b''
     number: int | None = None
+    published_ns: int = 0
 
 
 def take(subscription: Subscription) -> TakenMessage | None:
@@ -207,7 +209,10 @@ def take(subscription: Subscription) -> TakenMessage | None:
     array.owner = taken
     number = info.publication_sequence_number
     return TakenMessage(
-        np.frombuffer(array, np.uint8).data, bytes(info.publisher), None if number == _NO_NUMBER else number
+        np.frombuffer(array, np.uint8).data,
+        bytes(info.publisher),
+        None if number == _NO_NUMBER else number,
+        info.source_timestamp,
     )
 
 
@@ -216,6 +221,12 @@ def waiting_messages(subscription: Subscription) -> Iterator[bytes]:
     with subscription.handle:
         while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
             yield taken[0]
+
+
+class _MessageInfo(TypedDict, total=False):
+    """What rclpy tells of a message; the middleware may leave the source's time out."""
+
+    source_timestamp: int
 
 
 class MessageInput(Protocol):
@@ -231,8 +242,7 @@ def listen(
     node: Node,
     kind: type,
     topic: str,
-    callback: Callable[[memoryview], None],
-    numbered: Callable[[bytes, int], None] | None = None,
+    callback: Callable[[TakenMessage], None],
     **options: object,
 ) -> MessageInput:
     """Subscribe, and hand each serialized message to `callback` on the executor's thread.
@@ -241,25 +251,25 @@ def listen(
         node: the node that subscribes.
         kind: class of the messages.
         topic: its name.
-        callback: takes each message.
-        numbered: called before `callback` with the publisher of the message and its number, where they are known.
+        callback: takes each message, with what is known of it.
         options: further arguments of `create_subscription`.
     """
     if _rcl() is None:
         return PublicInput(node, kind, topic, callback, **options)
-    return SerializedInput(node, kind, topic, callback, numbered, **options)
+    return SerializedInput(node, kind, topic, callback, **options)
 
 
 class PublicInput:
     """Hands each message of a subscription to its callback by rclpy's public way."""
 
     def __init__(
-        self, node: Node, kind: type, topic: str, callback: Callable[[memoryview], None], **options: object
+        self, node: Node, kind: type, topic: str, callback: Callable[[TakenMessage], None], **options: object
     ) -> None:
+        def arrived(message: bytes, info: _MessageInfo) -> None:
+            callback(TakenMessage(memoryview(message), published_ns=info.get('source_timestamp', 0)))
+
         self._node = node
-        self.subscription: Subscription = node.create_subscription(
-            kind, topic, lambda message: callback(memoryview(message)), raw=True, **options
-        )
+        self.subscription: Subscription = node.create_subscription(kind, topic, arrived, raw=True, **options)
 
     def destroy(self) -> None:
         """End the subscription."""
@@ -284,14 +294,12 @@ class SerializedInput(Waitable):
         node: Node,
         kind: type,
         topic: str,
-        callback: Callable[[memoryview], None],
-        numbered: Callable[[bytes, int], None] | None = None,
+        callback: Callable[[TakenMessage], None],
         **options: object,
     ) -> None:
         super().__init__(node.default_callback_group)
         self._node = node
         self._callback = callback
-        self._numbered = numbered
         self._place: int | None = None
         self.subscription: Subscription = node.create_subscription(
             kind, topic, callback, callback_group=_EventsOnly(), raw=True, **options
@@ -329,11 +337,8 @@ class SerializedInput(Waitable):
 
     async def execute(self, taken: TakenMessage | None) -> None:
         """Hand the message to the callback."""
-        if taken is None:
-            return
-        if self._numbered is not None and taken.number is not None:
-            self._numbered(taken.publisher, taken.number)
-        self._callback(taken.message)
+        if taken is not None:
+            self._callback(taken)
 
 
 class _EventsOnly(ReentrantCallbackGroup):

@@ -2,14 +2,18 @@
 """The recorder: its warning before the disk is full, and what it keeps after an error."""
 
 import re
+from types import SimpleNamespace
 
 import pytest
+from click.testing import CliRunner
 from recording.samples import read
 from storage.disks import fill, small_disk
 
 from socialcircle_ros.clients import recorder
 from socialcircle_ros.clients.recorder import Recorder, TopicChoice, record_topics
+from socialcircle_ros.commands.record import command
 from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.node.rclpy_internals import TakenMessage
 from socialcircle_ros.recording import ros_topic
 
 
@@ -48,7 +52,7 @@ def test_a_topic_that_comes_when_the_disk_is_full_ends_the_recording(tmp_path, m
     monkeypatch.setattr(recorder, 'recorded_text', lambda publishers: '')
     monkeypatch.setattr(recorder, 'recording_qos', lambda publishers: 1)
     monkeypatch.setattr(Recorder, 'subscribe_to_new_topics', subscribe)
-    monkeypatch.setattr(Recorder, 'create_subscription', lambda *args, **options: None)
+    monkeypatch.setattr(recorder, 'listen', lambda *args, **options: None)
     with small_disk(tmp_path / 'disk', 4 << 20) as disk:
         with pytest.raises(RecordingError, match='the disk is full. It holds 1 message'):
             record_topics(disk / 'night.mcap')
@@ -62,6 +66,28 @@ def test_a_least_of_zero_never_warns(tmp_path):
     told = []
     watch.look(told.append)
     assert told == []
+
+
+def test_messages_that_did_not_arrive_are_counted_and_told(tmp_path, monkeypatch):
+    def listen(*arguments, **options):
+        callback = arguments[-1]
+        for number in (3, 4, 7):
+            callback(TakenMessage(memoryview(b'a cloud'), b'source', number, 5))
+        options['event_callbacks'].message_lost(SimpleNamespace(total_count=1, total_count_change=1))
+
+    topics = [('/points', ['sensor_msgs/msg/PointCloud2'])]
+    monkeypatch.setattr(recorder, 'listen', listen)
+    monkeypatch.setattr(recorder, 'recorded_text', lambda publishers: '')
+    monkeypatch.setattr(recorder, 'recording_qos', lambda publishers: 1)
+    monkeypatch.setattr(Recorder, 'get_topic_names_and_types', lambda node: topics)
+    monkeypatch.setattr(Recorder, 'get_publishers_info_by_topic', lambda node, name: [object()])
+    done = CliRunner().invoke(command, ['-o', str(tmp_path / 'a.mcap'), '--duration', '0'])
+    assert done.exit_code == 0, done.output
+    assert '/points: 3, 3 lost on the way\n' in done.output
+    assert '3 messages did not arrive. Give the publisher a larger depth' in done.output
+    messages, damage = read(tmp_path / 'a.mcap')
+    assert [(message.data, message.publish_time) for message in messages] == [(b'a cloud', 5)] * 3
+    assert damage is None
 
 
 @pytest.mark.parametrize('name', ['night.mcap', 'night'])

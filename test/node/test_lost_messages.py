@@ -14,8 +14,10 @@ from sensor_msgs.msg import PointCloud2
 
 from socialcircle_ros.node.health import Health
 from socialcircle_ros.node.lost_messages import LostMessages, lost_sentence
+from socialcircle_ros.node.rclpy_internals import TakenMessage
 
 LOST = QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST
+NOTHING = memoryview(b'')
 
 
 @pytest.fixture
@@ -51,7 +53,7 @@ def test_a_gap_in_the_numbers_of_a_publisher_tells_how_many_are_missing():
     counts = []
     lost = LostMessages(counts.append)
     for publisher, number in ((b'a', 7), (b'a', 8), (b'b', 1), (b'a', 11), (b'b', 2), (b'b', 4), (b'a', 12)):
-        lost.arrived(publisher, number)
+        lost.arrived(TakenMessage(NOTHING, publisher, number))
     assert counts == [2, 1]
 
 
@@ -59,14 +61,20 @@ def test_a_publisher_that_starts_again_and_an_old_number_are_no_loss():
     counts = []
     lost = LostMessages(counts.append)
     for publisher, number in ((b'a', 7), (b'new', 1), (b'new', 2), (b'new', 2), (b'new', 1)):
-        lost.arrived(publisher, number)
+        lost.arrived(TakenMessage(NOTHING, publisher, number))
     assert counts == []
+
+
+def test_a_message_without_a_number_tells_of_no_loss():
+    lost = LostMessages(pytest.fail)
+    for number in (1, None, 2):
+        lost.arrived(TakenMessage(NOTHING, b'a', number))
 
 
 def test_the_numbers_of_many_publishers_are_not_kept():
     lost = LostMessages(pytest.fail)
     for number in range(1000):
-        lost.arrived(number.to_bytes(16, 'big'), 1)
+        lost.arrived(TakenMessage(NOTHING, number.to_bytes(16, 'big'), 1))
     assert len(lost._last_numbers) <= 16
 
 
@@ -78,7 +86,7 @@ def test_each_lost_message_is_counted_once(fates):
         if fate == 'lost and reported':
             report(lost, 1)
         elif fate == 'arrives':
-            lost.arrived(b'publisher', number)
+            lost.arrived(TakenMessage(NOTHING, b'publisher', number))
     ends = [number for number, fate in enumerate(fates, 1) if fate == 'arrives']
     known = [
         fate

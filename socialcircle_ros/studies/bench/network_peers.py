@@ -100,31 +100,24 @@ def _subscribe(both_ways: bool) -> int:
     from sensor_msgs.msg import PointCloud2  # noqa: PLC0415
 
     from socialcircle_ros.node.lost_messages import LostMessages  # noqa: PLC0415
-    from socialcircle_ros.node.rclpy_internals import listen  # noqa: PLC0415
+    from socialcircle_ros.node.rclpy_internals import TakenMessage, listen  # noqa: PLC0415
 
     rclpy.init()
     node = Node('subscriber')
     reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
     relayed = node.create_publisher(PointCloud2, RELAYED, reliable) if both_ways else None
 
-    def arrived(message: memoryview) -> None:
-        print(Header.read(CdrReader(message)).seconds, time.monotonic(), flush=True)  # noqa: T201 - as above
+    def arrived(taken: TakenMessage) -> None:
+        lost_clouds.arrived(taken)
+        print(Header.read(CdrReader(taken.message)).seconds, time.monotonic(), flush=True)  # noqa: T201 - as above
         if relayed is not None:
-            relayed.publish(bytes(message))
+            relayed.publish(bytes(taken.message))
 
     def lost(count: int) -> None:
         print(LOST, count, flush=True)  # noqa: T201 - as above
 
     lost_clouds = LostMessages(lost)
-    listen(
-        node,
-        PointCloud2,
-        POINTS.name,
-        arrived,
-        lost_clouds.arrived,
-        qos_profile=reliable,
-        event_callbacks=lost_clouds,
-    )
+    listen(node, PointCloud2, POINTS.name, arrived, qos_profile=reliable, event_callbacks=lost_clouds)
     ended = threading.Event()
 
     def wait_for_end() -> None:
