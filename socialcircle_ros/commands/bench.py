@@ -345,6 +345,7 @@ def _depth() -> None:
             trust.add_row(figure.name, figure.figure, str(figure))
     console.print(trust)
     _instruments(console)
+    _depth_peers(console)
 
 
 def _instruments(console: 'Console') -> None:
@@ -367,3 +368,34 @@ def _instruments(console: 'Console') -> None:
             scales.add_row(row.name, str(row.asked), str(row.used), f'{100 * row.trusted:.1f} %', f'{row.rms:.3f}')
     console.print(quality)
     console.print(scales)
+
+
+def _depth_peers(console: 'Console') -> None:
+    """Print the errors of other focus measures on the same stacks."""
+    from socialcircle_ros.studies.bench.depth_peers import missing_peers, peer_rows
+
+    table = _table(
+        '8 bits, 10 000 e-; each peer at its best scale; processor time for a frame of a million pixels',
+        'stack',
+        'method',
+        '1.48 MAD, steps',
+        'good',
+        'bad',
+        'ms',
+    )
+    with console.status('measuring the same stacks with other libraries (a minute) ...'):
+        for row in peer_rows():
+            table.add_row(
+                row.stack,
+                row.method,
+                f'{row.deviation:.3f}',
+                f'{100 * row.good:.1f} %',
+                f'{100 * row.bad:.1f} %',
+                f'{row.frame_ms:.1f}',
+            )
+    console.print(table)
+    missing = missing_peers()
+    if missing:
+        console.print(
+            f'Not installed, and left out: {", ".join(missing)}. Install with: pip install {" ".join(missing)}'
+        )
