@@ -346,6 +346,7 @@ def _depth() -> None:
     console.print(trust)
     _instruments(console)
     _depth_peers(console)
+    _frame_costs(console)
 
 
 def _instruments(console: 'Console') -> None:
@@ -399,3 +400,32 @@ def _depth_peers(console: 'Console') -> None:
         console.print(
             f'Not installed, and left out: {", ".join(missing)}. Install with: pip install {" ".join(missing)}'
         )
+
+
+def _frame_costs(console: 'Console') -> None:
+    """Print time and memory of the frames of a stack."""
+    from socialcircle_ros.kernels.machine import hardware
+    from socialcircle_ros.studies.bench.depth_cost import frame_costs
+
+    table = _table(
+        'Cost of a frame, 8 bits, default settings',
+        'frame', 'register', 'cores', 'processor ms', 'frames/s', 'fit, s', 'bytes/pixel', 'at the end',
+    )  # fmt: skip
+    with console.status('timing frames of a stack (20 s) ...'):
+        for cost in frame_costs():
+            table.add_row(
+                f'{cost.shape[1]}×{cost.shape[0]}',
+                'yes' if cost.register else 'no',
+                str(cost.cores),
+                f'{cost.processor_ms:.1f}',
+                f'{cost.frames_per_s:.0f}',
+                f'{cost.finish_s:.2f}',
+                f'{cost.running_bytes:.1f}',
+                f'{cost.peak_bytes:.1f}',
+            )
+    console.print(table)
+    console.print(
+        'bytes/pixel: while frames come, without the picture in focus; at the end: with all results\n'
+        f'{hardware()}; load {os.getloadavg()[0]:.1f} at the end',
+        highlight=False,
+    )

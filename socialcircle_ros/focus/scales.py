@@ -8,7 +8,7 @@ scales are measured in every frame, so that the choice does not depend on the or
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +72,7 @@ class ScaleResult:
     """What one scale gives.
 
     Attributes:
-        maps: of the pixels of the frame.
+        maps: of the pixels of this scale; of all pixels of the frame from `choose`.
         width: standard deviation of the focus curve, in the unit of z; None: no curve is trusted.
         step: of the modified Laplacian, in pixels of the frame.
         half_window: of the focus measure, in pixels of the frame.
@@ -160,7 +160,7 @@ class Scale:
         return binned
 
     def measure(
-        self, order: FrameOrder, z: NDArray[np.float64], scale: float, shape: tuple[int, int], *, three_point: bool
+        self, order: FrameOrder, z: NDArray[np.float64], scale: float, *, three_point: bool
     ) -> ScaleResult:
         """Measure the depth.
 
@@ -168,7 +168,6 @@ class Scale:
             order: of the frames in z.
             z: (n,) of the frames, ascending.
             scale: factor that makes the mean frame as bright as the codes say.
-            shape: of the frames.
             three_point: see `fit_peaks`.
         """
         for part in range(len(order.z), RECENT):
@@ -180,10 +179,8 @@ class Scale:
             depth = correct_for_centroid(depth, quality, self.image, z, self.parameters)
         side, half = self._side, self.parameters.half_window
         maps, width = DepthMaps(depth, quality, reasons), widths.median(quality)
-        if side > 1:
-            if width is not None:
-                _lower_where_bent(depth, quality, half, width)
-            maps = _at_every_pixel(maps, z, shape)
+        if side > 1 and width is not None:
+            _lower_where_bent(depth, quality, half, width)
         return ScaleResult(maps, width, self.step, half * side)
 
 
@@ -199,13 +196,27 @@ def scales_for(frame: Frame, settings: FocusSettings) -> tuple[Scale, ...]:
     return tuple(scales)
 
 
-def choose(scales: tuple[Scale, ...], measure: Callable[[Scale], ScaleResult]) -> ScaleResult:
-    """Measure each scale, and choose the coarse one where many more pixels are good by their quality."""
+def choose(
+    scales: tuple[Scale, ...], z: NDArray[np.float64], measure: Callable[[Scale], ScaleResult]
+) -> ScaleResult:
+    """Measure each scale, and choose the coarse one where many more pixels are good by their quality.
+
+    Args:
+        scales: the finest first.
+        z: (n,) of the frames, ascending.
+        measure: measures a scale.
+
+    Returns:
+        The result of the chosen one, at every pixel of the frames.
+    """
+    shape = scales[0].image.shape
     found = measure(scales[0])
     for scale in scales[1:]:
         other = measure(scale)
         if _mean(other.maps.quality) - _mean(found.maps.quality) > _LEAST_GAIN:
             found = other
+    if found.maps.depth.shape != shape:  # not before: both scales at every pixel would take 13 bytes a pixel more
+        found = replace(found, maps=_at_every_pixel(found.maps, z, shape))
     return found
 
 

@@ -226,9 +226,9 @@ class FocusStack:
         factor = REFERENCE[image.dtype] / light if settings.normalize else 1.0
 
         def measure(scale: Scale) -> ScaleResult:
-            return scale.measure(order, positions, factor, image.shape, three_point=settings.fit == 'gauss3')
+            return scale.measure(order, positions, factor, three_point=settings.fit == 'gauss3')
 
-        found = choose(self._scales, measure)
+        found = choose(self._scales, positions, measure)
         depth, quality, reasons = found.maps
         level = settings.saturation or np.iinfo(image.dtype).max
         _mark_saturated(image, level, found.half_window, reasons, quality)
