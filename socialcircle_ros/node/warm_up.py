@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from socialcircle_ros.circle.network.features import Part, planes_of, scales_of
 from socialcircle_ros.circle.network.inference import write_probabilities
 from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.kernels.compiled import cache_folder
 from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import encode_image
@@ -33,6 +34,8 @@ from socialcircle_ros.settings import (
     RepairSettings,
     StackSettings,
 )
+
+_HelperPart = Literal['stack', 'rare']  # what a helper process compiles, apart from clouds in a mode
 
 _PERIOD_S = 0.05  # between two checks whether the caller still waits
 
@@ -79,37 +82,39 @@ class WarmUp:
         return False
 
     def _run(self, mode: Mode, judge: Judge) -> None:
+        cold = False
         try:
-            _compile_common(mode, judge)
+            cold = _is_cold()
+            _compile_common(mode, judge, cold=cold)
         except Exception as error:  # noqa: BLE001 - raised in the thread that waits
             self._error = error
         self._ready.set()
         if self._error is None:
-            _compile_rare()
+            _compile_rare(cold=cold)
 
 
-def _compile_common(mode: Mode, judge: Judge = 'rules') -> None:
+def _compile_common(mode: Mode, judge: Judge = 'rules', *, cold: bool = False) -> None:
     """Clouds of both types under default settings, and a stack of 8 bits.
 
-    On the first start a helper process compiles for the stack meanwhile, because Numba compiles one kernel at a
-    time. This process then loads its kernels from the cache.
+    If the cache is `cold`, two helper processes fill it: Numba compiles one kernel at a time, and compiling leaves
+    130 MB in a process. This process then loads the kernels.
     """
-    helper = None
-    if _is_cold():
-        with contextlib.suppress(OSError):  # no process can be started: this one compiles everything
-            helper = _helper()
+    if cold:
+        _wait_for(_helper(mode), _helper('stack'))
+    _filter(mode, judge)
+    _measure(np.uint8)
+
+
+def _filter(mode: Mode, judge: Judge = 'rules') -> None:
+    """Filter clouds of both types."""
     for kind in (np.float32, np.float64):
         circle = CircleSettings(mode=mode, judge=judge)
         filter_cloud(_cloud(kind), PipelineSettings(circle=circle), depth_of_field=1.0)
-    if helper is not None:
-        with helper:
-            helper.wait()
-    _measure(np.uint8)
 
 
 def steps() -> Iterator[Callable[[], object]]:
     """Calls that compile all kernels of the node, the default mode's first; none of them is guarded."""
-    yield partial(_compile_common, CircleSettings().mode)
+    yield lambda: _compile_common(CircleSettings().mode, cold=_is_cold())
     yield from _rare()
 
 
@@ -120,29 +125,52 @@ def _is_cold() -> bool:
     return bool(statistics.cache_misses)
 
 
-def _helper() -> 'subprocess.Popen[bytes]':
-    """A process that runs `_help`."""
-    program = f'from {__name__} import _help; _help()'
-    return subprocess.Popen([sys.executable, '-c', program], stdin=subprocess.PIPE)  # noqa: S603 - our own
+def _helper(part: 'Mode | _HelperPart') -> 'subprocess.Popen[bytes] | None':
+    """A process that runs `_help`; None: it would be of no use, or no process can be started."""
+    if not os.access(cache_folder() or '', os.W_OK):
+        return None  # this process could not load what the helper compiles
+    program = f'from {__name__} import _help; _help({part!r})'
+    with contextlib.suppress(OSError):
+        return subprocess.Popen([sys.executable, '-c', program], stdin=subprocess.PIPE)  # noqa: S603 - our own
+    return None
 
 
-def _help() -> None:
-    """Compile for the stack into the cache, unless the parent process ends."""
+def _wait_for(*helpers: 'subprocess.Popen[bytes] | None') -> None:
+    for helper in helpers:
+        if helper is not None:
+            with helper:
+                helper.wait()
+
+
+def _help(part: 'Mode | _HelperPart') -> None:
+    """Compile into the cache for clouds in a mode, for a stack or what is rare, unless the parent process ends.
+
+    What cannot be compiled is left to the parent process, which says so.
+    """
 
     def end_with_parent() -> None:
         sys.stdin.read()  # returns when the parent closes it or ends
         os._exit(0)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
-    _measure(np.uint8)
+    with contextlib.suppress(Exception):
+        if part == 'stack':
+            _measure(np.uint8)
+        elif part == 'rare':
+            _compile_rare()
+        else:
+            _filter(part)
     os._exit(0)
 
 
-def _compile_rare() -> None:
+def _compile_rare(*, cold: bool = False) -> None:
     """Kernels that other settings or another camera need.
 
-    What cannot be compiled here fails by itself, and says so, when it is used.
+    What cannot be compiled here fails by itself, and says so, when it is used. If the cache is `cold`, a helper
+    process fills it first, as in `_compile_common`.
     """
+    if cold:
+        _wait_for(_helper('rare'))
     for compile_some in _rare():
         with contextlib.suppress(Exception):
             compile_some()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiling before the first cloud comes."""
 
+import contextlib
 import importlib.util
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from socialcircle_ros.circle import expansion
 from socialcircle_ros.focus import fit
 from socialcircle_ros.node import warm_up
 
-warm_up._compile_common('paper')
+warm_up._compile_common('paper', cold=warm_up._is_cold())
 for kernel in (expansion._write_links, fit._fit):
     print(sum(kernel.stats.cache_misses.values()), sum(kernel.stats.cache_hits.values()))
 """
@@ -60,16 +61,17 @@ def compiled_and_loaded():
     return [tuple(int(word) for word in line.split()) for line in done.stdout.splitlines()]
 
 
-def test_the_first_start_compiles_in_two_processes_and_the_second_not_at_all(tmp_path, monkeypatch):
+def test_the_first_start_compiles_in_other_processes_and_the_second_not_at_all(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
 
-    assert compiled_and_loaded() == [(2, 0), (0, 2)]  # the stack's, at two scales, came from the other process
+    assert compiled_and_loaded() == [(0, 2), (0, 2)]  # for two types of clouds, and for two scales of stacks
+    assert len(list(tmp_path.rglob('*_fit-*.nbc'))) == 2
     assert compiled_and_loaded() == [(0, 2), (0, 2)]
 
 
 def test_the_helper_ends_with_the_process_that_asked_for_it(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
-    helper = warm_up._helper()
+    helper = warm_up._helper('stack')
 
     helper.stdin.close()
 
@@ -82,13 +84,33 @@ def test_without_a_helper_process_this_one_compiles_everything(monkeypatch):
         raise OSError('no more processes')
 
     measured = []
-    monkeypatch.setattr(warm_up, '_is_cold', lambda: True)
     monkeypatch.setattr(warm_up, '_measure', measured.append)
     monkeypatch.setattr(subprocess, 'Popen', refuse)
 
-    warm_up._compile_common('paper')
+    warm_up._compile_common('paper', cold=True)
 
     assert measured == [np.uint8]
+
+
+def test_where_no_cache_can_be_written_no_helper_compiles_for_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(subprocess, 'Popen', None)
+    for folder in (None, str(tmp_path / 'none')):
+        monkeypatch.setattr(warm_up, 'cache_folder', lambda folder=folder: folder)
+        assert warm_up._helper('rare') is None
+
+
+def test_at_the_first_start_a_helper_compiles_what_is_rare_and_this_process_then_loads_it(monkeypatch):
+    done = []
+
+    class Helper(contextlib.nullcontext):
+        def wait(self):
+            done.append('compiled')
+
+    monkeypatch.setattr(warm_up, '_helper', lambda part: done.append(part) or Helper())
+    monkeypatch.setattr(warm_up, '_rare', lambda: [lambda: done.append('loaded')])
+    warm_up._compile_rare(cold=True)
+    warm_up._compile_rare()
+    assert done == ['rare', 'compiled', 'loaded', 'loaded']
 
 
 def test_a_rare_kernel_that_cannot_be_compiled_leaves_the_others(monkeypatch):
