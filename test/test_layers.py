@@ -27,7 +27,7 @@ LEVELS = [
     {'interface'},
     {'simulation', 'messages', 'formats', 'pictures'},
     {'circle', 'focus', 'repair', 'baselines', 'metrics'},
-    {'cloud'},
+    {'cloud', 'engine'},
     {'settings', 'kernels', 'storage', 'lengths'},
     {'errors'},
 ]

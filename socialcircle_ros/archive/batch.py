@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from pathlib import Path
 
+from socialcircle_ros.engine import Engine
 from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.recording.mcap_writer import Compression
 from socialcircle_ros.report.page import environment, prepare
 from socialcircle_ros.settings import PipelineSettings
 from socialcircle_ros.storage import is_url
 
-from .engine import Engine
 from .inputs import ArchiveInput, find_inputs
 from .ledger import Ledger, LedgerEntry
 from .names import NamePattern
@@ -116,7 +116,7 @@ def run_batch(
         else:
             tasks.append(replace(template, found=each))
     if tasks:
-        with Engine[BatchTask, TaskResult](scheduler, workers) as engine:
+        with Engine[BatchTask, TaskResult](scheduler, workers, ['socialcircle_ros.archive.preload']) as engine:
             started(engine.dashboard)
             progress(result.skipped, result.inputs)
             for finished in _finished(engine, tasks):
@@ -148,9 +148,7 @@ def _template(
 def _finished(engine: Engine[BatchTask, TaskResult], tasks: Sequence[BatchTask]) -> Iterator[TaskResult]:
     for task, result in engine.run(do_task, tasks):
         if isinstance(result, Exception):
-            lost = type(result).__name__ == 'KilledWorker'
-            reason = 'its workers ended several times, likely for want of memory.' if lost else str(result)
-            yield failed_result(task, f'{task.found.location} was given up: {reason}')
+            yield failed_result(task, f'{task.found.location} was given up: {result}')
         else:
             yield result
 

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.errors import SocialCircleError, UnitWarning, printable
-from socialcircle_ros.kernels import bands
-from socialcircle_ros.kernels.memory import keep_freed_memory
 from socialcircle_ros.measurements import MeasurementRow, Origin, SettingsText, refused_row, row_of, write_rows
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import CloudOutputs
@@ -86,8 +84,6 @@ def do_task(task: BatchTask) -> TaskResult:
     The entry of the ledger is written last: a worker that is killed leaves an input that is done again, and its
     results, which have the same names, are replaced.
     """
-    bands.limit = 1  # other cores have tasks of their own
-    keep_freed_memory()
     try:
         with local_copy(task.found.location) as path:
             content = content_hash(path)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from .options import LIMITS_FAILED, parameter_options, parameter_values, quantity, topics_option
+from .options import LIMITS_FAILED, parameter_options, parameter_values, progress_display, quantity, topics_option
 
 if TYPE_CHECKING:
     from socialcircle_ros.archive import BatchResult
@@ -102,20 +102,7 @@ def command(
 @contextmanager
 def _progress() -> Iterator[tuple[Callable[[int], None], Callable[[int, int], None]]]:
     """Show on stderr how many inputs are found and done, the rate, and the time left."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, Task, TextColumn, TimeRemainingColumn
-
-    class Rate(TextColumn):
-        def __init__(self) -> None:
-            super().__init__('')
-
-        def render(self, task: Task) -> 'Text':
-            return Text(f'{task.speed:.2f}/s' if task.speed else '')
-
-    from rich.text import Text
-
-    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300) as bar:
+    with progress_display() as bar:
         task = bar.add_task('finding recordings', total=None)
         yield (
             lambda count: bar.update(task, completed=count),

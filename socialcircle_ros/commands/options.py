@@ -5,7 +5,7 @@ import contextlib
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import click
 
@@ -13,6 +13,9 @@ from socialcircle_ros.errors import SettingError, SocialCircleError, install_com
 from socialcircle_ros.settings import PARAMETERS, RosValue
 from socialcircle_ros.settings.files import read_parameter_file
 from socialcircle_ros.settings.rcl_rules import RclError, rcl_value
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 _NODE = 'socialcircle.node'
 
@@ -122,13 +125,26 @@ def progress_bar(description: str) -> Iterator[Callable[[int, int], None]]:
     Yields:
         A function to call with the number of finished steps and the number of all steps.
     """
-    from rich.console import Console
-    from rich.progress import MofNCompleteColumn, Progress
-
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    with progress_display() as progress:
         task = progress.add_task(description, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def progress_display() -> 'Progress':
+    """A display on stderr of what is done, the rate, and the time left."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, Task, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    class Rate(TextColumn):
+        def __init__(self) -> None:
+            super().__init__('')
+
+        def render(self, task: Task) -> Text:
+            return Text(f'{task.speed:.2f}/s' if task.speed else '')
+
+    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300)
 
 
 def size_in_bytes(ctx: click.Context, param: click.Parameter, value: str) -> int:

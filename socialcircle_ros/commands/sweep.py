@@ -31,6 +31,11 @@ from .options import parameter_options, parameter_values, progress_bar, quantity
     help='Most clouds to filter, spread evenly over the recording.',
 )  # fmt: skip
 @topics_option
+@click.option(
+    '--scheduler', metavar='ADDRESS',
+    help='Dask scheduler, such as tcp://host:8786, or its scheduler file (.json), whose workers see the RECORDING'
+    ' under the same name. Default: the cores of this machine.',
+)  # fmt: skip
 @click.option('--restart', is_flag=True, help='Delete the trials of an earlier sweep in the same folder.')
 @parameter_options
 def command(
@@ -40,6 +45,7 @@ def command(
     out: Path,
     max_clouds: int,
     topics: tuple[str, ...],
+    scheduler: str | None,
     restart: bool,
     params_file: Path | None,
     parameters: tuple[str, ...],
@@ -83,6 +89,8 @@ def command(
                 max_clouds=max_clouds,
                 topics=topics,
                 restart=restart,
+                scheduler=scheduler,
+                started=lambda dashboard: click.echo(f'Dashboard: {dashboard}', err=True),
                 progress=progress,
                 made_by=f'socialcircle {shlex.join(sys.argv[1:])}',
             )

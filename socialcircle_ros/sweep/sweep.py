@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """`run_sweep`: filter the same clouds with many settings, and write down what can be concluded."""
 
+import json
 import random
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
+from socialcircle_ros.engine import Engine
 from socialcircle_ros.kernels.ordered import in_order
 from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.report.page import prepare
@@ -26,10 +29,14 @@ from .result import SweepResult
 from .search import Search
 from .search_space import ParameterValues, SearchDimension, check_search_space, grid, with_mode
 from .trials import Trial, best_of, fingerprint_of, key_of, run_trial
+from .work import SweptClouds, TrialTask, do_trial
 
 PAGE, TABLE, BEST, TRIALS, CANDIDATES = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.log', 'candidates'
 
 _GROUPS: tuple[type[Settings], ...] = (FocusSettings, StackSettings, CircleSettings)
+
+TrialRunner = Callable[[Iterable[ParameterValues]], Iterator[Trial]]
+"""Runs a trial of each setting, several at once; settings are taken one by one, as trials end."""
 
 
 def run_sweep(
@@ -42,13 +49,17 @@ def run_sweep(
     max_clouds: int = 10,
     topics: Sequence[str] = (),
     restart: bool = False,
+    scheduler: str | None = None,
+    started: Callable[[str], None] = lambda dashboard: None,
     progress: Callable[[int, int], None] | None = None,
     made_by: str = 'run_sweep()',
 ) -> SweepResult:
     """Filter the same clouds of a recording with many settings, and say whether one is better.
 
-    Settings are scored by F1 against the truth where the recording holds one; clouds weigh alike. Without a truth
-    there is no verdict. The parameters as given are always tried as well. Several trials run at once.
+    Settings are scored by F1 against the truth where the recording holds one; without one there is no verdict. The
+    parameters as given are always tried as well. Several trials run at once, in threads of this process or on a
+    Dask cluster. The scores of a setting are the same wherever it is tried. Which settings a search tries depends
+    on how many run at once: each is proposed from the trials that are finished by then.
 
     Writes `sweep.html`, a page with the decision, the candidates side by side, a chart and a table; `sweep.csv`,
     all trials; `candidates/1.yaml` and more, the parameters of each candidate; `best.yaml`, if a setting is better
@@ -66,6 +77,9 @@ def run_sweep(
         max_clouds: most clouds to filter, spread evenly over the recording.
         topics: names of the topics of clouds; empty: all topics named `points`, and all focus stacks.
         restart: whether to delete the trials of an earlier sweep in the folder.
+        scheduler: address or scheduler file of a Dask cluster whose workers have this package, and see the
+            recording under the same name. None: the cores of this machine.
+        started: called with the address of Dask's dashboard, if there is a scheduler.
         progress: called with the number of finished trials and the number of all trials.
         made_by: the command or call that the page names.
 
@@ -75,13 +89,12 @@ def run_sweep(
     Raises:
         SettingError: a parameter cannot have a value, or the search space cannot be swept.
         RecordingError: the recording cannot be read, or no cloud of it can be filtered.
-        SocialCircleError: matplotlib or Optuna is not installed, or the folder cannot be used.
+        SocialCircleError: a library is missing, the folder cannot be used, or the workers cannot do a trial.
 
     Example:
         >>> from socialcircle_ros import run_sweep
         >>> from socialcircle_ros.sweep.search_space import Choice, Range
         >>> result = run_sweep('bags/parts.mcap', [Choice('circle.radius_scale', [0.5, 1.0, 1.5])], 'out/sweep')
-        >>> result.decision.winner, result.decision.reason
         >>> result = run_sweep('bags/parts.mcap', [Range('circle.radius_scale', 0.5, 3)], 'out/search', search=20)
     """
     recording, output = Path(recording), Path(output)
@@ -98,12 +111,13 @@ def run_sweep(
     journal = TrialJournal(output / TRIALS, fingerprint, restart=restart)
     resumed = len(journal.trials)
     wanted = [as_given, *others]
-    _run_trials(journal, base, clouds, wanted, search_space, search, progress)
+    varied, location = tuple(as_given), str(recording.absolute())
+    swept = SweptClouds(location, json.dumps(base), varied, tuple(topics), max_clouds, fingerprint)
+    with _trial_runner(swept, base, clouds, scheduler, started) as run:
+        _run_trials(journal, run, wanted, search_space, search, progress)
     trials = _in_order_of(wanted, journal.trials)
     result = _concluded(recording.name, search_space, base, trials, as_given, clouds, recorded, resumed)
-    write_file(output / TABLE, trials_table(result).csv())
-    _write_settings(output, result, parameters)
-    write_file(output / PAGE, sweep_page(result, made_by))
+    _write_results(output, result, parameters, made_by)
     return result
 
 
@@ -136,8 +150,10 @@ def _concluded(
     )
 
 
-def _write_settings(output: Path, result: SweepResult, parameters: Mapping[str, RosValue]) -> None:
-    """Write the parameter files of the candidates and of the winner; those of an earlier sweep are removed."""
+def _write_results(output: Path, result: SweepResult, parameters: Mapping[str, RosValue], made_by: str) -> None:
+    """Write the table, the page, and the parameter files of the candidates and of the winner."""
+    write_file(output / TABLE, trials_table(result).csv())
+    write_file(output / PAGE, sweep_page(result, made_by))
     (output / CANDIDATES).mkdir(exist_ok=True)
     for old in (output / BEST, *(output / CANDIDATES).glob('[0-9].yaml')):
         old.unlink(missing_ok=True)
@@ -159,10 +175,35 @@ def _check_extras() -> None:
     import_optuna()
 
 
-def _run_trials(
-    journal: TrialJournal,
+@contextmanager
+def _trial_runner(
+    swept: SweptClouds,
     base: ParameterValues,
     clouds: CloudSource,
+    scheduler: str | None,
+    started: Callable[[str], None],
+) -> Iterator[TrialRunner]:
+    """Runs trials in threads, or on the cluster of a scheduler."""
+    if scheduler is None:
+        # Threads share the clouds in memory; kernels and most of NumPy release the GIL.
+        yield lambda settings: in_order(lambda values: run_trial(base, values, clouds), settings)
+        return
+    with Engine[TrialTask, Trial](scheduler) as engine:
+        started(engine.dashboard)
+
+        def run(settings: Iterable[ParameterValues]) -> Iterator[Trial]:
+            tasks = (TrialTask(swept, values) for values in settings)
+            for _, result in engine.run(do_trial, tasks, eager=False):
+                if isinstance(result, Exception):
+                    raise result
+                yield result
+
+        yield run
+
+
+def _run_trials(
+    journal: TrialJournal,
+    run: TrialRunner,
     wanted: Sequence[ParameterValues],
     search_space: Sequence[SearchDimension],
     search: int | None,
@@ -181,17 +222,14 @@ def _run_trials(
         journal.add(trial)
         report()
 
-    def trial_of(values: ParameterValues) -> Trial:
-        return run_trial(base, values, clouds)
-
     report()
     # Machines that work on one grid each take their own way through it, so that they seldom try a setting twice.
     shuffled = random.sample(wanted[1:], len(wanted) - 1)
-    for trial in in_order(trial_of, journal.untried([wanted[0], *shuffled])):
+    for trial in run(journal.untried([wanted[0], *shuffled])):
         finish(trial)
     if search:
         study = Search(search_space, search, journal.trials, journal.storage, journal.fingerprint)
-        for trial in in_order(trial_of, study):
+        for trial in run(study):
             study.tell(trial)
             finish(trial)
 

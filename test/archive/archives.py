@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small archives, an engine without processes, and an object store on this machine, for the tests of batches."""
+"""Small archives, and an object store on this machine, for the tests of batches."""
 
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,18 +26,6 @@ def recorded(path, *, seed=0, clouds=2, namespace='/cell1', metadata=None, messa
             data = message or cloud(seed=100 * seed + number, stamp=time)
             writer.write(f'{namespace}/points', data, time)
     return path
-
-
-@contextmanager
-def engine_in_this_process():
-    """The address of a scheduler with one worker, in threads of this process."""
-    import distributed
-
-    cluster = distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
-    )
-    with cluster:
-        yield cluster.scheduler_address
 
 
 @contextmanager

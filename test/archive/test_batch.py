@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """`run_batch` on real Dask: in this process, and with a scheduler and two workers, one of which is killed."""
 
+import importlib
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
 import pytest
-from archive.archives import engine_in_this_process, object_store, recorded
+from archive.archives import object_store, recorded
+from clusters import cluster_in_this_process, cluster_of_processes
 from examples import surface
 
 from socialcircle_ros import open_measurements, run_batch
-from socialcircle_ros.archive.engine import Engine
 from socialcircle_ros.archive.trend_page import write_trend
 from socialcircle_ros.errors import SocialCircleError, UnitWarning
 from socialcircle_ros.recording import open_recording
@@ -32,7 +34,7 @@ where status = 'ok' and outliers = 26
 
 @pytest.fixture(scope='module')
 def scheduler():
-    with engine_in_this_process() as address:
+    with cluster_in_this_process() as address:
         yield address
 
 
@@ -147,30 +149,10 @@ def contents(path):
         return [(message.topic, message.log_time, bytes(message.data)) for message in reader.messages()]
 
 
-def test_a_scheduler_that_does_not_answer_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr('socialcircle_ros.archive.engine._CONNECT_S', 0.2)
-    recorded(tmp_path / 'a.mcap')
-    for address in ('tcp://127.0.0.1:9', str(tmp_path / 'none.json')):
-        with pytest.raises(SocialCircleError, match='No Dask scheduler answers at'):
-            run_batch([tmp_path / 'a.mcap'], tmp_path / 'out', scheduler=address)
-
-
-def test_without_dask_the_extra_is_told(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'distributed', None)
-    with pytest.raises(SocialCircleError, match='A batch needs Dask: pip install '):
-        Engine()
-
-
-def test_every_item_has_one_result_and_an_error_is_one(scheduler):
-    with Engine(scheduler) as engine:
-        results = dict(engine.run(divided, range(200)))
-    assert len(results) == 200
-    assert isinstance(results.pop(0), ZeroDivisionError)
-    assert results == {number: 1 / number for number in range(1, 200)}
-
-
-def divided(number):
-    return 1 / number
+def test_the_process_that_workers_are_forked_from_is_left_without_a_thread():
+    before = threading.active_count()
+    importlib.import_module('socialcircle_ros.archive.preload')._load_what_a_task_needs()
+    assert threading.active_count() == before
 
 
 class TestCluster:
@@ -178,29 +160,11 @@ class TestCluster:
 
     @pytest.fixture
     def cluster(self, tmp_path):
-        file = tmp_path / 'scheduler.json'
-        common = ['--scheduler-file', str(file), '--no-dashboard']
-        programs = [
-            ['dask_scheduler', *common, '--host', '127.0.0.1', '--port', '0'],
-            *[['dask_worker', *common, '--nthreads', '1', '--no-nanny', '--death-timeout', '300']] * 2,
-        ]
-        processes = [
-            subprocess.Popen(
-                [sys.executable, '-m', f'distributed.cli.{program}', *arguments],
-                stderr=subprocess.DEVNULL,
-                cwd=tmp_path,
-            )
-            for program, *arguments in programs
-        ]
-        yield file, processes[1:]
-        for process in processes:
-            process.kill()
-            process.wait()
+        with cluster_of_processes(tmp_path) as cluster:
+            yield cluster
 
     def test_ctrl_c_and_a_killed_worker_lose_nothing_and_do_nothing_twice(self, tmp_path, cluster):
         file, workers = cluster
-        while not file.exists():  # the scheduler writes it when it listens
-            time.sleep(0.05)
         for number in range(24):
             recorded(tmp_path / f'nights/{number}.mcap', seed=number, clouds=6)
         command = ['batch', 'nights', '-o', 'out', '--scheduler', str(file)]

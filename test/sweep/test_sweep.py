@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """`run_sweep`, called as from a notebook."""
 
+import json
+import signal
+from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 import yaml
+from clusters import cluster_in_this_process, cluster_of_processes
+from sweep.sweep_examples import BASE
 
 import socialcircle_ros
-from socialcircle_ros.errors import SettingError
+from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.sweep.search_space import Choice, Range
+from socialcircle_ros.sweep.work import SweptClouds, TrialTask, do_trial
 
 pytest.importorskip('matplotlib')
 pytest.importorskip('optuna')
@@ -78,3 +85,56 @@ def test_a_bad_setting_is_refused_before_any_work(tmp_path, space, parameters, s
         socialcircle_ros.run_sweep('nowhere.mcap', space, tmp_path / 'out', parameters=parameters)
     assert sentence in str(caught.value)
     assert not (tmp_path / 'out').exists()
+
+
+class TestCluster:
+    """The same sweep on a scheduler with two workers."""
+
+    SPACE: ClassVar = [Choice('circle.radius_scale', [0.5 + 0.1 * number for number in range(14)])]
+
+    def test_ctrl_c_and_a_killed_worker_lose_nothing_and_the_scores_are_those_of_threads(self, tmp_path):
+        pytest.importorskip('distributed')
+
+        def swept(output, **options):
+            return socialcircle_ros.run_sweep(BAGS / 'padded.mcap', self.SPACE, tmp_path / output, **options)
+
+        def ctrl_c(done, _):
+            if done == 3:
+                raise KeyboardInterrupt
+
+        with cluster_of_processes(tmp_path) as (file, workers):
+
+            def kill_one(done, _):
+                if done == 6:
+                    workers[0].kill()
+
+            with pytest.raises(KeyboardInterrupt):
+                swept('out', scheduler=str(file), progress=ctrl_c)
+            dashboards = []
+            result = swept('out', scheduler=str(file), progress=kill_one, started=dashboards.append)
+            assert workers[0].wait(300) == -signal.SIGKILL
+        assert result.resumed == 3
+        assert len(dashboards) == 1
+        alone = swept('alone')
+        assert timeless(result) == timeless(alone)
+        assert len(result.trials) == 14
+
+    def test_a_search_runs_there_as_well(self, tmp_path):
+        pytest.importorskip('distributed')
+        space = [Range('circle.radius_scale', 0.5, 3), Choice('circle.window', [3, 5])]
+        with cluster_in_this_process() as scheduler:
+            result = socialcircle_ros.run_sweep(
+                BAGS / 'padded.mcap', space, tmp_path, search=5, scheduler=scheduler
+            )
+        assert len(result.trials) == 5
+
+
+def timeless(result):
+    return [replace(trial, milliseconds=None) for trial in result.trials]
+
+
+def test_a_worker_that_sees_another_recording_under_the_name_is_told():
+    base = dict(BASE)
+    swept = SweptClouds(str(BAGS / 'padded.mcap'), json.dumps(base), ('circle.radius_scale',), (), 2, 'of others')
+    with pytest.raises(SocialCircleError, match=r'padded.mcap is another recording on .*: the workers must see'):
+        do_trial(TrialTask(swept, {'circle.radius_scale': 1.0}))

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Imported once by the process from which workers are forked, so that none of them loads what all of them need.
+
+That is the modules of a task, and the kernels that the default settings run, which a small recording loads. A
+process that has threads cannot be forked: those of the task end with it.
+"""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from socialcircle_ros.messages import point_cloud
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.recording import RecordingWriter, ros_topic
+from socialcircle_ros.settings import PipelineSettings
+
+from .inputs import find_inputs
+from .names import NamePattern
+from .work import BatchTask, do_task
+
+_SHAPE = 30, 40
+
+
+def _load_what_a_task_needs() -> None:
+    heights = np.random.default_rng(0).normal(0, 1e-7, _SHAPE).astype(np.float32)
+    heights[::9, ::7] += 1e-5
+    y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]].astype(np.float32) * 1e-6
+    with tempfile.TemporaryDirectory(prefix='socialcircle-') as folder:
+        path = Path(folder, 'preload.mcap')
+        with RecordingWriter(path) as writer:
+            writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+            cloud = point_cloud.encode_point_cloud(Header.at(0, 'microscope'), np.dstack([x, y, heights]))
+            writer.write('/points', cloud, 0)
+        (found,) = find_inputs([path])
+        do_task(BatchTask(found, folder, PipelineSettings(), NamePattern(), (), True, False, 'none', '', ''))
+
+
+_load_what_a_task_needs()

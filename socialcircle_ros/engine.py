@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dask as the engine: one function on many items, on the cores of this machine or on a cluster that is there."""
+
+import importlib.metadata
+import importlib.util
+import json
+import multiprocessing
+import multiprocessing.forkserver
+import os
+import platform
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from socialcircle_ros.errors import SocialCircleError, install_command
+from socialcircle_ros.kernels import bands
+from socialcircle_ros.kernels.machine import usable_cores
+from socialcircle_ros.kernels.memory import keep_freed_memory
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Item = TypeVar('Item')
+Result = TypeVar('Result')
+
+_CONNECT_S = 10
+_LEAST_AHEAD, _AHEAD_PER_THREAD = 64, 4
+_ONE_THREAD = {'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1', 'MKL_NUM_THREADS': '1'}
+_PACKAGE = 'socialcircle_ros'
+
+
+class Engine(Generic[Item, Result]):
+    """Runs one function on many items; a context manager that ends what it has started.
+
+    Args:
+        scheduler: address of a Dask scheduler such as tcp://host:8786, or its scheduler file. None: processes of
+            this machine, one for each core that this process may use.
+        workers: number of processes of this machine; None: one per core.
+        preload: names of modules that these processes need. They are imported once, by a process from which the
+            others are forked; until then it must have no threads.
+
+    Attributes:
+        dashboard: address of Dask's dashboard; '': it has none.
+
+    Raises:
+        SocialCircleError: Dask is not installed, or no scheduler answers.
+    """
+
+    def __init__(
+        self, scheduler: str | None = None, workers: int | None = None, preload: Sequence[str] = ()
+    ) -> None:
+        if importlib.util.find_spec('distributed') is None:
+            raise SocialCircleError(f'This needs Dask: {install_command("batch")}.')
+        if scheduler is None:
+            _start_fork_server(preload)  # imports on another core while this process imports Dask
+        import dask  # noqa: PLC0415 - an extra
+        import distributed  # noqa: PLC0415
+
+        self._distributed = distributed
+        with ExitStack() as started:
+            if scheduler is None:
+                # A process that takes the place of one that ended is forked as well.
+                method = {'distributed.worker.multiprocessing-method': 'forkserver'}
+                started.enter_context(dask.config.set(method))
+                cluster = distributed.LocalCluster(
+                    n_workers=workers or usable_cores(),
+                    threads_per_worker=1,
+                    dashboard_address='127.0.0.1:0',
+                    silence_logs=50,
+                )
+                self._client = started.enter_context(
+                    distributed.Client(started.enter_context(cluster), set_as_default=False)
+                )
+            else:
+                self._client = started.enter_context(self._connected(scheduler))
+                self._check_workers()
+            self._started = started.pop_all()
+        self.dashboard: str = self._client.dashboard_link or ''
+
+    def run(
+        self, function: Callable[[Item], Result], items: Iterable[Item], *, eager: bool = True
+    ) -> Iterator[tuple[Item, Result | Exception]]:
+        """Call a function on each item on the workers, and yield each item with its result as soon as it is there.
+
+        Few items are handed to the scheduler in advance, so that neither it nor this process holds all of them. A
+        task whose worker ends is done again on another worker; after several lost workers its result is an error.
+        Kernels use one thread, because other cores have tasks of their own.
+
+        Args:
+            function: of a module that the workers can import.
+            items: are sent to the workers.
+            eager: whether some items per thread are handed over in advance, so that no thread waits; if not, one
+                per thread, and each is taken after the results before it have been yielded.
+        """
+        coming = iter(items)
+        waiting: dict[str, Item] = {}
+        results = self._distributed.as_completed(loop=self._client.loop, raise_errors=False)
+        version = importlib.metadata.version(_PACKAGE)
+
+        def hand_over(count: int) -> None:
+            for item in islice(coming, count):
+                key = f'{function.__name__}-{uuid.uuid4().hex}'
+                future = self._client.submit(_call, function, item, version, key=key, pure=False)
+                waiting[future.key] = item
+                results.add(future)
+
+        threads = self._threads()
+        hand_over(max(_LEAST_AHEAD, _AHEAD_PER_THREAD * threads) if eager else max(1, threads))
+        for future in results:
+            item = waiting.pop(future.key)
+            result = self._result(future)
+            future.release()
+            if eager:
+                hand_over(1)
+            yield item, result
+            if not eager:  # workers may have come or gone
+                hand_over(max(1, self._threads()) - len(waiting))
+
+    def close(self) -> None:
+        """End the tasks and the processes that were started."""
+        self._started.close()
+
+    def __enter__(self) -> 'Engine[Item, Result]':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _check_workers(self) -> None:
+        """Check that the workers have this package: one that lacks it would wait without end.
+
+        Raises:
+            SocialCircleError: a worker has no or another version.
+        """
+        found = self._client.run(importlib.metadata.version, _PACKAGE, on_error='return')
+        for worker, version in found.items():
+            _check_version(worker, version if isinstance(version, str) else 'none')
+
+    def _threads(self) -> int:
+        """The number of threads of all workers that are there now."""
+        return sum(self._client.nthreads().values())
+
+    def _result(self, future: 'Future') -> Result | Exception:
+        """The result of a finished task, or why there is none."""
+        if future.status == 'finished':
+            result: Result = future.result()
+            return result
+        if future.status == 'cancelled':
+            return SocialCircleError('The task was cancelled, because the scheduler ended.')
+        error = future.exception()
+        if isinstance(error, self._distributed.scheduler.KilledWorker):
+            return SocialCircleError('The workers of this task ended several times, likely for want of memory.')
+        return error if isinstance(error, Exception) else SocialCircleError(f'The task ended: {error}')
+
+    def _connected(self, scheduler: str) -> 'Client':
+        try:
+            if '://' not in scheduler and scheduler.endswith('.json'):
+                # Dask waits for a file without end; its content is the address.
+                scheduler = json.loads(Path(scheduler).read_bytes())['address']
+            return self._distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, KeyError, TypeError, TimeoutError) as error:
+            raise SocialCircleError(
+                f'No Dask scheduler answers at {scheduler} ({type(error).__name__}): start one with `dask'
+                ' scheduler`, or leave --scheduler out.'
+            ) from None
+
+
+def _start_fork_server(preload: Sequence[str]) -> None:
+    """Start the process from which those of the workers are forked, if there is none.
+
+    A forked process has all modules at once; a new one imports them for seconds.
+    """
+    os.environ.update(_ONE_THREAD)  # as Dask does for processes that it starts itself
+    multiprocessing.get_context('forkserver').set_forkserver_preload(['distributed.nanny', *preload])
+    multiprocessing.forkserver.ensure_running()
+
+
+def _call(function: Callable[[Item], Result], item: Item, version: str) -> Result:
+    """Call the function in a worker, which may have come after the others.
+
+    Raises:
+        SocialCircleError: the worker has another version of this package, whose results may differ.
+    """
+    _check_version('the client', version)
+    bands.limit = 1
+    keep_freed_memory()
+    return function(item)
+
+
+def _check_version(other: str, version: str) -> None:
+    mine = importlib.metadata.version(_PACKAGE)
+    if version != mine:
+        raise SocialCircleError(
+            f'The versions of {_PACKAGE} differ: {mine} on {platform.node()}, and {version} on {other}. Install'
+            ' the same version everywhere.'
+        )

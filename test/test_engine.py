@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The engine, with Dask in this process and with a process of its own."""
+
+import sys
+from importlib.metadata import PackageNotFoundError, version
+
+import pytest
+from clusters import cluster_in_this_process, ends_once
+
+from socialcircle_ros import engine
+from socialcircle_ros.engine import Engine
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.kernels import bands
+
+pytest.importorskip('distributed')
+
+
+@pytest.fixture(scope='module')
+def scheduler():
+    before = bands.limit
+    with cluster_in_this_process() as address:
+        yield address
+    bands.limit = before
+
+
+def divided(number):
+    return 1 / number
+
+
+def test_every_item_has_one_result_and_an_error_is_one(scheduler):
+    with Engine(scheduler) as running:
+        results = dict(running.run(divided, range(200)))
+    assert len(results) == 200
+    assert isinstance(results.pop(0), ZeroDivisionError)
+    assert results == {number: 1 / number for number in range(1, 200)}
+
+
+def test_items_may_depend_on_the_results_before_them(scheduler):
+    found = [1]
+    with Engine(scheduler) as running:
+        items = (len(found) for _ in range(5))
+        for item, result in running.run(divided, items, eager=False):
+            assert item == len(found)  # there is one thread
+            found.append(result)
+    assert found == [1, 1, 1 / 2, 1 / 3, 1 / 4, 1 / 5]
+
+
+def test_a_worker_with_another_version_is_told():
+    with pytest.raises(SocialCircleError, match='differ: .*, and 0.0 on the client. Install the same version'):
+        engine._call(divided, 2, '0.0')
+
+
+def test_a_cluster_whose_workers_lack_the_package_is_refused_at_once(monkeypatch, scheduler):
+    distributed = pytest.importorskip('distributed')
+    answers = {'tcp://a:1': version('socialcircle_ros'), 'tcp://b:1': PackageNotFoundError('socialcircle_ros')}
+    monkeypatch.setattr(distributed.Client, 'run', lambda *_, **__: answers)
+    with pytest.raises(SocialCircleError, match='differ: .*, and none on tcp://b:1'):
+        Engine(scheduler)
+
+
+def test_a_process_that_ends_loses_nothing_and_modules_are_loaded_once_for_all(tmp_path):
+    assert 'tabnanny' not in sys.modules
+    with Engine(None, 1, ['tabnanny']) as running:
+        assert list(running.run(ends_once, [tmp_path / 'mark'])) == [(tmp_path / 'mark', True)]
+    assert 'tabnanny' not in sys.modules
+
+
+def test_a_scheduler_that_does_not_answer_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr('socialcircle_ros.engine._CONNECT_S', 0.2)
+    for address in ('tcp://127.0.0.1:9', str(tmp_path / 'none.json')):
+        with pytest.raises(SocialCircleError, match='No Dask scheduler answers at'):
+            Engine(address)
+
+
+def test_without_dask_the_extra_is_told(monkeypatch):
+    monkeypatch.setattr(engine.importlib.util, 'find_spec', lambda name: None)
+    with pytest.raises(SocialCircleError, match='This needs Dask: pip install '):
+        Engine()
