@@ -25,7 +25,7 @@ PICTURES = ['matplotlib>=3.6', 'Pillow>=9', 'Jinja2>=3.1']  # pictures, and the 
 TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
 MEASUREMENTS = ['pyarrow>=14', 'duckdb>=1.1']
-BATCH = ['distributed>=2024.1', 'fsspec>=2024.1', 'bokeh>=3.4', *MEASUREMENTS, *PICTURES]
+BATCH = ['dask>=2024.1', 'distributed>=2024.1', 'fsspec>=2024.1', 'bokeh>=3.4', *MEASUREMENTS, *PICTURES]
 NETWORK = ['onnxruntime>=1.17']  # circle.judge: network
 # The training of the network that judges touch.
 TRAIN = ['torch>=2.2', 'onnx>=1.15', 'scipy>=1.11', *NETWORK, *PICTURES]
