@@ -17,6 +17,7 @@ from socialcircle_ros.circle.network.features import Part, planes_of, scales_of
 from socialcircle_ros.circle.network.inference import write_probabilities
 from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.focus import FocusStack
 from socialcircle_ros.kernels.compiled import cache_folder
 from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
 from socialcircle_ros.messages.header import Header
@@ -192,6 +193,8 @@ def _rare() -> Iterator[Callable[[], object]]:
     yield _see
     yield partial(_measure, np.uint16)
     yield partial(_measure, np.uint8, in_colour=True)
+    yield partial(_register, np.uint8)
+    yield partial(_register, np.uint16)
     pixels = np.frombuffer(bytes(48), np.uint8)  # read-only, as in a message
     for blue_first in (False, True):
         yield partial(gray_of_colour, pixels.reshape(4, 4, 3), blue_first=blue_first)
@@ -225,3 +228,12 @@ def _measure(kind: type[np.unsignedinteger], *, in_colour: bool = False) -> None
         texture = np.dstack([texture] * 3)
     for brightness in (1, 9, 2):
         list(assembler.add_frame(encode_image(Header(), texture * kind(brightness))))
+
+
+def _register(kind: type[np.unsignedinteger]) -> None:
+    """Measure frames that move to the right."""
+    texture = np.random.default_rng(0).integers(0, 200, (60, 80)).astype(kind)
+    stack = FocusStack(register=True)
+    for number in range(3):
+        stack.add(np.ascontiguousarray(texture[:, 4 * number : 4 * number + 56]), number)
+    stack.finish()

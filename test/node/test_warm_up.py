@@ -7,7 +7,9 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
+from socialcircle_ros.focus import registration
 from socialcircle_ros.node import warm_up
 
 PROGRAM = """
@@ -122,3 +124,12 @@ def test_a_rare_kernel_that_cannot_be_compiled_leaves_the_others(monkeypatch):
     monkeypatch.setattr(warm_up, '_rare', lambda: [fail, lambda: compiled.append(1)])
     warm_up._compile_rare()
     assert compiled == [1]
+
+
+@pytest.mark.parametrize('kind', [np.uint8, np.uint16])
+def test_frames_that_are_registered_are_warmed_up(kind, monkeypatch):
+    moved = []
+    resample = registration._resample
+    monkeypatch.setattr(registration, '_resample', lambda *given: (moved.append(given[0].dtype), resample(*given)))
+    warm_up._register(kind)
+    assert moved == [kind, kind]
