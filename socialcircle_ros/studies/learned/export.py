@@ -33,9 +33,14 @@ class _Graph:
         self.stored: list[onnx.TensorProto] = []
 
     def weight(self, name: str) -> str:
-        """A weight by its name: stored as float16, cast to float32."""
+        """A weight of a convolution by its name: stored as float16, cast to float32."""
         self.stored.append(numpy_helper.from_array(self.weights[name].astype(np.float16), name))
         return self.node('Cast', [name], f'{name}.float', to=TensorProto.FLOAT)
+
+    def number(self, name: str) -> str:
+        """A number of a norm by its name, as it is: a variance may exceed the range of float16."""
+        self.stored.append(numpy_helper.from_array(self.weights[name], name))
+        return name
 
     def node(self, kind: str, inputs: list[str], output: str, **attributes: object) -> str:
         self.nodes.append(helper.make_node(kind, inputs, [output], output, **attributes))
@@ -44,7 +49,7 @@ class _Graph:
     def convolution(self, name: str, planes: str) -> str:
         """Convolution, norm and rectification, as `network.Convolution`."""
         convolved = self.node('Conv', [planes, self.weight(f'{name}.weights.weight')], f'{name}.sum', pads=[1] * 4)
-        norm = [self.weight(f'{name}.norm.{part}') for part in ('weight', 'bias', 'running_mean', 'running_var')]
+        norm = [self.number(f'{name}.norm.{part}') for part in ('weight', 'bias', 'running_mean', 'running_var')]
         normed = self.node('BatchNormalization', [convolved, *norm], f'{name}.normed', epsilon=_EPSILON)
         return self.node('Relu', [normed], f'{name}.out')
 
