@@ -16,6 +16,7 @@ from socialcircle_ros.settings import PARAMETERS
 TOP = Path(__file__).resolve().parents[1]
 DOCS = TOP / 'docs'
 GENERATOR = runpy.run_path(str(DOCS / 'generate.py'))
+PICTURES = runpy.run_path(str(DOCS / 'pictures.py'))['PICTURES']
 GENERATED = GENERATOR['generated']()
 PAGES = [TOP / 'README.md', TOP / 'CONTRIBUTING.md', *sorted(DOCS.glob('*.md'))]
 
@@ -69,6 +70,12 @@ def test_relative_links_lead_to_existing_files_and_headings(page):
         assert not anchor or anchor in anchors_of(target), (
             f'{page.name} links to {link}, which has no such heading'
         )
+
+
+def test_one_command_draws_every_picture_that_a_page_shows():
+    shown = [picture for page in PAGES for picture in re.findall(r'!\[.+?\]\((\S+?)\)', page.read_text('utf-8'))]
+    assert sorted(Path(picture).name for picture in shown) == sorted(PICTURES)
+    assert {path.name for path in DOCS.glob('*.png')} == set(PICTURES)
 
 
 def test_the_index_lists_every_page():

@@ -28,7 +28,9 @@ class Axes:
 
 
 def axes_of(view: View, stretch: float) -> Axes:
-    """The axes of a cloud: x and y along the front and the left side of its floor, z upright at the left.
+    """The axes of a cloud: x and y along the front and the left side of its floor, z upright at the right.
+
+    The numbers of z stand at the end of the x axis, to its right, since those of y would cover them at the left.
 
     Args:
         view: the cloud.
@@ -43,7 +45,7 @@ def axes_of(view: View, stretch: float) -> Axes:
     lines = [
         ((left, front, floor), (-left, front, floor)),
         ((left, front, floor), (left, -front, floor)),
-        ((left, front, floor), (left, front, roof)),
+        ((-left, front, floor), (-left, front, roof)),
     ]
     labels = []
     lengths, heights = drawing.lengths, drawing.height_scale
@@ -61,9 +63,9 @@ def axes_of(view: View, stretch: float) -> Axes:
         ticks = nice_ticks(low * heights.factor, high * heights.factor, 3)
         for tick, text in zip(ticks, tick_texts(ticks), strict=True):
             z = view.position(0, 0, tick / heights.factor, stretch)[2]
-            lines.append(((left, front, z), (left - _TICK, front, z)))
-            labels.append((text, (left - _GAP, front - _GAP / 2, z)))
-        labels.append((heights.label('z'), (left - _GAP, front - _GAP / 2, roof + _GAP)))
+            lines.append(((-left, front, z), (-left + _TICK, front, z)))
+            labels.append((text, (-left + 1.5 * _GAP, front, z)))
+        labels.append((heights.label('z'), (-left + 1.5 * _GAP, front, roof + _GAP)))
     return Axes(np.array(lines, np.float32), tuple(labels))
 
 

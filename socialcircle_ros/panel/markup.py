@@ -204,8 +204,8 @@ def _ramp(drawing: Drawing) -> str:
     ends = [drawing.height_scale.number(end) if is_height else f'{end:.3g}' for end in drawing.span]
     return (
         f'<div class="sc-ramp" style="background:linear-gradient(90deg,{stops})"></div>'
-        f'<div class="sc-ends"><span>{ends[0]}</span><span class="sc-dim">{escape(drawing.range_sentence)}</span>'
-        f'<span>{ends[1]}</span></div>'
+        f'<div class="sc-ends"><span>{ends[0]}</span><span>{ends[1]}</span></div>'
+        f'<div class="sc-dim">{escape(drawing.range_sentence)}</div>'
     )
 
 
