@@ -87,8 +87,10 @@ def trend(path: Path, folder: Path) -> None:
     names = '{cell}/{part}_*.mcap'
     _socialcircle(folder, 'batch', 'nights', '-o', 'out', '--no-recordings', '--names', names, expected=1)
     _socialcircle(folder, 'trend', 'out', '-o', 'trend.html')
-    with _chromium(1280, 1100) as page:
-        page.goto((folder / 'trend.html').as_uri())
+    page_file = folder / 'trend.html'
+    page_file.write_text(page_file.read_text(encoding='utf-8').replace(str(folder), '…'), encoding='utf-8')
+    with _chromium(1280, 1550) as page:
+        page.goto(page_file.as_uri())
         page.get_by_role('combobox').select_option('cell3, lid')
         page.locator('canvas').first.wait_for()
         write_file(path, _few_colours(page.screenshot()))
@@ -122,6 +124,7 @@ def tune(path: Path, folder: Path) -> None:
         page.get_by_text('focus curve: ').locator('visible=true').wait_for()
         page.get_by_role('button', name='3D').click()
         page.get_by_role('tab', name='Tune').click()
+        page.get_by_text('heights, number of points').scroll_into_view_if_needed()
         page.wait_for_timeout(3000)  # the view turns
         write_file(path, _few_colours(page.screenshot()))
 
@@ -204,7 +207,8 @@ def _outlier_on_screen(page: 'Page') -> tuple[float, float]:
     """Where the scene shows the largest group of outliers: the middle of the densest red square."""
     box = page.locator('canvas').first.bounding_box()
     assert box is not None  # noqa: S101 - it is visible
-    for _ in range(60):
+    before = None
+    for _ in range(120):
         page.wait_for_timeout(500)  # the view turns, and there is no event at its end
         shown = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert('RGB')).astype(int)
         red: npt.NDArray[np.bool_] = (shown[..., 0] > 150) & (shown[..., 1] < 40) & (shown[..., 2] < 40)
@@ -214,8 +218,10 @@ def _outlier_on_screen(page: 'Page') -> tuple[float, float]:
         left, right = int(box['x'] + box['width'] * 0.25) // side, int(box['x'] + box['width'] * 0.75) // side
         squares[:, :left], squares[:, right:] = 0, 0
         row, column = np.unravel_index(int(squares.argmax()), squares.shape)
-        if squares[row, column] > side * side // 2:
-            return (float(column) + 0.5) * side, (float(row) + 0.5) * side
+        found = (float(column) + 0.5) * side, (float(row) + 0.5) * side
+        if squares[row, column] > side * side // 2 and found == before:
+            return found
+        before = found
     sys.exit('The scene shows no outlier.')
 
 

@@ -42,6 +42,9 @@ if (link) { window.open(link, '_blank') }
 """
 
 _DAY_MS = 86_400_000
+_LEAST_SPAN = (
+    0.2  # of a chart, relative to its values where they do not change; Bokeh's own makes a share look like 0
+)
 _POINT, _SIGNAL, _LINE, _CHANGE = '#2a6592', '#b3261e', '#666666', '#c77700'
 
 
@@ -127,6 +130,8 @@ class _Charts:
         from bokeh.models import CDSView, HoverTool, IndexFilter, TapTool  # noqa: PLC0415 - an extra
 
         chart = self._figure(MEASURES[measure])
+        largest = float(np.abs(np.nan_to_num(self.clouds.data[measure])).max(initial=0.0))
+        chart.y_range.default_span = _LEAST_SPAN * (largest or 1.0)
         limits = self.limit_sources[place]
         for line, dash in (('centre', 'solid'), ('lower', 'dashed'), ('upper', 'dashed')):
             chart.segment('x0', line, 'x1', line, source=limits, line_color=_LINE, line_dash=dash)

@@ -145,8 +145,13 @@ def _verdict(numbers: MeasurementValues) -> str:
     return _box(f'<div class="sc-card sc-{kind}"><b>{escape(numbers.verdict)}</b>{escape(reason)}</div>')
 
 
-def details(shown: ShownCloud | None) -> str:
-    """The stage times of the last measurement as bars, and its other values."""
+def details(shown: ShownCloud | None, unit: str | None = None) -> str:
+    """The stage times of the last measurement as bars, and its other values.
+
+    Args:
+        shown: the cloud and its measurement.
+        unit: of the cloud; None: not known.
+    """
     if shown is None or shown.measurement is None or shown.numbers is None:
         return ''
     numbers, status = shown.numbers, shown.measurement
@@ -165,7 +170,7 @@ def details(shown: ShownCloud | None) -> str:
         'measured': f'{numbers.measured:,}',
         'repaired': f'{numbers.repaired:,}',
         'seed (row, column)': f'{numbers.seed_row}, {numbers.seed_column}',
-        'radius': f'{numbers.radius:.5g}',
+        'radius': length_text(numbers.radius, unit),
         'frame': status.hardware_id or '–',
         'stamp': numbers.stamp,
     }

@@ -153,10 +153,10 @@ class ResultTab:
         """Draw the cloud of the node, and show its numbers."""
         self._drawn = _Drawn(shown, (state.display, state.unit))
         with self._scene.update():
+            self._details.content = markup.details(shown, state.unit)
             if shown is not self._shown:
                 self._shown = shown
                 self._measurement.content = markup.measurement(shown)
-                self._details.content = markup.details(shown)
             try:
                 cloud = PointCloud.decode(shown.cloud)
                 offered = fields_of(cloud)

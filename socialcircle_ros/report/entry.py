@@ -233,6 +233,8 @@ def value_text(name: str, value: str, unit: str | None) -> str:
     parameter = PARAMETERS[name]
     if parameter.empty is not None and value == str(parameter.empty):
         return 'automatic' if parameter.group == 'circle' else 'none'
+    if not value:
+        return 'none'
     if parameter.unit in ('cloud', 'm'):
         return length_with_unit(float(value), unit if parameter.unit == 'cloud' else 'm', digits=6)
     return f'{value} {parameter.unit}'.strip()

@@ -89,6 +89,14 @@ def test_values_that_are_not_known_are_left_out(tmp_path, example):
     assert 'sa' not in series.phases[0].limits
 
 
+def test_a_measure_that_does_not_change_is_not_drawn_as_if_it_were_zero(tmp_path, example):
+    rows = [replace(each, outlier_share=0.004) for each in rows_of(example, 'cell1', 0, count=30)]
+    write_rows(tmp_path, 'a', rows)
+    write_trend(tmp_path, tmp_path / 'trend.html')
+    spans = re.findall(r'"default_span":([\d.e-]+)', (tmp_path / 'trend.html').read_text(encoding='utf-8'))
+    assert 0 < min(map(float, spans)) < 0.004
+
+
 def test_a_cloud_links_to_its_report_where_there_is_one(out, tmp_path):
     (out / 'reports').mkdir()
     (out / 'reports/a b.mcap.html').write_text('')

@@ -41,6 +41,13 @@ def test_the_stage_times_are_shown_in_their_order_with_the_total_last():
     assert '39, 50' in html
 
 
+@pytest.mark.parametrize(
+    ('unit', 'text'), [('m', '149 nm'), ('um', '0.149 pm'), (None, '1.49e−07 (unit not known)')]
+)
+def test_the_radius_has_the_unit_of_the_cloud(unit, text):
+    assert f'>{text}<' in markup.details(shown(VALUES | {'radius': '1.49e-07'}), unit)
+
+
 @pytest.mark.parametrize('values', [{}, VALUES | {'measured': 'all'}])
 def test_a_measurement_that_cannot_be_read_gives_no_numbers_but_says_so(values):
     assert 'cannot be read' in markup.measurement(shown(values))

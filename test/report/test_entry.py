@@ -132,6 +132,8 @@ def test_a_stamp_is_shown_as_a_date_if_it_counts_from_the_epoch():
         ('circle.window', '3', None, '3 points'),
         ('stack.z_step', '2e-06', None, '2 µm'),
         ('limits.sq_max', '0.0', 'm', 'none'),
+        ('circle.lesson', '', None, 'none'),
+        ('circle.lesson', 'lid.teach', None, 'lid.teach'),
     ],
 )
 def test_values_of_parameters_have_units(name, value, unit, text):
