@@ -34,6 +34,7 @@ from PIL import Image
 from socialcircle_ros import remove_outliers
 from socialcircle_ros.clients.process import NodeProcess
 from socialcircle_ros.pictures.drawings import before_and_after
+from socialcircle_ros.pictures.style import few_colours
 from socialcircle_ros.simulation import make_scene
 from socialcircle_ros.storage import write_file
 from socialcircle_ros.studies.bench.growth import GrowthPoint, draw_growth
@@ -93,7 +94,7 @@ def trend(path: Path, folder: Path) -> None:
         page.goto(page_file.as_uri())
         page.get_by_role('combobox').select_option('cell3, lid')
         page.locator('canvas').first.wait_for()
-        write_file(path, _few_colours(page.screenshot()))
+        write_file(path, few_colours(page.screenshot()))
 
 
 def tune(path: Path, folder: Path) -> None:
@@ -126,7 +127,7 @@ def tune(path: Path, folder: Path) -> None:
         page.get_by_role('tab', name='Tune').click()
         page.get_by_text('heights, number of points').scroll_into_view_if_needed()
         page.wait_for_timeout(3000)  # the view turns
-        write_file(path, _few_colours(page.screenshot()))
+        write_file(path, few_colours(page.screenshot()))
 
 
 def learned_curve(path: Path, _: Path) -> None:
@@ -153,7 +154,7 @@ def learned_worst(path: Path, folder: Path) -> None:
     whole.thumbnail((1200, 100_000))
     out = io.BytesIO()
     whole.save(out, format='png')
-    write_file(path, _few_colours(out.getvalue()))
+    write_file(path, few_colours(out.getvalue()))
 
 
 PICTURES: dict[str, Callable[[Path, Path], None]] = {
@@ -223,15 +224,6 @@ def _outlier_on_screen(page: 'Page') -> tuple[float, float]:
             return found
         before = found
     sys.exit('The scene shows no outlier.')
-
-
-def _few_colours(png: bytes) -> bytes:
-    """A PNG of 256 colours, a third as large."""
-    out = io.BytesIO()
-    Image.open(io.BytesIO(png)).convert('RGB').quantize(256, dither=Image.Dither.NONE).save(
-        out, format='png', optimize=True
-    )
-    return out.getvalue()
 
 
 if __name__ == '__main__':

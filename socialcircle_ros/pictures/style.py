@@ -72,13 +72,24 @@ def picture(width: float, height: float, draw: 'Callable[[Figure], None]') -> by
     figure = new_figure(width, height)
     figure.set_layout_engine('none')
     import matplotlib as mpl  # noqa: PLC0415 - an extra
-    from PIL import Image  # noqa: PLC0415 - comes with matplotlib
 
     out = io.BytesIO()
     with _drawing, mpl.rc_context(_small_type()):
         draw(figure)
         figure.savefig(out, format='png', dpi=PICTURE_DPI)
-    few = Image.open(out).convert('RGB').quantize(_LEVELS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    return few_colours(out.getvalue())
+
+
+def few_colours(png: bytes) -> bytes:
+    """The same picture with fewer colours, which is a quarter as large.
+
+    A colour that few dots have stays, such as that of a single outlier: an octree keeps it apart, where a median
+    cut would join it with others.
+    """
+    from PIL import Image  # noqa: PLC0415 - comes with matplotlib
+
+    whole = Image.open(io.BytesIO(png)).convert('RGB')
+    few = whole.quantize(_LEVELS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     # The background becomes the mean of whites and near-whites, which shows on a white page.
     palette = few.getpalette() or []
     few.putpalette([255 if value >= _NEARLY_WHITE else value for value in palette])

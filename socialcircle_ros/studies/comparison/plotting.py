@@ -30,17 +30,10 @@ FilterMasks = list[tuple[str, Mask]]
 
 
 def as_png(figure: 'Figure') -> bytes:
-    """The figure as a PNG of 256 colours.
-
-    It has a third of the size of a full-colour PNG; the page embeds all pictures.
-    """
-    from PIL import Image  # noqa: PLC0415 - comes with matplotlib
-
-    drawn, out = io.BytesIO(), io.BytesIO()
+    """The figure as a PNG of few colours; the page embeds all pictures."""
+    drawn = io.BytesIO()
     figure.savefig(drawn, format='png')
-    with Image.open(drawn) as image:
-        image.convert('RGB').quantize(256, dither=Image.Dither.NONE).save(out, format='png', optimize=True)
-    return out.getvalue()
+    return style.few_colours(drawn.getvalue())
 
 
 def colour_range(heights: HeightMap) -> tuple[float, float]:
