@@ -129,7 +129,7 @@ class ReportEntry:
     def _settings(self) -> Iterator[list[Cell]]:
         values = {name: text for name, text in self.circle.items() if name in PARAMETERS}
         for name, text in values.items():
-            if has_effect(name, {'circle.mode': values.get('circle.mode', '')}):
+            if has_effect(name, values):
                 yield [name, value_text(name, text, self.unit)]
         if values.get('circle.mode') == 'paper':
             found = self.measurement

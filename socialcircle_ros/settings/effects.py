@@ -38,4 +38,6 @@ def has_effect(name: str, values: Mapping[str, RosValue]) -> bool:
         values: of all parameters. A parameter that depends on one that is not among them has an effect.
     """
     other, needed = _ONLY_WITH.get(name, (name, None))
-    return other not in values or needed is None or values[other] == needed
+    if needed is None or other not in values:
+        return True
+    return values[other] == needed and has_effect(other, values)

@@ -43,6 +43,12 @@ def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
     assert found.row(None)[:6] == ['/points 0', '1.000 s', '–', 5594 / 5600, 26, 26 / 5594]
 
 
+def test_a_setting_of_a_judge_that_does_not_judge_is_not_shown():
+    shown = texts(entry(circle=CircleSettings(mode='adaptive')))
+    assert shown['circle.judge'] == ['rules']
+    assert 'circle.provider' not in shown
+
+
 def test_precision_and_recall_are_shown_where_the_truth_is_known():
     z = surface()[..., 2]
     truth = np.abs(z) > 20

@@ -52,3 +52,9 @@ def test_the_vote_region_is_of_mode_paper_and_the_depth_of_field_of_mode_adaptiv
 def test_a_parameter_has_an_effect_where_it_is_not_known_what_it_depends_on():
     assert has_effect('circle.window', {'circle.window': 3})
     assert has_effect('circle.flank', {'circle.flank': 1.0})
+
+
+def test_a_parameter_has_no_effect_where_the_one_that_it_depends_on_has_none():
+    values = {'circle.mode': 'paper', 'circle.judge': 'network'}
+    assert not has_effect('circle.provider', values)
+    assert has_effect('circle.provider', {**values, 'circle.mode': 'adaptive'})
