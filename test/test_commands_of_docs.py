@@ -18,7 +18,8 @@ import click
 import numpy as np
 import pytest
 import yaml
-from archive.archives import engine_in_this_process, recorded
+from archive.archives import recorded
+from clusters import cluster_in_this_process
 from good_parts import pitted
 
 from socialcircle_ros import MeasuredSurface, write_surface
@@ -40,7 +41,7 @@ DOWNLOADS = 'downloads packages'
 SOURCED = 'needs a sourced ROS 2'
 NOT_RUN = {
     r'socialcircle (node|record|play|tune)\b': LIVE,
-    r'socialcircle batch .*--scheduler': CLUSTER,
+    r'socialcircle (batch|sweep) .*--scheduler': CLUSTER,
     r'socialcircle \w+ /plant/': 'reads the measurements of nodes that the reader has',
     r'dask (scheduler|worker)\b': CLUSTER,
     r'ssh ': 'needs another machine',
@@ -198,7 +199,7 @@ def test_the_commands_of_a_page_run_one_after_the_other(page, given, capfd):
                     continue
                 assert words[0] == 'socialcircle', f'{page.name}: nothing runs {line}'
                 if words[1] == 'batch':  # processes would take longer than the work
-                    words += ['--scheduler', stack.enter_context(engine_in_this_process())]
+                    words += ['--scheduler', stack.enter_context(cluster_in_this_process())]
                 code = main(words[1:])
                 out, err = capfd.readouterr()
                 assert code == FAILING.get(shlex.join(words), 0), f'{page.name}: {line}\n{out}{err}'

@@ -8,8 +8,8 @@ import re
 
 import numpy as np
 import pytest
-from archive.archives import engine_in_this_process
 from browser import browser
+from clusters import cluster_in_this_process
 from examples import surface
 
 from socialcircle_ros.commands.main import main
@@ -58,7 +58,7 @@ def test_what_changed_and_which_failed_is_found_and_one_of_them_is_looked_at(mor
         code = main(list(arguments))
         return code, *capfd.readouterr()
 
-    with engine_in_this_process() as scheduler:
+    with cluster_in_this_process() as scheduler:
         names = ('--names', '{cell}/{part}_*.mcap')
         code, out, err = socialcircle(
             'batch', 'night', '-o', 'out', '--no-recordings', *names, *LIMIT, '--scheduler', scheduler
