@@ -5,11 +5,13 @@ That is the modules of a task, and the kernels that the default settings run, wh
 process that has threads cannot be forked: those of the task end with it.
 """
 
+import contextlib
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import RecordingWriter, ros_topic
@@ -36,4 +38,6 @@ def _load_what_a_task_needs() -> None:
         do_task(BatchTask(found, folder, PipelineSettings(), NamePattern(), (), True, False, 'none', '', ''))
 
 
-_load_what_a_task_needs()
+# An error would end the process from which workers are forked. They can also load the kernels themselves.
+with contextlib.suppress(OSError, SocialCircleError):
+    _load_what_a_task_needs()

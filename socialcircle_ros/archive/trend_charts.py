@@ -42,9 +42,8 @@ if (link) { window.open(link, '_blank') }
 """
 
 _DAY_MS = 86_400_000
-_LEAST_SPAN = (
-    0.2  # of a chart, relative to its values where they do not change; Bokeh's own makes a share look like 0
-)
+# Height of a chart relative to its values, where they do not change; with Bokeh's own a share looks like 0.
+_LEAST_SPAN = 0.2
 _POINT, _SIGNAL, _LINE, _CHANGE = '#2a6592', '#b3261e', '#666666', '#c77700'
 
 
