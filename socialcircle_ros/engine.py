@@ -152,7 +152,9 @@ class Engine(Generic[Item, Result]):
             return SocialCircleError('The task was cancelled, because the scheduler ended.')
         error = future.exception()
         if isinstance(error, self._distributed.scheduler.KilledWorker):
-            return SocialCircleError('The workers of this task ended several times, likely for want of memory.')
+            return SocialCircleError(
+                'The workers of this task ended several times, probably because memory ran out.'
+            )
         return error if isinstance(error, Exception) else SocialCircleError(f'The task ended: {error}')
 
     def _connected(self, scheduler: str) -> 'Client':

@@ -171,7 +171,7 @@ def record_topics(
         max_bytes: in a directory, begin the next file when a file has this size; 0: one file.
         max_duration_s: in a directory, begin the next file after this time; 0: one file.
         min_free_bytes: warn in the log of the node when the disk has less free space than this; 0: never.
-        progress: called some times per second with the numbers of messages and of topics recorded so far.
+        progress: called several times per second with the numbers of messages and of topics recorded so far.
 
     Raises:
         RecordingError: the path exists already, cannot be written, or the recording ended early; then the message
@@ -223,7 +223,7 @@ def _record(
     lost: Callable[[str, int], None],
     goes_on: Callable[[Recorder], bool],
 ) -> None:
-    """Record while `goes_on` says so; it is called some times per second."""
+    """Record while `goes_on` says so; it is called several times per second."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         recorder = Recorder(writer, topics, received, lost)
@@ -255,7 +255,7 @@ class _DiskWatch:
         self._warned = False
 
     def look(self, warn: Callable[[str], object]) -> None:
-        """Look at the disk, at most some times per second, and warn with a sentence."""
+        """Look at the disk, at most several times per second, and warn with a sentence."""
         if time.monotonic() < self._next or not self._least:
             return
         self._next = time.monotonic() + _DISK_PERIOD_S

@@ -5,7 +5,7 @@ No other Python package measures depth from a focus stack, so far as we know. Wh
 OpenCV or SciPy, the sharpest frame of each pixel, and a Gaussian through its neighbours. The measures are those
 that S. Pertuz, D. Puig, M. A. Garcia found best (Pattern Recognition 46 (2013) 1415-1432,
 DOI 10.1016/j.patcog.2012.11.011): Laplacian, gradient (Tenengrad) and local variance of the gray levels. Each peer
-runs at each of its scales, and the one with the smallest error counts, which only who knows the truth can choose.
+runs at each of its scales, and the one with the smallest error counts, which only a known truth can tell.
 """
 
 import importlib
