@@ -2,8 +2,8 @@
 """What the rules found, judged by the probability of each point to be an outlier.
 
 The rules see where a community ends, the probabilities whether it looks like an outlier or like a texture. So an
-island is an outlier unless the mean of its probabilities is low. Elsewhere points of a high probability are
-outliers, but not the neighbours of such an island: its border is that of the rules.
+island is an outlier unless the mean of its probabilities is low. Elsewhere regions of high probability are
+outliers, but not one that is an island in the main: its border is that of the rules.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.kernels.compiled import kernel
 
 from .communities import label_communities
 from .heights import RelativeHeights
@@ -28,8 +27,10 @@ LIKELY, LIKELY_AMONG_MANY = 0.2, 0.08
 where they are `MANY`. The more outliers there are, the likelier a community is one."""
 FEW, MANY = 0.03, 0.13
 """Shares of the measured points, by the mean probability of all points."""
-CERTAIN = 0.8
-"""A point that no island touches is an outlier if its probability is above this."""
+PROBABLE, CERTAIN = 0.6, 0.8
+"""A connected region of points above the first probability is one of outliers if a point is above the second."""
+COVERED = 0.3
+"""It is not added if islands have this share of its points: the rules know its border better."""
 
 
 def judged_by(probabilities: Probabilities, measured: Mask, found: Mask, steepness: Steepness) -> Mask:
@@ -54,21 +55,16 @@ def judged_by(probabilities: Probabilities, measured: Mask, found: Mask, steepne
     islands: Mask = np.zeros(found.shape, np.bool_)
     islands.flat[points] = likely[labels]
     outliers = islands.copy()
-    _add_certain(probabilities, islands, outliers, steepness)
+    _add_regions(probabilities, islands, outliers, steepness)
     return outliers
 
 
-@kernel
-def _add_certain(probabilities: Probabilities, islands: Mask, outliers: Mask, steepness: Steepness) -> None:
-    """Add the points of a high probability that no point of an island touches."""
-    height, width = islands.shape
-    for row in range(height):
-        for column in range(width):
-            if probabilities[row, column] > CERTAIN and not islands[row, column]:
-                beside = False
-                for y in range(max(0, row - 1), min(height, row + 2)):
-                    for x in range(max(0, column - 1), min(width, column + 2)):
-                        beside |= islands[y, x]
-                if not beside:
-                    outliers[row, column] = True
-                    steepness[row, column] = probabilities[row, column]
+def _add_regions(probabilities: Probabilities, islands: Mask, outliers: Mask, steepness: Steepness) -> None:
+    """Add the regions of high probability that are not mostly islands."""
+    points, labels, number = label_communities(probabilities > PROBABLE)
+    sizes = np.bincount(labels, minlength=number)
+    in_islands = np.bincount(labels[islands.flat[points]], minlength=number)
+    certain = np.bincount(labels[probabilities.flat[points] > CERTAIN], minlength=number)
+    added = points[((certain > 0) & (in_islands < COVERED * sizes))[labels]]
+    steepness.flat[added] = np.maximum(steepness.flat[added], probabilities.flat[added])
+    outliers.flat[added] = True

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.circle.adaptive import find_outliers
-from socialcircle_ros.circle.adaptive.likelihood import CERTAIN, LIKELY, LIKELY_AMONG_MANY
+from socialcircle_ros.circle.adaptive.likelihood import CERTAIN, COVERED, LIKELY, LIKELY_AMONG_MANY, PROBABLE
 from socialcircle_ros.circle.network import NetworkJudge
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
@@ -128,7 +128,8 @@ def _surface(study: Study, path: Path, judge: NetworkJudge, _: Sequence[Section]
         ' is `simulation.add_outliers`, `irregular` is `add_irregular_outliers`. Points of the untouched surface'
         f' beyond 10 robust σ of its 11×11 median are not counted. Medians over {len(study.plan.seeds)} seeds.'
         f' `both` removes the islands of the rules whose mean probability is above {LIKELY:g}, above'
-        f' {LIKELY_AMONG_MANY:g} among many outliers, and points above {CERTAIN:g}.'
+        f' {LIKELY_AMONG_MANY:g} among many outliers, and regions above {PROBABLE:g} that have a point above'
+        f' {CERTAIN:g} and less than {COVERED:.0%} in islands.'
         ' "Left out" are surfaces of instruments that these weights were not trained on: '
         + '; '.join(f'{name} ({instrument})' for name, instrument in HELD_OUT.items())
         + '.'

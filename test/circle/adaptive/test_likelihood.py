@@ -7,7 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.circle.adaptive import find_outliers
-from socialcircle_ros.circle.adaptive.likelihood import CERTAIN, LIKELY, LIKELY_AMONG_MANY, judged_by
+from socialcircle_ros.circle.adaptive.likelihood import (
+    CERTAIN,
+    COVERED,
+    LIKELY,
+    LIKELY_AMONG_MANY,
+    PROBABLE,
+    judged_by,
+)
 
 
 def naive_communities(mask):
@@ -33,8 +40,10 @@ def naively_judged(probabilities, measured, found):
         if np.mean([float(probabilities[each]) for each in members]) > least:
             islands[tuple(zip(*members, strict=True))] = True
     outliers = islands.copy()
-    for row, column in np.argwhere(probabilities > CERTAIN):
-        outliers[row, column] |= not islands[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2].any()
+    for members in naive_communities(probabilities > PROBABLE):
+        covered = sum(islands[each] for each in members) / len(members)
+        if max(probabilities[each] for each in members) > CERTAIN and covered < COVERED:
+            outliers[tuple(zip(*members, strict=True))] = True
     return outliers
 
 
@@ -64,12 +73,13 @@ def test_an_improbable_island_stays_and_a_probable_point_falls():
     rules = find_outliers(heights)
     assert rules.outliers[20:25, 15:21].all()
     probabilities = np.zeros_like(heights)
-    probabilities[40:46, 60:67] = 0.5
+    probabilities[40:46, 60:67] = 0.7
     probabilities[70, 80] = probabilities[39, 60] = 0.9
+    probabilities[70, 81], probabilities[70, 82] = 0.7, 0.5
     result = find_outliers(heights, likelihood=lambda given: probabilities)
     assert not result.outliers[20:25, 15:21].any()
     assert result.outliers[40:46, 60:67].all()
-    assert result.outliers[70, 80]
+    assert result.outliers[70, 80:83].tolist() == [True, True, False]
     assert not result.outliers[39, 60]  # beside an island, whose border the rules know better
     np.testing.assert_array_equal(result.score > 0.5, result.outliers)
     assert result.score[22, 17] < 0.5
