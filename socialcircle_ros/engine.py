@@ -10,7 +10,7 @@ import os
 import platform
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
@@ -54,13 +54,14 @@ class Engine(Generic[Item, Result]):
     ) -> None:
         if importlib.util.find_spec('distributed') is None:
             raise SocialCircleError(f'This needs Dask: {install_command("batch")}.')
-        if scheduler is None:
-            _start_fork_server(preload)  # imports on another core while this process imports Dask
-        import dask  # noqa: PLC0415 - an extra
-        import distributed  # noqa: PLC0415
-
-        self._distributed = distributed
         with ExitStack() as started:
+            if scheduler is None:
+                started.enter_context(_one_thread_each())
+                _start_fork_server(preload)  # imports on another core while this process imports Dask
+            import dask  # noqa: PLC0415 - an extra
+            import distributed  # noqa: PLC0415
+
+            self._distributed = distributed
             if scheduler is None:
                 # A process that takes the place of one that ended is forked as well.
                 method = {'distributed.worker.multiprocessing-method': 'forkserver'}
@@ -136,8 +137,13 @@ class Engine(Generic[Item, Result]):
             SocialCircleError: a worker has no or another version.
         """
         found = self._client.run(importlib.metadata.version, _PACKAGE, on_error='return')
+        mine = importlib.metadata.version(_PACKAGE)
         for worker, version in found.items():
-            _check_version(worker, version if isinstance(version, str) else 'none')
+            if version != mine:
+                has = f'version {version}' if isinstance(version, str) else 'none'
+                raise SocialCircleError(
+                    f'The worker {worker} needs {_PACKAGE} {mine}, as here, and has {has}. Install it there.'
+                )
 
     def _threads(self) -> int:
         """The number of threads of all workers that are there now."""
@@ -170,12 +176,25 @@ class Engine(Generic[Item, Result]):
             ) from None
 
 
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let the processes that are started meanwhile use one thread in their libraries, as Dask's own do."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(_ONE_THREAD)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
+
+
 def _start_fork_server(preload: Sequence[str]) -> None:
     """Start the process from which those of the workers are forked, if there is none.
 
     A forked process has all modules at once; a new one imports them for seconds.
     """
-    os.environ.update(_ONE_THREAD)  # as Dask does for processes that it starts itself
     multiprocessing.get_context('forkserver').set_forkserver_preload(['distributed.nanny', *preload])
     multiprocessing.forkserver.ensure_running()
 
@@ -186,16 +205,12 @@ def _call(function: Callable[[Item], Result], item: Item, version: str) -> Resul
     Raises:
         SocialCircleError: the worker has another version of this package, whose results may differ.
     """
-    _check_version('the client', version)
-    bands.limit = 1
-    keep_freed_memory()
-    return function(item)
-
-
-def _check_version(other: str, version: str) -> None:
     mine = importlib.metadata.version(_PACKAGE)
     if version != mine:
         raise SocialCircleError(
-            f'The versions of {_PACKAGE} differ: {mine} on {platform.node()}, and {version} on {other}. Install'
-            ' the same version everywhere.'
+            f'The worker on {platform.node()} needs {_PACKAGE} {version}, as the client, and has version {mine}.'
+            ' Install it there.'
         )
+    bands.limit = 1
+    keep_freed_memory()
+    return function(item)

@@ -46,7 +46,7 @@ def test_items_may_depend_on_the_results_before_them(scheduler):
 
 
 def test_a_worker_with_another_version_is_told():
-    with pytest.raises(SocialCircleError, match='differ: .*, and 0.0 on the client. Install the same version'):
+    with pytest.raises(SocialCircleError, match='needs socialcircle_ros 0.0, as the client, and has version'):
         engine._call(divided, 2, '0.0')
 
 
@@ -54,7 +54,7 @@ def test_a_cluster_whose_workers_lack_the_package_is_refused_at_once(monkeypatch
     distributed = pytest.importorskip('distributed')
     answers = {'tcp://a:1': version('socialcircle_ros'), 'tcp://b:1': PackageNotFoundError('socialcircle_ros')}
     monkeypatch.setattr(distributed.Client, 'run', lambda *_, **__: answers)
-    with pytest.raises(SocialCircleError, match='differ: .*, and none on tcp://b:1'):
+    with pytest.raises(SocialCircleError, match='The worker tcp://b:1 needs socialcircle_ros .*, and has none'):
         Engine(scheduler)
 
 
