@@ -120,7 +120,7 @@ class SocialCircleNode(LifecycleNode):
         self._filter = CloudFilter(self, self._configuration, self._health)
         began_s = time.monotonic()
         circle = self._configuration().circle
-        if not self.warm_up.wait(self.context.ok, circle.mode, circle.judge):
+        if not self.warm_up.wait(self.context.ok, circle.mode, circle.judge, circle.provider):
             return TransitionCallbackReturn.FAILURE
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began_s:.1f} s).')
         self._stack = StackInput(self, self._configuration, self._health, self._filter.filter)

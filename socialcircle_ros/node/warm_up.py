@@ -26,6 +26,7 @@ from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.pipeline.stacks import StackAssembler
 from socialcircle_ros.settings import (
+    CPU_PROVIDER,
     CircleSettings,
     FocusSettings,
     Judge,
@@ -58,22 +59,25 @@ class WarmUp:
         """Whether kernels are still being compiled."""
         return self._thread is not None and self._thread.is_alive()
 
-    def wait(self, wanted: Callable[[], bool], mode: Mode, judge: Judge) -> bool:
+    def wait(self, wanted: Callable[[], bool], mode: Mode, judge: Judge, provider: str) -> bool:
         """Begin on the first call, and wait until the common kernels are ready.
 
         Args:
             wanted: called periodically; the wait ends when it returns False.
             mode: the mode of the filter that is compiled first.
             judge: what decides in the adaptive mode; the network is read.
+            provider: what computes the network; it is tried.
 
         Returns:
             Whether they are ready.
 
         Raises:
-            SocialCircleError: a kernel could not be compiled.
+            SocialCircleError: a kernel could not be compiled, or the provider cannot be used.
         """
         if self._thread is None:
-            self._thread = threading.Thread(target=self._run, args=(mode, judge), name='warm_up', daemon=True)
+            self._thread = threading.Thread(
+                target=self._run, args=(mode, judge, provider), name='warm_up', daemon=True
+            )
             self._thread.start()
         while wanted():
             if self._ready.wait(_PERIOD_S):
@@ -82,11 +86,11 @@ class WarmUp:
                 return True
         return False
 
-    def _run(self, mode: Mode, judge: Judge) -> None:
+    def _run(self, mode: Mode, judge: Judge, provider: str) -> None:
         cold = False
         try:
             cold = _is_cold()
-            _compile_common(mode, judge, cold=cold)
+            _compile_common(mode, judge, provider, cold=cold)
         except Exception as error:  # noqa: BLE001 - raised in the thread that waits
             self._error = error
         self._ready.set()
@@ -94,7 +98,9 @@ class WarmUp:
             _compile_rare(cold=cold)
 
 
-def _compile_common(mode: Mode, judge: Judge = 'rules', *, cold: bool = False) -> None:
+def _compile_common(
+    mode: Mode, judge: Judge = 'rules', provider: str = CPU_PROVIDER, *, cold: bool = False
+) -> None:
     """Clouds of both types under default settings, and a stack of 8 bits.
 
     If the cache is `cold`, two helper processes fill it: Numba compiles one kernel at a time, and compiling leaves
@@ -102,14 +108,14 @@ def _compile_common(mode: Mode, judge: Judge = 'rules', *, cold: bool = False) -
     """
     if cold:
         _wait_for(_helper(mode), _helper('stack'))
-    _filter(mode, judge)
+    _filter(mode, judge, provider)
     _measure(np.uint8)
 
 
-def _filter(mode: Mode, judge: Judge = 'rules') -> None:
+def _filter(mode: Mode, judge: Judge = 'rules', provider: str = CPU_PROVIDER) -> None:
     """Filter clouds of both types."""
     for kind in (np.float32, np.float64):
-        circle = CircleSettings(mode=mode, judge=judge)
+        circle = CircleSettings(mode=mode, judge=judge, provider=provider)
         filter_cloud(_cloud(kind), PipelineSettings(circle=circle), depth_of_field=1.0)
 
 

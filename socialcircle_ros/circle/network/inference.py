@@ -73,8 +73,8 @@ class NetworkJudge:
         # ONNX Runtime takes the CPU then, and says so in its log alone.
         if provider not in self._session.get_providers():
             raise SocialCircleError(
-                f'circle.provider: {provider} cannot be used on this machine; ONNX Runtime wrote why above.'
-                f' Use {CPU_PROVIDER}.'
+                f'circle.provider: {provider} cannot be used on this machine: what it needs is missing, such'
+                f' as a driver. Use {CPU_PROVIDER}.'
             )
         self.card: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
         if self.card.get('features') != _VERSION:
