@@ -109,9 +109,9 @@ def command(
             ),
         )
     counts = recorded.counts
-    for name, count in sorted(counts.items()):
+    for name in sorted({*counts, *recorded.lost}):
         lost = f', {recorded.lost[name]} lost on the way' if recorded.lost[name] else ''
-        click.echo(f'{name}: {count}{lost}')
+        click.echo(f'{name}: {counts[name]}{lost}')
     click.echo(f'{quantity(counts.total(), "message")} written to {output}.')
     if recorded.lost:
         click.echo(

@@ -199,7 +199,8 @@ class RunningStack:
         if registered is not None and registered.failed:
             sentences.append(
                 f'{_frames(registered.failed)} of a stack could not be registered, which makes heights less exact:'
-                ' their texture does not tell where they show the part. Take more frames, nearer to each other.'
+                ' their texture does not tell where they show the part. Take more frames, nearer to each other,'
+                ' in the order of z.'
             )
         elif registered is None and drift is not None and drift > _MOST_DRIFT:
             sentences.append(
