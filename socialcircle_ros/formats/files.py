@@ -58,8 +58,7 @@ def read_file(
             f'{path} has an unknown file type: give one of {", ".join(suffixes(written=False))}.'
         )
     try:
-        with path.open('rb'):
-            pass  # a file that is missing or may not be read is told as such, not as a library tells it
+        path.open('rb').close()  # a file that is missing or may not be read is told here, not by a library
         found = _read(path, known, pitch, unit)
     except FileNotFoundError:
         raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
