@@ -22,7 +22,7 @@ from mcap.writer import MCAP0_MAGIC
 from socialcircle_ros.errors import RecordingError
 
 from .compression import ZSTD_MAGIC, expand_file, expand_message
-from .large_chunks import LARGE, read_sound_chunk
+from .large_chunks import LARGE, StoredMessage, read_sound_chunk
 from .mcap_records import (
     CHUNK,
     COMPRESSIONS,
@@ -45,7 +45,7 @@ from .mcap_records import (
     topic_of,
     unknown_compression,
 )
-from .topics import Attachment, Message, MetadataRecord
+from .topics import Attachment, CheckedMessage, Message, MetadataRecord
 
 _RUN_LENGTH = 1 << 20  # messages outside of chunks are joined to spans of about this many bytes
 
@@ -107,14 +107,16 @@ class McapFile:
         Raises:
             One of `DAMAGE`: the rest of the span cannot be read.
         """
-        for head, data in self._messages(span):
+        for head, data, checksum in self._messages(span):
             channel, sequence, log_time, publish_time = MESSAGE.unpack(head)
             if channel not in self.channels:
                 raise Damage(NO_TOPIC)
             # CDR begins with a zero byte.
             if data.startswith(ZSTD_MAGIC) and self.channels[channel].encoding == 'cdr':
-                data = expand_message(data)  # noqa: PLW2901
-            yield Message(self.names[channel], data, log_time, publish_time, sequence)
+                data, checksum = expand_message(data), None  # noqa: PLW2901
+            message = CheckedMessage(self.names[channel], data, log_time, publish_time, sequence)
+            message.checksum = checksum
+            yield message
 
     def attachments(self) -> Iterator[Attachment]:
         """Load the attachments one at a time.
@@ -326,8 +328,8 @@ class McapFile:
     def _body(self, extra: Extra) -> memoryview:
         return memoryview(self._read(extra.offset, extra.offset + extra.length))[HEAD.size :]
 
-    def _messages(self, span: Span) -> Iterator[tuple[bytes, bytes]]:
-        """The head and the data of each message of a span.
+    def _messages(self, span: Span) -> Iterator[StoredMessage]:
+        """The messages of a span.
 
         Raises:
             One of `DAMAGE`: the rest of the span cannot be read.
@@ -340,7 +342,7 @@ class McapFile:
                 return
         for opcode, body in self._records(span.offset, span.length):
             if opcode == Opcode.MESSAGE:
-                yield bytes(body[: MESSAGE.size]), bytes(body[MESSAGE.size :])
+                yield bytes(body[: MESSAGE.size]), bytes(body[MESSAGE.size :]), None
 
     def _read(self, start: int, end: int) -> bytes:
         if not 0 <= start <= end <= self._size:

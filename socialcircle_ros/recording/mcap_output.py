@@ -10,7 +10,7 @@ from socialcircle_ros.storage import Reserve, is_full
 
 from .mcap_writer import Buffer, Compression, McapWriter
 from .metadata import FileContents, bag_information, channel_metadata, to_yaml
-from .topics import Attachment, Message, MetadataRecord, Topic
+from .topics import Attachment, CheckedMessage, MetadataRecord, Topic
 
 LAST_TIME = 2**63 - 1
 """The last log time that rosbag2 can hold: ns in signed 64 bits."""
@@ -128,7 +128,7 @@ class McapOutput:
             self._ending_bytes += _TOPIC_OVERHEAD + 2 * len(topic.schema) + 8 * metadata
         self._hold(0)
 
-    def write(self, message: Message, topics: Mapping[str, Topic]) -> None:
+    def write(self, message: CheckedMessage, topics: Mapping[str, Topic]) -> None:
         """Write one message.
 
         Args:
@@ -149,7 +149,9 @@ class McapOutput:
         if self._stream.position > self._whole[0]:  # the schemas filled a chunk
             self._chunk_is_written()
         channel = self._channels[message.topic]
-        self._writer.add_message(channel, message.log_time, message.data, message.publish_time, message.sequence)
+        self._writer.add_message(
+            channel, message.log_time, message.data, message.publish_time, message.sequence, message.checksum
+        )
         self._torn = False
         self._counts[message.topic] = self._counts.get(message.topic, 0) + 1
         self._start = min(self._start, message.log_time)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The records of an MCAP file in their order, byte for byte as `mcap.writer.Writer` writes them.
 
+The bytes are those of `mcap` 1.2.1 to 1.6.0; the tests compare them with the version that is installed.
+
 `mcap` copies a message three times before it is in the file, and holds the interpreter's lock meanwhile. Here the
 message that completes a chunk goes from its own memory to the file, so that clouds are not copied at all. The
 records other than messages and chunks are `mcap`'s.
@@ -32,6 +34,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
+from .checksums import joined_checksum
 from .mcap_records import CHUNK, FOOTER, HEAD, LENGTH, MESSAGE
 
 Compression = Literal['none', 'lz4', 'zstd']
@@ -108,7 +111,15 @@ class McapWriter:
         self._put(channel)
         return channel.id
 
-    def add_message(self, channel: int, log_time: int, data: Buffer, publish_time: int, sequence: int) -> None:
+    def add_message(
+        self,
+        channel: int,
+        log_time: int,
+        data: Buffer,
+        publish_time: int,
+        sequence: int,
+        checksum: int | None = None,
+    ) -> None:
         """Add a message; `data` is no longer used after the call.
 
         Args:
@@ -117,6 +128,7 @@ class McapWriter:
             data: the serialized message.
             publish_time: ns since 1970.
             sequence: the number that the publisher gave it.
+            checksum: CRC-32 of `data`; None: it is computed here.
         """
         if isinstance(data, memoryview):
             data = data.cast('B')  # so that its length is in bytes
@@ -132,7 +144,7 @@ class McapWriter:
         self._chunk += HEAD.pack(Opcode.MESSAGE, MESSAGE.size + len(data))
         self._chunk += MESSAGE.pack(channel, sequence, log_time, publish_time)
         if len(self._chunk) + len(data) > self._chunk_size:
-            self._end_chunk(data)
+            self._end_chunk(data, checksum)
         else:
             self._chunk += data
 
@@ -188,14 +200,19 @@ class McapWriter:
         else:
             self._output.write(data)
 
-    def _end_chunk(self, last: Buffer) -> None:
+    def _end_chunk(self, last: Buffer, checksum_of_last: int | None = None) -> None:
         """Write the chunk and its index.
 
         Args:
             last: what comes behind the records so far; it is not copied unless it is compressed.
+            checksum_of_last: CRC-32 of `last`; None: it is computed here.
         """
         size = len(self._chunk) + len(last)
-        checksum = zlib.crc32(last, zlib.crc32(self._chunk))
+        checksum = zlib.crc32(self._chunk)
+        if checksum_of_last is None:
+            checksum = zlib.crc32(last, checksum)
+        else:
+            checksum = joined_checksum(checksum, checksum_of_last, len(last))
         parts: tuple[Buffer, ...] = (self._chunk, last)
         name = ''
         if self._compression != 'none':

@@ -159,7 +159,7 @@ def filter_recording(
             with closing(read_ahead(reader.messages())) as messages, WriterBehind(writer) as behind:
                 for message, events in _walk(messages, cells):
                     if message is not None:
-                        behind.write(*message)
+                        behind.write(message)
                         summary.passed += all(message.topic not in cell.inputs for cell in cells)
                     outputs: list[CloudOutputs] = []
                     for event in events:
@@ -372,7 +372,7 @@ def _filter(
     for topic, data in messages.items():
         name = topic.within(cloud.namespace)
         if writer is not None:
-            writer.write(name, data, times.log_time, times.publish_time, times.sequence)
+            writer.write(Message(name, data, times.log_time, times.publish_time, times.sequence))
     return outputs
 
 

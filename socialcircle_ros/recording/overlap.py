@@ -4,18 +4,23 @@
 Checksums and file access take as long as the filter. Small messages pass between the threads in bundles.
 """
 
+import zlib
 from collections import deque
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from .topics import Message
+from .large_chunks import LARGE
+from .topics import CheckedMessage, Message
 from .writer import RecordingWriter
 
 _BUNDLE = 1 << 20
 """Least size of a bundle of messages, in bytes."""
 
-_WAITING = 2
-"""Most bundles that wait to be written, so that memory does not grow where the disk is slow."""
+_WAITING_BYTES = 64 << 20
+"""Most bytes that wait to be written, so that memory does not grow where the disk is slow."""
+
+_ALWAYS_WAITING = 2
+"""Bundles that may wait whatever their size: each can be one message that is larger than `_WAITING_BYTES`."""
 
 
 def read_ahead(messages: Iterator[Message]) -> Generator[Message]:
@@ -36,8 +41,14 @@ def read_ahead(messages: Iterator[Message]) -> Generator[Message]:
                 return
 
 
+_Checksum = Future[int] | int | None
+"""CRC-32 of a message's data: still to come, known, or left to the writer."""
+
+
 class WriterBehind:
     """Writes to a recording on a thread, in the order of the calls; a context manager that waits for the end.
+
+    A second thread computes the checksums of large messages while the messages before them are written.
 
     An error of writing is raised by one of the next calls, or at the end of the `with` block.
 
@@ -48,39 +59,50 @@ class WriterBehind:
     def __init__(self, writer: RecordingWriter) -> None:
         self._writer = writer
         self._pool = ThreadPoolExecutor(1, 'write_behind')
-        self._bundle: list[Message] = []
+        self._checksums = ThreadPoolExecutor(1, 'checksum')
+        self._bundle: list[tuple[Message, _Checksum]] = []
         self._size = 0
-        self._waiting: deque[Future[None]] = deque()
+        self._waiting: deque[tuple[Future[None], int]] = deque()
+        self._waiting_bytes = 0
 
-    def write(
-        self, topic: str, data: bytes, log_time: int, publish_time: int | None = None, sequence: int = 0
-    ) -> None:
+    def write(self, message: Message) -> None:
         """Write one message, as `RecordingWriter.write`."""
-        published = log_time if publish_time is None else publish_time
-        self._bundle.append(Message(topic, data, log_time, published, sequence))
-        self._size += len(data)
+        checksum = message.checksum if isinstance(message, CheckedMessage) else None
+        job = None
+        if checksum is None and len(message.data) >= LARGE:
+            job = self._checksums.submit(zlib.crc32, message.data)
+        self._bundle.append((message, job or checksum))
+        self._size += len(message.data)
         if self._size >= _BUNDLE:
             self._hand_over()
-            while len(self._waiting) > _WAITING:
-                self._waiting.popleft().result()
+            while len(self._waiting) > _ALWAYS_WAITING and self._waiting_bytes > _WAITING_BYTES:
+                self._await_first()
 
     def __enter__(self) -> 'WriterBehind':  # noqa: PYI034 - Self is not in Python 3.10
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        with self._pool:
+        with self._checksums, self._pool:
             if kind is None:
                 self._hand_over()
                 while self._waiting:
-                    self._waiting.popleft().result()
+                    self._await_first()
 
     def _hand_over(self) -> None:
-        self._waiting.append(self._pool.submit(self._write, self._bundle))
+        self._waiting.append((self._pool.submit(self._write, self._bundle), self._size))
+        self._waiting_bytes += self._size
         self._bundle, self._size = [], 0
 
-    def _write(self, bundle: list[Message]) -> None:
-        for message in bundle:
-            self._writer.write(*message)
+    def _await_first(self) -> None:
+        """Wait until the bundle that has waited longest is written."""
+        job, size = self._waiting.popleft()
+        self._waiting_bytes -= size
+        job.result()
+
+    def _write(self, bundle: list[tuple[Message, _Checksum]]) -> None:
+        for message, checksum in bundle:
+            found = checksum.result() if isinstance(checksum, Future) else checksum
+            self._writer.write(*message, checksum=found)
 
 
 def _bundle(messages: Iterator[Message]) -> tuple[list[Message], BaseException | None]:

@@ -115,6 +115,16 @@ class Message(NamedTuple):
     sequence: int
 
 
+class CheckedMessage(Message):
+    """A message whose data has a known checksum. `_replace` gives one whose checksum is not known.
+
+    Attributes:
+        checksum: CRC-32 of the data; None: not known.
+    """
+
+    checksum: int | None = None
+
+
 def ros_topic(name: str, type_name: str, qos: str = DEFAULT_QOS) -> Topic:
     """A topic of a ROS type, for a `RecordingWriter`.
 

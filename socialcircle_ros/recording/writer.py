@@ -16,7 +16,7 @@ from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_targe
 from .mcap_output import LAST_TIME, McapOutput
 from .mcap_writer import Compression
 from .metadata import FileContents, bag_information, to_yaml
-from .topics import Attachment, Message, MetadataRecord, Topic
+from .topics import Attachment, CheckedMessage, MetadataRecord, Topic
 
 _LAST_SEQUENCE = 2**32 - 1
 _NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
@@ -148,6 +148,7 @@ class RecordingWriter:
         log_time: int,
         publish_time: int | None = None,
         sequence: int = 0,
+        checksum: int | None = None,
     ) -> None:
         """Write one message.
 
@@ -157,6 +158,7 @@ class RecordingWriter:
             log_time: when it was recorded, ns since 1970.
             publish_time: when it was published, ns since 1970; None: as `log_time`.
             sequence: the number that the publisher gave it; 0 if unknown.
+            checksum: CRC-32 of `data`, as zlib computes it; None: it is computed here.
 
         Raises:
             RecordingError: the topic was not added, a number is out of range, or the disk is full. With `keep`, a
@@ -182,7 +184,9 @@ class RecordingWriter:
             waiting, self._waiting = self._waiting, {}
             # The annotation of a message says bytes, as readers give it; any buffer is written.
             payload = cast('bytes', data)
-            self._file.write(Message(topic, payload, log_time, publish_time, sequence), waiting)
+            message = CheckedMessage(topic, payload, log_time, publish_time, sequence)
+            message.checksum = checksum
+            self._file.write(message, waiting)
         except OSError as error:
             raise self._failure(error) from error
         if self._reserve is not None and self._reserve.used:

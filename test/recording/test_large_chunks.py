@@ -2,6 +2,7 @@
 """Large chunks give the same messages, and the same damage, as small ones, which are read in another way."""
 
 import os
+import zlib
 from unittest.mock import patch
 
 import pytest
@@ -55,6 +56,14 @@ def test_the_data_of_a_large_message_are_not_cut_out_of_its_chunk(tmp_path):
     path = write_mcap(tmp_path / 'a.mcap', messages)
     with patch.object(mcap_file.McapFile, '_records', side_effect=AssertionError):
         assert read(path) == (messages, None)
+
+
+def test_a_large_message_knows_the_checksum_of_its_data_until_the_data_is_replaced(tmp_path):
+    sent = Message('/points', os.urandom(LARGE), 1, 1, 0)
+    with open_recording(write_mcap(tmp_path / 'a.mcap', [sent], enable_crcs=False)) as reader:
+        (message,) = reader.messages()
+    assert message.checksum == zlib.crc32(sent.data)
+    assert message._replace(data=b'other').checksum is None
 
 
 @pytest.mark.parametrize('rest', [0, 30, 60, 75, 1000])

@@ -7,9 +7,12 @@ import pytest
 
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.recording import Message, open_recording, overlap
+from socialcircle_ros.recording.large_chunks import LARGE
 from socialcircle_ros.recording.overlap import WriterBehind, read_ahead
 from socialcircle_ros.recording.topics import ros_topic
 from socialcircle_ros.recording.writer import RecordingWriter
+
+TOPIC = ros_topic('/a', 'sensor_msgs/msg/PointCloud2')
 
 
 def messages(count, size=10):
@@ -69,12 +72,55 @@ def test_reading_may_be_left_off():
 def test_what_is_written_behind_is_in_the_recording_in_its_order(tmp_path):
     path = tmp_path / 'a.mcap'
     with RecordingWriter(path) as writer:
-        writer.add_topic(ros_topic('/a', 'sensor_msgs/msg/PointCloud2'))
+        writer.add_topic(TOPIC)
         with WriterBehind(writer) as behind:
             for message in messages(40):
-                behind.write(*message)
+                behind.write(message)
     with open_recording(path) as reader:
         assert list(reader.messages()) == messages(40)
+
+
+def test_large_messages_are_written_behind_as_they_are_written_at_once(tmp_path):
+    large = messages(3, size=LARGE + 3)
+    at_once, behind, again = (tmp_path / folder / 'a.mcap' for folder in ('at_once', 'behind', 'again'))
+    for path in (at_once, behind, again):
+        path.parent.mkdir()  # the name of a file is in it
+    with RecordingWriter(at_once) as writer:
+        writer.add_topic(TOPIC)
+        for message in large:
+            writer.write(*message)
+    with RecordingWriter(behind) as writer, WriterBehind(writer) as thread:
+        writer.add_topic(TOPIC)
+        for message in large:
+            thread.write(message)
+    with open_recording(at_once) as reader, RecordingWriter(again) as writer, WriterBehind(writer) as thread:
+        writer.add_topic(TOPIC)
+        for message in reader.messages():  # their checksums are known
+            thread.write(message)
+    assert at_once.read_bytes() == behind.read_bytes() == again.read_bytes()
+
+
+def test_few_messages_wait_for_a_slow_disk(monkeypatch):
+    monkeypatch.setattr(overlap, '_BUNDLE', 1)
+    monkeypatch.setattr(overlap, '_WAITING_BYTES', 30)
+    accepted = written = most = 0
+    full = threading.Event()
+
+    class SlowWriter:
+        def write(self, *_, **__):
+            nonlocal written, most
+            assert full.wait(20)
+            most = max(most, accepted - written)
+            written += 1
+
+    with WriterBehind(SlowWriter()) as behind:
+        for message in messages(40):
+            accepted += 1
+            if accepted == 4:  # this one is more than may wait
+                full.set()
+            behind.write(message)
+    assert written == 40
+    assert 4 <= most <= 5  # those that wait, and the one that the caller is about to hand over
 
 
 @pytest.mark.usefixtures('bundle')
@@ -82,7 +128,7 @@ def test_what_writing_raises_ends_the_block(tmp_path):
     def write():
         with RecordingWriter(tmp_path / 'a.mcap') as writer, WriterBehind(writer) as behind:
             for message in messages(40):
-                behind.write(*message)  # its topic was not added
+                behind.write(message)  # its topic was not added
 
     with pytest.raises(RecordingError, match='add the topic'):
         write()
@@ -92,11 +138,11 @@ def test_what_writing_raises_ends_the_block(tmp_path):
 def test_after_an_error_of_the_caller_nothing_is_left(tmp_path):
     def write():
         with RecordingWriter(tmp_path / 'a.mcap') as writer, WriterBehind(writer) as behind:
-            writer.add_topic(ros_topic('/a', 'sensor_msgs/msg/PointCloud2'))
-            behind.write(*messages(1)[0])
+            writer.add_topic(TOPIC)
+            behind.write(messages(1)[0])
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         write()
     assert list(tmp_path.iterdir()) == []
-    assert not [thread for thread in threading.enumerate() if thread.name.startswith('write_behind')]
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith(('write_behind', 'checksum'))]
