@@ -63,6 +63,8 @@ class Engine(Generic[Item, Result]):
 
             self._distributed = distributed
             if scheduler is None:
+                # Dask would import pandas and more here, to name them to a fork server that runs already.
+                distributed.utils._forkserver_preload_set = True  # noqa: SLF001 - there is no setting for it
                 # A process that takes the place of one that ended is forked as well.
                 method = {'distributed.worker.multiprocessing-method': 'forkserver'}
                 started.enter_context(dask.config.set(method))

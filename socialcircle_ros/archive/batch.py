@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from socialcircle_ros.engine import Engine
 from socialcircle_ros.pictures.style import new_figure
-from socialcircle_ros.recording.mcap_writer import Compression
 from socialcircle_ros.report.page import environment, prepare
 from socialcircle_ros.settings import PipelineSettings
 from socialcircle_ros.storage import is_url
@@ -19,7 +19,10 @@ from .inputs import ArchiveInput, find_inputs
 from .ledger import Ledger, LedgerEntry
 from .names import NamePattern
 from .results import ResultFolder
-from .work import BatchTask, TaskResult, do_task, failed_result
+from .tasks import BatchTask, TaskResult, do_in_worker
+
+if TYPE_CHECKING:
+    from socialcircle_ros.recording.mcap_writer import Compression
 
 
 @dataclass
@@ -60,7 +63,7 @@ def run_batch(
     topics: Sequence[str] = (),
     recordings: bool = True,
     reports: bool = False,
-    compression: Compression = 'none',
+    compression: 'Compression' = 'none',
     scheduler: str | None = None,
     workers: int | None = None,
     found: Callable[[int], None] = lambda count: None,
@@ -132,7 +135,7 @@ def _template(
     topics: tuple[str, ...],
     recordings: bool,
     reports: bool,
-    compression: Compression,
+    compression: 'Compression',
 ) -> BatchTask:
     """What all tasks have in common, with a hash of what makes a difference to the results."""
     version = importlib.metadata.version('socialcircle_ros')
@@ -146,8 +149,10 @@ def _template(
 
 
 def _finished(engine: Engine[BatchTask, TaskResult], tasks: Sequence[BatchTask]) -> Iterator[TaskResult]:
-    for task, result in engine.run(do_task, tasks):
+    for task, result in engine.run(do_in_worker, tasks):
         if isinstance(result, Exception):
+            from .work import failed_result  # noqa: PLC0415 - loads the kernels
+
             yield failed_result(task, f'{task.found.location} was given up: {result}')
         else:
             yield result

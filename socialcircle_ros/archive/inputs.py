@@ -12,7 +12,6 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
-from socialcircle_ros.formats import format_of
 from socialcircle_ros.storage import file_system, is_url, reason_of
 
 if TYPE_CHECKING:
@@ -227,5 +226,7 @@ def _is_found_in_folders(name: str) -> bool:
     lowered = name.lower()
     if lowered.endswith(_RECORDINGS):
         return True
+    from socialcircle_ros.formats import format_of  # noqa: PLC0415 - loads kernels
+
     form = format_of(Path(name))
     return form is not None and bool(form.reads) and not lowered.endswith(_NOT_FOUND_IN_FOLDERS)

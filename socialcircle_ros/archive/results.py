@@ -13,6 +13,9 @@ from socialcircle_ros.storage import file_system, is_url, reason_of, write_file
 if TYPE_CHECKING:
     import fsspec
 
+RECORDINGS, REPORTS = 'recordings', 'reports'
+"""Folders of the results."""
+
 
 class ResultFolder:
     """The folder of the results of a batch. Each file appears in it whole or not at all.

@@ -20,7 +20,7 @@ from socialcircle_ros.storage import is_url
 
 from .control_chart import ControlLimits, control_limits, signals
 from .ledger import Ledger
-from .work import REPORTS
+from .results import REPORTS
 
 MEASURES = {
     'outlier_share': 'share of outliers',

@@ -5,7 +5,7 @@ import time
 import warnings
 from collections import Counter
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from socialcircle_ros.cloud import HeightMap
@@ -15,67 +15,13 @@ from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import CloudOutputs
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
-from socialcircle_ros.recording.mcap_writer import Compression
 from socialcircle_ros.recording.offline import SourceCloud, Summary, filter_recording, measure_recording
 from socialcircle_ros.report.report import make_report
-from socialcircle_ros.settings import PipelineSettings
 
-from .inputs import ArchiveInput, content_hash, local_copy
+from .inputs import content_hash, local_copy
 from .ledger import Ledger, LedgerEntry, failure_name
-from .names import NamePattern
-from .results import ResultFolder
-
-RECORDINGS, REPORTS = 'recordings', 'reports'
-"""Folders of the results."""
-
-
-@dataclass(frozen=True)
-class BatchTask:
-    """What is to be done with one input.
-
-    Attributes:
-        found: the input.
-        output: folder of the results, which all workers see: absolute path, or URL.
-        settings: how to filter.
-        names: pattern of the names of the inputs.
-        topics: topics of clouds to filter; none: those of `clouds_of`.
-        recordings: whether to write a cleaned recording.
-        reports: whether to write a report.
-        compression: of the cleaned recording.
-        version: of this package.
-        digest: hash of all of these but the input and the output.
-    """
-
-    found: ArchiveInput
-    output: str
-    settings: PipelineSettings
-    names: NamePattern
-    topics: tuple[str, ...]
-    recordings: bool
-    reports: bool
-    compression: Compression
-    version: str
-    digest: str
-
-
-@dataclass(frozen=True)
-class TaskResult:
-    """What came of one input.
-
-    Attributes:
-        location: of the input.
-        content: hash of its content; '': it could not be read.
-        entry: of the ledger.
-        same_as: location of the input with the same content that was done before, which may be this one; '':
-            there is none.
-        units: what was taken for a unit that it does not state, as a sentence.
-    """
-
-    location: str
-    content: str
-    entry: LedgerEntry
-    same_as: str = ''
-    units: tuple[str, ...] = ()
+from .results import RECORDINGS, REPORTS, ResultFolder
+from .tasks import BatchTask, TaskResult
 
 
 def do_task(task: BatchTask) -> TaskResult:

@@ -6,9 +6,8 @@ import math
 import os
 import platform
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
-
-import numpy as np
 
 _CGROUP = Path('/sys/fs/cgroup')
 
@@ -46,4 +45,4 @@ def hardware() -> str:
     with contextlib.suppress(OSError, StopIteration):
         lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
         model = next(line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
-    return f'{model}, {usable_cores()} cores, Python {platform.python_version()}, NumPy {np.__version__}'
+    return f'{model}, {usable_cores()} cores, Python {platform.python_version()}, NumPy {version("numpy")}'

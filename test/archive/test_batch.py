@@ -149,6 +149,12 @@ def contents(path):
         return [(message.topic, message.log_time, bytes(message.data)) for message in reader.messages()]
 
 
+def test_the_client_loads_no_kernels_while_the_workers_load_them():
+    program = 'import sys, socialcircle_ros.archive\nsys.exit(str({"numba", "numpy"} & set(sys.modules)))'
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == 'set()'
+
+
 def test_the_process_that_workers_are_forked_from_is_left_without_a_thread():
     before = threading.active_count()
     importlib.import_module('socialcircle_ros.archive.preload')._load_what_a_task_needs()

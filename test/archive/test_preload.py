@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the process loads from which workers are forked."""
 
+import importlib
 import runpy
+import sys
 import tempfile
 
 import pytest
@@ -13,3 +15,13 @@ def test_a_temporary_folder_that_cannot_be_used_does_not_end_the_process(tmp_pat
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path / 'none'))
     module = runpy.run_module('socialcircle_ros.archive.preload')
     assert 'do_task' in module
+
+
+def test_a_module_can_be_withheld_for_a_while():
+    module = importlib.import_module('socialcircle_ros.archive.preload')
+    with module._without('tabnanny'), pytest.raises(ModuleNotFoundError):
+        importlib.import_module('tabnanny')
+    importlib.import_module('tabnanny')
+    with module._without('tabnanny'):  # what is loaded stays
+        importlib.import_module('tabnanny')
+    del sys.modules['tabnanny']  # other tests start without it
