@@ -10,7 +10,8 @@ import os
 import platform
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
@@ -101,26 +102,24 @@ class Engine(Generic[Item, Result]):
         coming = iter(items)
         waiting: dict[str, Item] = {}
         results = self._distributed.as_completed(loop=self._client.loop, raise_errors=False)
-        version = importlib.metadata.version(_PACKAGE)
+        call = partial(_call, function, importlib.metadata.version(_PACKAGE))
 
         def hand_over(count: int) -> None:
-            for item in islice(coming, count):
-                key = f'{function.__name__}-{uuid.uuid4().hex}'
-                future = self._client.submit(_call, function, item, version, key=key, pure=False)
-                waiting[future.key] = item
-                results.add(future)
+            new = {f'{function.__name__}-{uuid.uuid4().hex}': item for item in islice(coming, count)}
+            if new:  # Dask's cost is more for a message than for a task
+                waiting.update(new)
+                results.update(self._client.map(call, list(new.values()), key=list(new), pure=False))
 
         threads = self._threads()
         hand_over(max(_LEAST_AHEAD, _AHEAD_PER_THREAD * threads) if eager else max(1, threads))
-        for future in results:
-            item = waiting.pop(future.key)
-            result = self._result(future)
-            future.release()
+        for futures in results.batches():
             if eager:
-                hand_over(1)
-            yield item, result
-            if not eager:  # workers may have come or gone
-                hand_over(max(1, self._threads()) - len(waiting))
+                hand_over(len(futures))
+            for future, result in zip(futures, self._results(futures), strict=True):
+                yield waiting.pop(future.key), result
+                future.release()
+                if not eager:  # workers may have come or gone
+                    hand_over(max(1, self._threads()) - len(waiting))
 
     def close(self) -> None:
         """End the tasks and the processes that were started."""
@@ -151,14 +150,26 @@ class Engine(Generic[Item, Result]):
         """The number of threads of all workers that are there now."""
         return sum(self._client.nthreads().values())
 
+    def _results(self, futures: Sequence['Future']) -> list[Result | Exception]:
+        """The results of tasks that have ended, or why there is none."""
+        finished = [future for future in futures if future.status == 'finished']
+        results: dict[str, Result] = {}
+        with suppress(Exception):  # one was lost with its worker, and its task failed when it was done again
+            keys = [future.key for future in finished]
+            results = dict(zip(keys, self._client.gather(finished), strict=True))
+        return [results[future.key] if future.key in results else self._result(future) for future in futures]
+
     def _result(self, future: 'Future') -> Result | Exception:
-        """The result of a finished task, or why there is none."""
-        if future.status == 'finished':
-            result: Result = future.result()
-            return result
+        """The result of one task, or why there is none."""
         if future.status == 'cancelled':
             return SocialCircleError('The task was cancelled, because the scheduler ended.')
-        error = future.exception()
+        try:
+            error = future.exception()
+            if error is None:
+                result: Result = future.result()
+                return result
+        except Exception as lost:  # noqa: BLE001 - whatever a task may raise
+            error = lost
         if isinstance(error, self._distributed.scheduler.KilledWorker):
             return SocialCircleError(
                 'The workers of this task ended several times, probably because memory ran out.'
@@ -201,7 +212,7 @@ def _start_fork_server(preload: Sequence[str]) -> None:
     multiprocessing.forkserver.ensure_running()
 
 
-def _call(function: Callable[[Item], Result], item: Item, version: str) -> Result:
+def _call(function: Callable[[Item], Result], version: str, item: Item) -> Result:
     """Call the function in a worker, which may have come after the others.
 
     Raises:

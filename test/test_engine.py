@@ -45,9 +45,19 @@ def test_items_may_depend_on_the_results_before_them(scheduler):
     assert found == [1, 1, 1 / 2, 1 / 3, 1 / 4, 1 / 5]
 
 
+def test_results_are_asked_for_one_by_one_where_one_of_them_is_lost(scheduler, monkeypatch):
+    def lost(futures):
+        raise distributed.scheduler.KilledWorker(futures[0].key, None, [], 3)
+
+    distributed = pytest.importorskip('distributed')
+    with Engine(scheduler) as running:
+        monkeypatch.setattr(running._client, 'gather', lost)
+        assert dict(running.run(divided, [1, 2])) == {1: 1, 2: 1 / 2}
+
+
 def test_a_worker_with_another_version_is_told():
     with pytest.raises(SocialCircleError, match='needs socialcircle_ros 0.0, as the client, and has version'):
-        engine._call(divided, 2, '0.0')
+        engine._call(divided, '0.0', 2)
 
 
 def test_a_cluster_whose_workers_lack_the_package_is_refused_at_once(monkeypatch, scheduler):
