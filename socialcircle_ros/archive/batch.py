@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 from socialcircle_ros.engine import Engine
 from socialcircle_ros.pictures.style import new_figure
-from socialcircle_ros.report.page import environment, prepare
+from socialcircle_ros.report.page import environment
 from socialcircle_ros.settings import PipelineSettings
-from socialcircle_ros.storage import is_url
 
 from .inputs import ArchiveInput, find_inputs
 from .ledger import Ledger, LedgerEntry
@@ -104,27 +103,26 @@ def run_batch(
     if reports:
         new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after hours
         environment()
-    if not is_url(results.location):
-        prepare(Path(results.location))
     template = _template(results.location, settings, pattern, tuple(topics), recordings, reports, compression)
-    all_inputs = find_inputs(inputs, found)
-    result = BatchResult(inputs=len(all_inputs))
-    earlier = {entry.location: entry for entry in Ledger(results).entries() if entry.failure is None}
-    tasks = []
-    for each in all_inputs:
-        entry = earlier.get(each.location)
-        if entry is not None and entry.is_of(each, template.digest):
-            result.skipped += 1
-            _note_findings(result, entry)
-        else:
-            tasks.append(replace(template, found=each))
-    if tasks:
-        with Engine[BatchTask, TaskResult](scheduler, workers, ['socialcircle_ros.archive.preload']) as engine:
-            started(engine.dashboard)
-            progress(result.skipped, result.inputs)
-            for finished in _finished(engine, tasks):
-                _note(result, finished)
-                progress(result.skipped + result.done + len(result.same) + len(result.failed), result.inputs)
+    with results.created():
+        all_inputs = find_inputs(inputs, found)
+        result = BatchResult(inputs=len(all_inputs))
+        earlier = {entry.location: entry for entry in Ledger(results).entries() if entry.failure is None}
+        tasks = []
+        for each in all_inputs:
+            entry = earlier.get(each.location)
+            if entry is not None and entry.is_of(each, template.digest):
+                result.skipped += 1
+                _note_findings(result, entry)
+            else:
+                tasks.append(replace(template, found=each))
+        if tasks:
+            with Engine[BatchTask, TaskResult](scheduler, workers, ['socialcircle_ros.archive.preload']) as engine:
+                started(engine.dashboard)
+                progress(result.skipped, result.inputs)
+                for finished in _finished(engine, tasks):
+                    _note(result, finished)
+                    progress(result.skipped + result.done + len(result.same) + len(result.failed), result.inputs)
     return result
 
 

@@ -3,12 +3,12 @@
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.storage import file_system, is_url, reason_of, write_file
+from socialcircle_ros.storage import file_system, folder_of_results, is_url, reason_of, write_file
 
 if TYPE_CHECKING:
     import fsspec
@@ -42,6 +42,16 @@ class ResultFolder:
     def name(self) -> str:
         """The last part of the location."""
         return PurePosixPath(self.location).name
+
+    @contextmanager
+    def created(self) -> Iterator[None]:
+        """Create the folder, which is removed if the block fails before anything is in it; URLs need no folder.
+
+        Raises:
+            SocialCircleError: the folder cannot be created.
+        """
+        with folder_of_results(Path(self.location)) if self._files is None else nullcontext():
+            yield
 
     @contextmanager
     def writing(self) -> Iterator[Path]:

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from socialcircle_ros.errors import SocialCircleError, install_command
-from socialcircle_ros.report.page import prepare
-from socialcircle_ros.storage import write_file
+from socialcircle_ros.storage import folder_of_results, write_file
 
 from .control_chart import RULES
 from .ledger import Ledger
@@ -64,8 +63,8 @@ def write_trend(folder: str | Path, output: str | Path, *, baseline: int = 50) -
     """
     output = Path(output)
     page, all_series = trend_page(folder, output, baseline=baseline)
-    prepare(output.absolute().parent)
-    write_file(output, page)
+    with folder_of_results(output.parent):
+        write_file(output, page)
     return all_series
 
 

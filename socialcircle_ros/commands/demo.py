@@ -60,13 +60,12 @@ def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> 
     from rich.console import Console
 
     from socialcircle_ros.clients.demo import RefusedCloud, run_demo
-    from socialcircle_ros.report.page import prepare
+    from socialcircle_ros.storage import folder_of_results
 
     console = Console()
     if not console.is_terminal:
         console = Console(width=_WIDTH)
-    prepare(output)
-    with console.status('') as status:
+    with folder_of_results(output), console.status('') as status:
         demo = run_demo(files, output, params_file=params_file, status=status.update)
     console.print(_table(demo.clouds))
     for cloud in demo.clouds:

@@ -54,7 +54,7 @@ def command(
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from socialcircle_ros.pictures.style import new_figure
-    from socialcircle_ros.report.page import prepare
+    from socialcircle_ros.storage import folder_of_results
     from socialcircle_ros.studies.adaptive.experiment import DEFAULT_SEEDS
     from socialcircle_ros.studies.comparison.study import Plan, Study, quick_plan
     from socialcircle_ros.studies.experiments import learned_steps, run, steps_of
@@ -65,7 +65,6 @@ def command(
     chosen = _numbers(seeds) if seeds else {'adaptive': DEFAULT_SEEDS, 'learned': (401,)}.get(name, (1, 2, 3))
     plan = quick_plan(chosen) if quick else Plan(chosen)
     new_figure(1, 1)  # fails now, not after minutes, if matplotlib is missing
-    prepare(out)
     surfaces = _surfaces(data) if data is not None and name != 'learned' else []
     if quick:
         surfaces = surfaces[:1]
@@ -75,7 +74,7 @@ def command(
     )
     columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
     finished = None
-    with Progress(*columns, console=console, transient=True) as progress:
+    with folder_of_results(out), Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(name, total=None)
 
         def report(step: str) -> None:

@@ -95,7 +95,8 @@ def command(
                 made_by=f'socialcircle {shlex.join(sys.argv[1:])}',
             )
     except KeyboardInterrupt:
-        click.echo(f'{out / TRIALS} has the finished trials; the same command continues from there.', err=True)
+        if (out / TRIALS).exists():
+            click.echo(f'{out / TRIALS} has the finished trials; the same command continues from there.', err=True)
         raise
     if result.resumed:
         click.echo(f'{quantity(result.resumed, "trial")} of an earlier run taken from {out / TRIALS}.', err=True)

@@ -24,11 +24,11 @@ from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.settings.effects import has_effect
-from socialcircle_ros.storage import write_file
+from socialcircle_ros.storage import folder_of_results, write_file
 
 from .content import Cell, Column, Picture, Pictures, Section, Table
 from .entry import length_with_unit, outliers_of, value_text
-from .page import environment, prepare, render
+from .page import environment, render
 
 _MAKE_CLOUDS = ('focus.', 'stack.')
 
@@ -114,16 +114,16 @@ def make_comparison(
         raise SocialCircleError(
             f'{output} is a directory; give the name of a page, such as {output}/compare.html.'
         )
-    prepare(output.parent)
-    compared, refused = [], Counter[str]()
-    for item in _compared(recording, settings, tuple(topics), progress):
-        if isinstance(item, Refusal):
-            refused[item.reason] += 1
-        else:
-            compared.append(item)
-    if not compared:
-        raise RecordingError(f'{recording} has no cloud that both settings can filter. {" ".join(refused)}')
-    write_file(output, _page(recording.name, (first[0], second[0]), differing, settings, compared, refused))
+    with folder_of_results(output.parent):
+        compared, refused = [], Counter[str]()
+        for item in _compared(recording, settings, tuple(topics), progress):
+            if isinstance(item, Refusal):
+                refused[item.reason] += 1
+            else:
+                compared.append(item)
+        if not compared:
+            raise RecordingError(f'{recording} has no cloud that both settings can filter. {" ".join(refused)}')
+        write_file(output, _page(recording.name, (first[0], second[0]), differing, settings, compared, refused))
     return compared
 
 

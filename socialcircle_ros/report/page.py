@@ -3,7 +3,6 @@
 
 from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError, install_command
@@ -51,15 +50,3 @@ def environment() -> 'Environment':
         loader=PackageLoader(__package__), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-
-
-def prepare(folder: Path) -> None:
-    """Create the folder of the results. Call it before long work, so that a bad folder is reported at once.
-
-    Raises:
-        SocialCircleError: the folder cannot be created.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SocialCircleError(f'{folder} cannot be written: {error.strerror}; choose another folder.') from None

@@ -24,11 +24,11 @@ from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettings, RosValue
 from socialcircle_ros.settings.effects import has_effect
-from socialcircle_ros.storage import write_file
+from socialcircle_ros.storage import folder_of_results, write_file
 
 from .content import Banner, Cell, Column, Section, Table
 from .entry import ReportEntry, make_entry, value_text
-from .page import environment, prepare, render
+from .page import environment, render
 
 _READING = (
     'Sa, Sq, Sz, Ssk, Sku and Sdr follow ISO 25178-2; S-filter: none, F-operation: least squares plane, L-filter:'
@@ -123,23 +123,23 @@ def make_report(
     environment()
     if output.is_dir():
         raise SocialCircleError(f'{output} is a directory; give the name of a page, such as {output}/report.html.')
-    prepare(output.parent)
-    entries: list[ReportEntry] = []
-    refused: Counter[str] = Counter()
-    with open_recording(recording) as reader:
-        for found in _entries(reader, settings, tuple(topics), progress):
-            if isinstance(found, Refusal):
-                refused[found.reason] += 1
-            elif is_measurement_file(recording):
-                # The recording that it is read through gives it a topic and a stamp, which say nothing.
-                entries.append(replace(found, name=recording.name, stamp=0))
-            else:
-                entries.append(found)
-        damage = reader.damage
-    if not entries:
-        reasons = ' '.join([*refused, *([damage] if damage else [])]) or 'Its topics hold no message.'
-        raise RecordingError(f'{recording} has no cloud that can be filtered. {reasons}')
-    write_file(output, report_page(recording.name, entries, settings, refused, damage))
+    with folder_of_results(output.parent):
+        entries: list[ReportEntry] = []
+        refused: Counter[str] = Counter()
+        with open_recording(recording) as reader:
+            for found in _entries(reader, settings, tuple(topics), progress):
+                if isinstance(found, Refusal):
+                    refused[found.reason] += 1
+                elif is_measurement_file(recording):
+                    # The recording that it is read through gives it a topic and a stamp, which say nothing.
+                    entries.append(replace(found, name=recording.name, stamp=0))
+                else:
+                    entries.append(found)
+            damage = reader.damage
+        if not entries:
+            reasons = ' '.join([*refused, *([damage] if damage else [])]) or 'Its topics hold no message.'
+            raise RecordingError(f'{recording} has no cloud that can be filtered. {reasons}')
+        write_file(output, report_page(recording.name, entries, settings, refused, damage))
     return Report(output, entries, refused, damage)
 
 

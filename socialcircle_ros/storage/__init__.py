@@ -4,6 +4,7 @@
 Nothing here knows what a file holds; the rooms above write their recordings, reports and parameters with it.
 """
 
+from .folders import folder_of_results
 from .remote import file_system, is_url, reason_of
 from .signals import SignalExit, noted_signals
 from .space import Reserve, free_bytes, is_full
@@ -14,6 +15,7 @@ __all__ = [
     'SignalExit',
     'Unfinished',
     'file_system',
+    'folder_of_results',
     'free_bytes',
     'is_full',
     'is_url',

@@ -10,7 +10,6 @@ from pathlib import Path
 from socialcircle_ros.engine import Engine
 from socialcircle_ros.kernels.ordered import in_order
 from socialcircle_ros.pictures.style import new_figure
-from socialcircle_ros.report.page import prepare
 from socialcircle_ros.settings import (
     CircleSettings,
     FocusSettings,
@@ -19,7 +18,7 @@ from socialcircle_ros.settings import (
     StackSettings,
     yaml_text,
 )
-from socialcircle_ros.storage import write_file
+from socialcircle_ros.storage import folder_of_results, write_file
 
 from .clouds import CloudSource, SweptRecording, cached
 from .decision import decide
@@ -104,20 +103,20 @@ def run_sweep(
     as_given = {dimension.name: base[dimension.name] for dimension in search_space}
     others = [] if search else [values for values in grid(search_space) if values != as_given]
     _check_extras()
-    prepare(output)
-    clouds = cached((recorded := SweptRecording(recording, base, tuple(topics), max_clouds)).load)
-    fixed = {name: value for name, value in base.items() if name not in as_given}
-    fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
-    journal = TrialJournal(output / TRIALS, fingerprint, restart=restart)
-    resumed = len(journal.trials)
-    wanted = [as_given, *others]
-    varied, location = tuple(as_given), str(recording.absolute())
-    swept = SweptClouds(location, json.dumps(base), varied, tuple(topics), max_clouds, fingerprint)
-    with _trial_runner(swept, base, clouds, scheduler, started) as run:
-        _run_trials(journal, run, wanted, search_space, search, progress)
-    trials = _in_order_of(wanted, journal.trials)
-    result = _concluded(recording.name, search_space, base, trials, as_given, clouds, recorded, resumed)
-    _write_results(output, result, parameters, made_by)
+    with folder_of_results(output):
+        clouds = cached((recorded := SweptRecording(recording, base, tuple(topics), max_clouds)).load)
+        fixed = {name: value for name, value in base.items() if name not in as_given}
+        fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
+        wanted = [as_given, *others]
+        varied, location = tuple(as_given), str(recording.absolute())
+        swept = SweptClouds(location, json.dumps(base), varied, tuple(topics), max_clouds, fingerprint)
+        with _trial_runner(swept, base, clouds, scheduler, started) as run:
+            journal = TrialJournal(output / TRIALS, fingerprint, restart=restart)
+            resumed = len(journal.trials)
+            _run_trials(journal, run, wanted, search_space, search, progress)
+        trials = _in_order_of(wanted, journal.trials)
+        result = _concluded(recording.name, search_space, base, trials, as_given, clouds, recorded, resumed)
+        _write_results(output, result, parameters, made_by)
     return result
 
 

@@ -2,7 +2,6 @@
 """What the process loads from which workers are forked."""
 
 import importlib
-import runpy
 import sys
 import tempfile
 
@@ -12,9 +11,11 @@ pytest.importorskip('pyarrow')
 
 
 def test_a_temporary_folder_that_cannot_be_used_does_not_end_the_process(tmp_path, monkeypatch):
+    module = importlib.import_module('socialcircle_ros.archive.preload')
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path / 'none'))
-    module = runpy.run_module('socialcircle_ros.archive.preload')
-    assert 'do_task' in module
+    with pytest.raises(FileNotFoundError):
+        module._load_what_a_task_needs()
+    importlib.reload(module)
 
 
 def test_a_module_can_be_withheld_for_a_while():

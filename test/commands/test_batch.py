@@ -25,7 +25,12 @@ def test_it_filters_with_processes_of_its_own_and_tells_what_is_wrong(run, tmp_p
     assert '1 input: 0 filtered with 0 clouds, 1 done before; 0 failed, 0 damaged.' in again.out
 
 
-def test_an_input_that_is_missing_is_told_before_anything_starts(run):
-    done = run('batch', 'nights', '-o', 'out')
-    assert done.code == 1
-    assert done.err.strip() == 'Error: nights does not exist: check the name.'
+def test_what_cannot_start_is_told_and_leaves_nothing(run, tmp_path):
+    missing = run('batch', 'nights', '-o', 'out/new')
+    assert missing.code == 1
+    assert missing.err.strip() == 'Error: nights does not exist: check the name.'
+    recorded(tmp_path / 'a.mcap', clouds=1)
+    alone = run('batch', 'a.mcap', '-o', 'out/new', '--scheduler', 'none.json')
+    assert alone.code == 1
+    assert 'Error: No Dask scheduler answers at none.json' in alone.err
+    assert list(tmp_path.iterdir()) == [tmp_path / 'a.mcap']

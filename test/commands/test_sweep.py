@@ -183,6 +183,10 @@ def test_a_focus_parameter_makes_the_cloud_of_a_stack_anew(run, tmp_path):
         ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-p', 'circle.radius:=-1'], 'circle.radius'),
         ([BAGS / 'stack.mcap', '--param', 'circle.window=3'], 'stack.pitch_x is not set'),
         ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-o', 'other'], 'holds trials on other clouds'),
+        (
+            [BAGS / 'padded.mcap', '--param', 'circle.window=3', '--scheduler', 'none.json'],
+            'No Dask scheduler answers',
+        ),
     ],
 )
 def test_an_error_is_one_sentence(run, tmp_path, arguments, sentence):
@@ -192,3 +196,4 @@ def test_an_error_is_one_sentence(run, tmp_path, arguments, sentence):
     assert done.code == 1, done.err
     assert sentence in done.err
     assert 'Traceback' not in done.err
+    assert not (tmp_path / 'out').exists()
