@@ -13,7 +13,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from socialcircle_ros.settings.plain_yaml import load_plain_yaml
 
 _DEFAULT_DEPTH = 10
-_RECORDING_DEPTH = 100
+RECORDING_DEPTH = 100
+"""Messages of a topic that may wait until a recorder takes them."""
 
 
 class _RecordedProfile(TypedDict):
@@ -62,7 +63,7 @@ def recording_qos(publishers: Sequence[TopicEndpointInfo]) -> QoSProfile:
     all_reliable = all(profile.reliability == ReliabilityPolicy.RELIABLE for profile in profiles)
     all_latched = all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)
     return QoSProfile(
-        depth=_RECORDING_DEPTH,
+        depth=RECORDING_DEPTH,
         reliability=ReliabilityPolicy.RELIABLE if all_reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if all_latched else DurabilityPolicy.VOLATILE,
     )

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import rclpy
 from rclpy.context import Context
@@ -17,14 +18,15 @@ from rclpy.signals import SignalHandlerOptions
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.node.lost_messages import LostMessages
-from socialcircle_ros.node.rclpy_internals import TakenMessage, listen
-from socialcircle_ros.recording import RecordingWriter, ros_topic
+from socialcircle_ros.node.rclpy_internals import MessageInput, TakenMessage, listen, take
+from socialcircle_ros.recording import Message, RecordingWriter, ros_topic
 from socialcircle_ros.recording.mcap_output import LAST_TIME
 from socialcircle_ros.recording.mcap_writer import Compression
+from socialcircle_ros.recording.overlap import WriterBehind
 from socialcircle_ros.storage import free_bytes, noted_signals
 
 from .message_types import message_class
-from .qos import recorded_text, recording_qos
+from .qos import RECORDING_DEPTH, recorded_text, recording_qos
 
 _LOOK_PERIOD_S = 0.2  # between two looks at the graph for new topics
 _DISK_PERIOD_S = 0.2  # between two looks at the free space
@@ -63,7 +65,7 @@ class Recorder(Node):
     Args:
         writer: where to write.
         topics: which topics.
-        received: called with the topic of each message after it was written.
+        received: called with the topic of each message that was handed to the writer.
         lost: called with a topic and the number of its messages that were published but did not arrive.
         context: the ROS context; None: the default one.
 
@@ -73,7 +75,7 @@ class Recorder(Node):
 
     def __init__(
         self,
-        writer: RecordingWriter,
+        writer: WriterBehind,
         topics: TopicChoice,
         received: Callable[[str], None] = lambda topic: None,
         lost: Callable[[str, int], None] = lambda topic, count: None,
@@ -86,6 +88,7 @@ class Recorder(Node):
         self._received = received
         self._lost = lost
         self._recorded: set[str] = set()
+        self._inputs: list[tuple[MessageInput, Callable[[TakenMessage], None]]] = []
         self.subscribe_to_new_topics()
         self.create_timer(_LOOK_PERIOD_S, self.subscribe_to_new_topics)
 
@@ -94,6 +97,15 @@ class Recorder(Node):
         for name, types in self.get_topic_names_and_types():
             if self._is_wanted(name) and name not in self._recorded and name not in self.refused:
                 self._subscribe(name, types[0])
+
+    def take_waiting(self) -> None:
+        """Write the messages that have arrived and were not taken yet, one of each topic in turn.
+
+        While they are written others may arrive; of each topic as many are taken as can wait at once.
+        """
+        waiting = self._inputs
+        for _ in range(RECORDING_DEPTH):
+            waiting = [each for each in waiting if _take_one(*each)]
 
     def _is_wanted(self, name: str) -> bool:
         return self._topics.holds(name, self.resolve_topic_name)
@@ -113,7 +125,9 @@ class Recorder(Node):
             return
         lost = LostMessages(lambda count: self._lost(name, count))
         qos = recording_qos(publishers)
-        listen(self, message_type, name, self._write_to(name, lost), qos_profile=qos, event_callbacks=lost)
+        write = self._write_to(name, lost)
+        messages = listen(self, message_type, name, write, qos_profile=qos, event_callbacks=lost)
+        self._inputs.append((messages, write))
         self._recorded.add(name)
 
     def _write_to(self, topic: str, lost: LostMessages) -> Callable[[TakenMessage], None]:
@@ -124,10 +138,20 @@ class Recorder(Node):
             lost.arrived(taken)
             # A publisher with a wrong clock may send any number, which must not end the recording.
             published = taken.published_ns if 0 < taken.published_ns <= LAST_TIME else now
-            self._writer.write(topic, taken.message, now, published)
+            # The annotation of a message says bytes, as readers give it; any buffer is written.
+            self._writer.write(Message(topic, cast('bytes', taken.message), now, published, 0))
             self._received(topic)
 
         return write
+
+
+def _take_one(messages: MessageInput, write: Callable[[TakenMessage], None]) -> bool:
+    """Take and write the next message of a topic; False if there is none."""
+    taken = take(messages.subscription)
+    if taken is None:
+        return False
+    write(taken)
+    return True
 
 
 @dataclass(frozen=True)
@@ -160,7 +184,8 @@ def record_topics(
     """Record topics from a node of its own, until Ctrl-C or for a given time.
 
     Whatever ends it, the recording is complete and holds all messages before: Ctrl-C, SIGTERM, SIGHUP, a full
-    disk, an error. The node uses the default context of rclpy, which must not be in use.
+    disk, an error. Messages that have arrived by then, and only wait to be written, are recorded as well. The node
+    uses the default context of rclpy, which must not be in use.
 
     Args:
         path: an MCAP file if its name ends in `.mcap`, else a rosbag2 directory.
@@ -198,9 +223,9 @@ def record_topics(
             return noted.first is None and time.monotonic() < end
 
         try:
-            with writer:
+            with writer, WriterBehind(writer, bundle=1) as behind:
                 _record(
-                    writer,
+                    behind,
                     topics or TopicChoice(),
                     lambda topic: counts.update([topic]),
                     lambda topic, count: lost.update({topic: count}),
@@ -217,7 +242,7 @@ def record_topics(
 
 
 def _record(
-    writer: RecordingWriter,
+    writer: WriterBehind,
     topics: TopicChoice,
     received: Callable[[str], None],
     lost: Callable[[str, int], None],
@@ -231,7 +256,9 @@ def _record(
         executor.add_node(recorder)
         try:
             while goes_on(recorder):
+                writer.check()
                 executor.spin_once(timeout_sec=_LOOK_PERIOD_S)
+            recorder.take_waiting()
         except ExternalShutdownException:
             pass
         finally:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading ahead and writing behind on threads of their own, so that two cores work on a recording.
 
-Checksums and file access take as long as the filter. Small messages pass between the threads in bundles.
+Checksums and file access take as long as the filter, or as receiving a message. Small messages pass between the
+threads in bundles.
 """
 
 import zlib
@@ -10,10 +11,10 @@ from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from .large_chunks import LARGE
-from .topics import CheckedMessage, Message
+from .topics import CheckedMessage, Message, Topic
 from .writer import RecordingWriter
 
-_BUNDLE = 1 << 20
+BUNDLE = 1 << 20
 """Least size of a bundle of messages, in bytes."""
 
 _WAITING_BYTES = 64 << 20
@@ -53,17 +54,34 @@ class WriterBehind:
     An error of writing is raised by one of the next calls, or at the end of the `with` block.
 
     Args:
-        writer: the recording; no other code writes to it meanwhile.
+        writer: the recording; no other code uses it meanwhile.
+        bundle: bytes from which messages are handed to the thread; 1: each message at once.
     """
 
-    def __init__(self, writer: RecordingWriter) -> None:
+    def __init__(self, writer: RecordingWriter, bundle: int = BUNDLE) -> None:
         self._writer = writer
+        self._least = bundle
         self._pool = ThreadPoolExecutor(1, 'write_behind')
         self._checksums = ThreadPoolExecutor(1, 'checksum')
         self._bundle: list[tuple[Message, _Checksum]] = []
         self._size = 0
         self._waiting: deque[tuple[Future[None], int]] = deque()
         self._waiting_bytes = 0
+
+    @property
+    def closed(self) -> bool:
+        """Whether the recording has ended, after an error."""
+        return self._writer.closed
+
+    def add_topic(self, topic: Topic) -> None:
+        """Add a topic, as `RecordingWriter.add_topic`, after the messages that wait."""
+        self._hand_over()
+        self._pool.submit(self._writer.add_topic, topic).result()
+
+    def check(self) -> None:
+        """Raise the error of a message that could not be written, if there is one."""
+        while self._waiting and self._waiting[0][0].done():
+            self._await_first()
 
     def write(self, message: Message) -> None:
         """Write one message, as `RecordingWriter.write`."""
@@ -73,8 +91,9 @@ class WriterBehind:
             job = self._checksums.submit(zlib.crc32, message.data)
         self._bundle.append((message, job or checksum))
         self._size += len(message.data)
-        if self._size >= _BUNDLE:
+        if self._size >= self._least:
             self._hand_over()
+            self.check()
             while len(self._waiting) > _ALWAYS_WAITING and self._waiting_bytes > _WAITING_BYTES:
                 self._await_first()
 
@@ -89,6 +108,8 @@ class WriterBehind:
                     self._await_first()
 
     def _hand_over(self) -> None:
+        if not self._bundle:
+            return
         self._waiting.append((self._pool.submit(self._write, self._bundle), self._size))
         self._waiting_bytes += self._size
         self._bundle, self._size = [], 0
@@ -106,13 +127,13 @@ class WriterBehind:
 
 
 def _bundle(messages: Iterator[Message]) -> tuple[list[Message], BaseException | None]:
-    """Messages of `_BUNDLE` bytes in sum, or those up to the end or an error."""
+    """Messages of `BUNDLE` bytes in sum, or those up to the end or an error."""
     bundle, size = [], 0
     try:
         for message in messages:
             bundle.append(message)
             size += len(message.data)
-            if size >= _BUNDLE:
+            if size >= BUNDLE:
                 break
     except BaseException as error:  # noqa: BLE001 - raised where it belongs
         return bundle, error

@@ -2,19 +2,28 @@
 """The recorder: its warning before the disk is full, and what it keeps after an error."""
 
 import re
+import signal
 from types import SimpleNamespace
 
 import pytest
+import rclpy
 from click.testing import CliRunner
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.serialization import deserialize_message
 from recording.samples import read
+from sensor_msgs.msg import Image
 from storage.disks import fill, small_disk
 
 from socialcircle_ros.clients import recorder
+from socialcircle_ros.clients.qos import reliable
 from socialcircle_ros.clients.recorder import Recorder, TopicChoice, record_topics
 from socialcircle_ros.commands.record import command
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.node.rclpy_internals import TakenMessage
-from socialcircle_ros.recording import ros_topic
+from socialcircle_ros.recording import Message, ros_topic
+
+RECORDED = Message('/points', b'recorded', 1_700_000_000_000_000_000, 1_700_000_000_000_000_000, 0)
 
 
 def test_a_disk_with_little_space_is_told_once_and_again_after_it_had_more(tmp_path, monkeypatch):
@@ -41,9 +50,10 @@ def test_a_disk_that_cannot_be_looked_at_ends_nothing(tmp_path):
 
 def test_a_topic_that_comes_when_the_disk_is_full_ends_the_recording(tmp_path, monkeypatch):
     def subscribe(node):
-        if not node._writer.message_count:
+        if '/points' not in node._recorded:
+            node._recorded.add('/points')
             node._writer.add_topic(ros_topic('/points', 'sensor_msgs/msg/PointCloud2'))
-            node._writer.write('/points', b'recorded', 1_700_000_000_000_000_000)
+            node._writer.write(RECORDED)
             fill(disk)
         monkeypatch.setattr(node, 'get_publishers_info_by_topic', lambda name: [object()])
         for number in range(1000):
@@ -74,9 +84,11 @@ def test_messages_that_did_not_arrive_are_counted_and_told(tmp_path, monkeypatch
         for number in (3, 4, 7):
             callback(TakenMessage(memoryview(b'a cloud'), b'source', number, 5))
         options['event_callbacks'].message_lost(SimpleNamespace(total_count=1, total_count_change=1))
+        return SimpleNamespace(subscription=None)
 
     topics = [('/points', ['sensor_msgs/msg/PointCloud2'])]
     monkeypatch.setattr(recorder, 'listen', listen)
+    monkeypatch.setattr(recorder, 'take', lambda subscription: None)
     monkeypatch.setattr(recorder, 'recorded_text', lambda publishers: '')
     monkeypatch.setattr(recorder, 'recording_qos', lambda publishers: 1)
     monkeypatch.setattr(Recorder, 'get_topic_names_and_types', lambda node: topics)
@@ -90,11 +102,43 @@ def test_messages_that_did_not_arrive_are_counted_and_told(tmp_path, monkeypatch
     assert damage is None
 
 
+def test_messages_that_wait_when_the_recording_ends_are_recorded(tmp_path):
+    context = Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('source', context=context)
+    publishers = [node.create_publisher(Image, name, reliable(50)) for name in ('/a', '/b')]
+    numbers = iter(range(1, 1000))
+    ended = False
+
+    def publish_and_end(_, topics):
+        nonlocal ended
+        if ended:
+            return
+        for _ in range(1 if topics < 2 else 20):
+            for publisher in publishers:
+                publisher.publish(Image(height=next(numbers)))
+        if topics == 2:
+            assert all(publisher.wait_for_all_acked(Duration(seconds=20)) for publisher in publishers)
+            ended = True
+            signal.raise_signal(signal.SIGINT)
+
+    try:
+        recorded = record_topics(tmp_path / 'a.mcap', TopicChoice(['/a', '/b']), progress=publish_and_end)
+    finally:
+        context.shutdown()
+    messages, damage = read(tmp_path / 'a.mcap')
+    heights = [deserialize_message(message.data, Image).height for message in messages]
+    last = next(numbers) - 1
+    assert sorted(heights)[-40:] == list(range(last - 39, last + 1))
+    assert len(messages) == recorded.counts.total()
+    assert (recorded.lost.total(), damage) == (0, None)
+
+
 @pytest.mark.parametrize('name', ['night.mcap', 'night'])
 def test_an_error_keeps_what_was_recorded_and_is_one_sentence(tmp_path, name, monkeypatch):
     def record(node):
         node._writer.add_topic(ros_topic('/points', 'sensor_msgs/msg/PointCloud2'))
-        node._writer.write('/points', b'recorded', 1_700_000_000_000_000_000)
+        node._writer.write(RECORDED)
         raise ZeroDivisionError('a fault')
 
     monkeypatch.setattr(Recorder, 'subscribe_to_new_topics', record)

@@ -47,6 +47,9 @@ def test_fast_dds_complains_about_a_profile_that_it_cannot_use(tmp_path):
     assert 'XML' in complaints_about(wrong)
 
 
+FRAGMENT = 64_000  # bytes, about
+
+
 @pytest.mark.parametrize(
     ('given', 'version', 'expected'),
     [
@@ -67,7 +70,11 @@ def test_the_profile_is_set_for_jazzy_or_kilted_unless_a_person_has_chosen(given
     assert [os.environ.get(name) for name in variables] == expected
 
 
-def test_both_profiles_have_the_same_shared_memory():
-    segment = '<segment_size>67108864</segment_size>'
-    assert segment in PROFILE.read_text()
-    assert segment in NETWORK_PROFILE.read_text()
+@pytest.mark.parametrize('profile', [PROFILE, NETWORK_PROFILE, FAST_DDS_3])
+def test_all_profiles_have_the_same_shared_memory_and_a_queue_for_all_fragments_in_it(profile):
+    text = profile.read_text()
+    segment, queue = (
+        int(re.search(f'<{name}>([0-9]+)<', text).group(1)) for name in ('segment_size', 'port_queue_capacity')
+    )
+    assert segment == 64 << 20
+    assert queue * FRAGMENT > segment

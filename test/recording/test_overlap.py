@@ -22,7 +22,8 @@ def messages(count, size=10):
 @pytest.fixture(params=[1, 25, 1 << 20])
 def bundle(request, monkeypatch):
     """Bytes of a bundle: every message by itself, some together, all together."""
-    monkeypatch.setattr(overlap, '_BUNDLE', request.param)
+    monkeypatch.setattr(overlap, 'BUNDLE', request.param)
+    return request.param
 
 
 @pytest.mark.usefixtures('bundle')
@@ -45,7 +46,7 @@ def test_what_reading_raises_comes_behind_the_messages_before_it():
 
 
 def test_the_next_messages_are_read_while_the_last_are_worked_on(monkeypatch):
-    monkeypatch.setattr(overlap, '_BUNDLE', 1)
+    monkeypatch.setattr(overlap, 'BUNDLE', 1)
     second_was_read = threading.Event()
 
     def source():
@@ -68,16 +69,16 @@ def test_reading_may_be_left_off():
     assert list(stream) == []
 
 
-@pytest.mark.usefixtures('bundle')
-def test_what_is_written_behind_is_in_the_recording_in_its_order(tmp_path):
+def test_what_is_written_behind_is_in_the_recording_in_its_order(tmp_path, bundle):
     path = tmp_path / 'a.mcap'
-    with RecordingWriter(path) as writer:
-        writer.add_topic(TOPIC)
-        with WriterBehind(writer) as behind:
-            for message in messages(40):
-                behind.write(message)
+    with RecordingWriter(path) as writer, WriterBehind(writer, bundle) as behind:
+        behind.add_topic(TOPIC)
+        for message in messages(40):
+            behind.write(message)
+        behind.add_topic(ros_topic('/later', 'sensor_msgs/msg/PointCloud2'))
+        behind.write(Message('/later', b'', 40, 40, 40))
     with open_recording(path) as reader:
-        assert list(reader.messages()) == messages(40)
+        assert list(reader.messages()) == [*messages(40), Message('/later', b'', 40, 40, 40)]
 
 
 def test_large_messages_are_written_behind_as_they_are_written_at_once(tmp_path):
@@ -101,7 +102,6 @@ def test_large_messages_are_written_behind_as_they_are_written_at_once(tmp_path)
 
 
 def test_few_messages_wait_for_a_slow_disk(monkeypatch):
-    monkeypatch.setattr(overlap, '_BUNDLE', 1)
     monkeypatch.setattr(overlap, '_WAITING_BYTES', 30)
     accepted = written = most = 0
     full = threading.Event()
@@ -113,7 +113,7 @@ def test_few_messages_wait_for_a_slow_disk(monkeypatch):
             most = max(most, accepted - written)
             written += 1
 
-    with WriterBehind(SlowWriter()) as behind:
+    with WriterBehind(SlowWriter(), bundle=1) as behind:
         for message in messages(40):
             accepted += 1
             if accepted == 4:  # this one is more than may wait
@@ -123,16 +123,26 @@ def test_few_messages_wait_for_a_slow_disk(monkeypatch):
     assert 4 <= most <= 5  # those that wait, and the one that the caller is about to hand over
 
 
-@pytest.mark.usefixtures('bundle')
-def test_what_writing_raises_ends_the_block(tmp_path):
+def test_what_writing_raises_ends_the_block(tmp_path, bundle):
     def write():
-        with RecordingWriter(tmp_path / 'a.mcap') as writer, WriterBehind(writer) as behind:
+        with RecordingWriter(tmp_path / 'a.mcap') as writer, WriterBehind(writer, bundle) as behind:
             for message in messages(40):
                 behind.write(message)  # its topic was not added
 
     with pytest.raises(RecordingError, match='add the topic'):
         write()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_writing_raised_is_told_without_a_further_message(tmp_path):
+    def write():
+        with RecordingWriter(tmp_path / 'a.mcap') as writer, WriterBehind(writer, bundle=1) as behind:
+            behind.write(messages(1)[0])  # its topic was not added
+            while True:
+                behind.check()
+
+    with pytest.raises(RecordingError, match='add the topic'):
+        write()
 
 
 def test_after_an_error_of_the_caller_nothing_is_left(tmp_path):
