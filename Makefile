@@ -66,8 +66,10 @@ test: $(ALL)
 	@$(BIN)/socialcircle warm-up  # once, lest each test process compile the same kernels
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
+test-oldest: export NUMBA_CACHE_DIR := $(CURDIR)/.venv-oldest/kernels
 test-oldest: $(OLDEST)
-	NUMBA_CACHE_DIR=$(CURDIR)/.venv-oldest/kernels .venv-oldest/bin/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
+	@.venv-oldest/bin/socialcircle warm-up
+	.venv-oldest/bin/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
 test-install: $(ALL)
 	SOCIALCIRCLE_INSTALL_TESTS=1 $(BIN)/python -m pytest test/deploy

@@ -34,6 +34,9 @@ _LEAST_BIN = 2
 _COARSE = 10
 """Half-width of the window whose mean is subtracted from the copies: uneven light is not texture."""
 
+_LEAST_PIXELS = 100
+"""Thinned pixels that two copies must have in common to be compared."""
+
 _MOST_TURNS = 12
 _ENOUGH = 0.003
 """The fit ends where it moves the corner of the frame by less, in thinned pixels."""
@@ -268,23 +271,21 @@ def _fit(
     down = np.asarray(np.gradient(one, axis=0), np.float32)
     right = np.asarray(np.gradient(one, axis=1), np.float32)
     found, scale = start.astype(np.float64), 1.0
-    sums = np.zeros(13)
+    correlation = 0.0
+    matrix, side = np.zeros((3, 3)), np.zeros(3)
     for _ in range(_MOST_TURNS):
-        _add_up(one, other, down, right, found, scale, sums)
-        count, square = sums[12], sums[9]
-        if count < 100:
+        pixels, squares, correlation = _add_up(one, other, down, right, found, scale, matrix, side)
+        if pixels < _LEAST_PIXELS:
             return None
-        scale = math.sqrt(square / count)
-        matrix = np.array([sums[[0, 1, 2]], sums[[1, 3, 4]], sums[[2, 4, 5]]])
-        values, vectors = np.linalg.eigh(matrix)
+        scale = math.sqrt(squares / pixels)
+        values, vectors = np.linalg.eigh(matrix)  # which reads the lower half
         known = scale / np.sqrt(np.maximum(values, 1e-12)) < _MOST_ERROR
         if not known.any():
             return None
-        step = vectors[:, known] @ ((vectors[:, known].T @ sums[6:9]) / values[known])
+        step = vectors[:, known] @ ((vectors[:, known].T @ side) / values[known])
         found -= step
         if np.abs(step).sum() < _ENOUGH:
             break
-    correlation = sums[10] / math.sqrt(max(sums[11] * count, 1e-12))
     if not (correlation >= _LEAST_CORRELATION and np.abs(found).max() < min(one.shape) / 4):
         return None
     return found
@@ -298,8 +299,9 @@ def _add_up(
     right: NDArray[np.float32],
     motion: NDArray[np.float64],
     scale: float,
-    sums: NDArray[np.float64],
-) -> None:
+    matrix: NDArray[np.float64],
+    side: NDArray[np.float64],
+) -> tuple[int, float, float]:
     """Add up the normal equations of the least squares, and what the fit is judged by.
 
     Args:
@@ -309,14 +311,18 @@ def _add_up(
         right: (h, w), along x.
         motion: (3,), see `_fit`.
         scale: of the differences; larger ones weigh less.
-        sums: (13,), written: the upper half of the matrix, the right side (3), the squared differences, the
-            product of both, the square of `other`, and the number of pixels.
+        matrix: (3, 3), of the normal equations; its lower half is written.
+        side: (3,), their right side, written.
+
+    Returns:
+        The number of pixels that both copies have, the sum of their squared differences, and their correlation.
     """
     height, width = one.shape
     half = max(height, width) / 2
     middle_y, middle_x = (height - 1) / 2, (width - 1) / 2
-    sums[:] = 0
-    product, other_square, one_square, count = 0.0, 0.0, 0.0, 0
+    matrix[:] = 0
+    side[:] = 0
+    squares, product, other_square, one_square, count = 0.0, 0.0, 0.0, 0.0, 0
     for row in range(1, height - 1):
         v = (row - middle_y) / half
         y = row + motion[0] + motion[2] * v
@@ -341,22 +347,22 @@ def _add_up(
             gy, gx = down[row, column], right[row, column]
             out = gy * v + gx * u
             wy, wx, wo = weight * gy, weight * gx, weight * out
-            sums[0] += wy * gy
-            sums[1] += wy * gx
-            sums[2] += wy * out
-            sums[3] += wx * gx
-            sums[4] += wx * out
-            sums[5] += wo * out
-            sums[6] += wy * difference
-            sums[7] += wx * difference
-            sums[8] += wo * difference
-            sums[9] += difference * difference
+            matrix[0, 0] += wy * gy
+            matrix[1, 0] += wy * gx
+            matrix[2, 0] += wy * out
+            matrix[1, 1] += wx * gx
+            matrix[2, 1] += wx * out
+            matrix[2, 2] += wo * out
+            side[0] += wy * difference
+            side[1] += wx * difference
+            side[2] += wo * difference
+            squares += difference * difference
             product += value * here
             other_square += value * value
             one_square += here * here
             count += 1
-    sums[10], sums[12] = product, count
-    sums[11] = other_square * one_square / max(count, 1)
+    power = other_square * one_square / max(count, 1)
+    return count, squares, product / math.sqrt(max(power * count, 1e-12))
 
 
 @kernel
