@@ -6,8 +6,10 @@ import importlib.util
 import json
 import multiprocessing
 import multiprocessing.forkserver
+import multiprocessing.resource_tracker
 import os
 import platform
+import signal
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -20,6 +22,7 @@ from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.kernels.machine import usable_cores
 from socialcircle_ros.kernels.memory import keep_freed_memory
+from socialcircle_ros.storage import raised_signals
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -56,6 +59,7 @@ class Engine(Generic[Item, Result]):
         if importlib.util.find_spec('distributed') is None:
             raise SocialCircleError(f'This needs Dask: {install_command("batch")}.')
         with ExitStack() as started:
+            started.enter_context(raised_signals())
             if scheduler is None:
                 started.enter_context(_one_thread_each())
                 _start_fork_server(preload)  # imports on another core while this process imports Dask
@@ -206,10 +210,16 @@ def _one_thread_each() -> Iterator[None]:
 def _start_fork_server(preload: Sequence[str]) -> None:
     """Start the process from which those of the workers are forked, if there is none.
 
-    A forked process has all modules at once; a new one imports them for seconds.
+    A forked process has all modules at once; a new one imports them for seconds. A terminal sends Ctrl-C to all of
+    them, but this process alone acts on it, and ends the others.
     """
     multiprocessing.get_context('forkserver').set_forkserver_preload(['distributed.nanny', *preload])
-    multiprocessing.forkserver.ensure_running()
+    multiprocessing.resource_tracker.ensure_running()  # which would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # the processes inherit it
+    try:
+        multiprocessing.forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _call(function: Callable[[Item], Result], version: str, item: Item) -> Result:

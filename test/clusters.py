@@ -10,11 +10,11 @@ from contextlib import contextmanager
 
 @contextmanager
 def cluster_in_this_process():
-    """The address of a scheduler with one worker, in threads of this process."""
+    """The address of a scheduler with one worker, in threads of this process; other processes can use it too."""
     import distributed
 
     cluster = distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
+        n_workers=1, threads_per_worker=1, processes=False, protocol='tcp', dashboard_address=None, silence_logs=50
     )
     with cluster:
         yield cluster.scheduler_address

@@ -6,7 +6,7 @@ Nothing here knows what a file holds; the rooms above write their recordings, re
 
 from .folders import folder_of_results
 from .remote import file_system, is_url, reason_of
-from .signals import SignalExit, noted_signals
+from .signals import SignalExit, noted_signals, raised_signals
 from .space import Reserve, free_bytes, is_full
 from .unfinished import Unfinished, kind_of_target, open_in_place, remove_leftovers, write_file
 
@@ -22,6 +22,7 @@ __all__ = [
     'kind_of_target',
     'noted_signals',
     'open_in_place',
+    'raised_signals',
     'reason_of',
     'remove_leftovers',
     'write_file',

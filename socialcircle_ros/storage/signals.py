@@ -77,6 +77,16 @@ raising = _Raising()
 
 
 @contextmanager
+def raised_signals() -> Iterator[None]:
+    """Raise SIGTERM and SIGHUP as SignalExit in the block, so that what it has started is ended."""
+    begun = raising.begin()
+    try:
+        yield
+    finally:
+        raising.end(begun=begun)
+
+
+@contextmanager
 def noted_signals(*numbers: signal.Signals) -> Iterator[NotedSignal]:
     """Note signals instead of acting on them, so that a loop can look for them between two steps.
 

@@ -1,6 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle batch`."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import pytest
 from archive.archives import recorded
 
@@ -23,6 +30,44 @@ def test_it_filters_with_processes_of_its_own_and_tells_what_is_wrong(run, tmp_p
     again = run('batch', 'cell7', '-o', 'out', *names)
     assert again.code == 0, again.err
     assert '1 input: 0 filtered with 0 clouds, 1 done before; 0 failed, 0 damaged.' in again.out
+
+
+def test_ctrl_c_in_a_terminal_ends_all_processes_and_the_same_command_continues(run, tmp_path):
+    for number in range(24):
+        recorded(tmp_path / f'nights/{number}.mcap', seed=number, clouds=6)
+    command = ('batch', 'nights', '-o', 'out', '--no-recordings', '--workers', '2')
+    client = subprocess.Popen(
+        [sys.executable, '-m', 'socialcircle_ros.commands.main', *command],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    while client.poll() is None and not list(tmp_path.glob('out/inputs/*.json')):
+        time.sleep(0.02)
+    os.killpg(client.pid, signal.SIGINT)  # a terminal sends it to all processes of a command
+    told = client.communicate(timeout=300)[1]
+    assert client.returncode == 130, told
+    assert 'Stopped.' in told
+    assert 'Traceback' not in told
+    while processes_of_session(client.pid):
+        time.sleep(0.02)
+    done = len(list(tmp_path.glob('out/inputs/*.json')))
+    again = run(*command, timeout=300)
+    assert f'24 inputs: {24 - done} filtered' in again.out
+    assert f'{done} done before; 0 failed' in again.out
+
+
+def processes_of_session(session):
+    found = []
+    for path in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            state, _, _, its_session = path.read_text().rpartition(')')[2].split()[:4]
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if int(its_session) == session and state != 'Z':
+            found.append(path)
+    return found
 
 
 def test_what_cannot_start_is_told_and_leaves_nothing(run, tmp_path):

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from clusters import cluster_in_this_process
 
 pytest.importorskip('matplotlib')
 pytest.importorskip('optuna')
@@ -157,6 +158,16 @@ def test_a_search_needs_no_step(run, tmp_path):
     more = run(*search, '--search', '8')
     assert '6 trials of an earlier run' in more.err
     assert len(rows_of(tmp_path / 'out/sweep')) == 8
+
+
+def test_a_search_runs_on_a_cluster_as_well(run, tmp_path):
+    pytest.importorskip('distributed')
+    search = ('--param', 'circle.radius_scale=0.5:3', '--param', 'circle.window=3,5', '--search', '5')
+    with cluster_in_this_process() as scheduler:
+        done = run('sweep', BAGS / 'padded.mcap', *search, '--scheduler', scheduler)
+    assert done.code == 0, done.err
+    assert '5 trials on 2 clouds' in done.out
+    assert len(rows_of(tmp_path / 'out/sweep')) == 5
 
 
 def test_a_focus_parameter_makes_the_cloud_of_a_stack_anew(run, tmp_path):

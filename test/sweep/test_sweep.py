@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import pytest
 import yaml
-from clusters import cluster_in_this_process, cluster_of_processes
+from clusters import cluster_of_processes
 from sweep.sweep_examples import BASE
 
 import socialcircle_ros
@@ -118,15 +118,6 @@ class TestCluster:
         alone = swept('alone')
         assert timeless(result) == timeless(alone)
         assert len(result.trials) == 14
-
-    def test_a_search_runs_there_as_well(self, tmp_path):
-        pytest.importorskip('distributed')
-        space = [Range('circle.radius_scale', 0.5, 3), Choice('circle.window', [3, 5])]
-        with cluster_in_this_process() as scheduler:
-            result = socialcircle_ros.run_sweep(
-                BAGS / 'padded.mcap', space, tmp_path, search=5, scheduler=scheduler
-            )
-        assert len(result.trials) == 5
 
 
 def timeless(result):
