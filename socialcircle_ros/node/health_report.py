@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
+from socialcircle_ros.interface import STACK_FRAMES
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.diagnostics import Status
 
@@ -43,6 +44,8 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
     listening = bool(now.subscriptions)
     topic = now.subscriptions[0][0].topic_name if listening else ''
     publishers = node.get_publishers_info_by_topic(topic) if listening else []
+    frames = [heard.topic_name for heard, kind in now.subscriptions if kind == STACK_FRAMES.type]
+    frames_come = any(node.get_publishers_info_by_topic(name) for name in frames)
     unheard = [
         sentence
         for heard, kind in now.subscriptions
@@ -78,8 +81,11 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
         message = SILENT.format(
             names=names, topic=topic, seconds=silent_s, profile=PROFILE, network_profile=NETWORK_PROFILE.name
         )
+    elif not publishers and frames_come:
+        level, message = diagnostics.OK, 'Frames are measured as they come.'
     elif not publishers:
-        level, message = diagnostics.OK, f'Waiting: no node publishes on {topic} yet.'
+        inputs = ' or '.join([topic, *frames])
+        level, message = diagnostics.OK, f'Waiting: no node publishes on {inputs} yet.'
     else:
         level, message = diagnostics.OK, 'Clouds are filtered as they come.'
     status = Status(level, f'{now.name.strip("/")}: filter', message, now.name, values)

@@ -1,8 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the diagnostics tell of the last stack."""
+"""What the diagnostics tell of the last stack, and of what comes to the node."""
+
+import types
+from typing import NamedTuple
+
+import pytest
+from rclpy.qos import QoSProfile
 
 from socialcircle_ros.focus import Registered
+from socialcircle_ros.interface import POINTS, STACK_FRAMES, STACK_JOINT_STATES
 from socialcircle_ros.node.health import Health
+from socialcircle_ros.node.health_report import NodeState, health_status
 
 
 def test_the_drift_of_the_last_stack_is_shown_where_it_is_known():
@@ -24,3 +32,46 @@ def test_what_was_registered_is_shown_where_it_was_asked_for():
         values = health.values('active', None, None, None)
         shown.append((values.get('stack_registered_px'), values.get('stack_registered_magnification')))
     assert shown == [('3.14', '1.02123'), (None, None)]
+
+
+class Heard(NamedTuple):
+    """A subscription or a publisher, as the report reads it."""
+
+    topic_name: str
+    topic_type: str
+    qos_profile: QoSProfile
+    node_namespace: str = '/'
+    node_name: str = 'player'
+
+
+def sentence_where(*topics):
+    """The node's sentence while another node publishes on some of its topics."""
+    heard = [Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)) for each in topics]
+    node = types.SimpleNamespace(
+        get_publishers_info_by_topic=lambda name: [each for each in heard if each.topic_name == name],
+        get_node_names_and_namespaces=lambda: [('social_circle', '/cell')],
+        get_namespace=lambda: '/cell',
+        get_name=lambda: 'social_circle',
+    )
+    inputs = (POINTS, STACK_FRAMES, STACK_JOINT_STATES)
+    subscriptions = tuple(
+        (Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)), each.type) for each in inputs
+    )
+    state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, 0.0, '')
+    status, complaint = health_status(node, state, Health())
+    assert complaint == ''
+    return status.message
+
+
+@pytest.mark.parametrize(
+    ('published', 'sentence'),
+    [
+        ((), 'Waiting: no node publishes on /cell/points or /cell/stack/image yet.'),
+        ((STACK_JOINT_STATES,), 'Waiting: no node publishes on /cell/points or /cell/stack/image yet.'),
+        ((STACK_FRAMES, STACK_JOINT_STATES), 'Frames are measured as they come.'),
+        ((POINTS,), 'Clouds are filtered as they come.'),
+        ((POINTS, STACK_FRAMES), 'Clouds are filtered as they come.'),
+    ],
+)
+def test_the_sentence_tells_what_comes(published, sentence):
+    assert sentence_where(*published) == sentence
