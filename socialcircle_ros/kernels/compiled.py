@@ -82,6 +82,49 @@ def _read_caches_that_cannot_be_written() -> None:
 _read_caches_that_cannot_be_written()
 
 
+def _keep_bitcode_unread() -> None:
+    """Let kernels that come from the cache keep their bitcode as bytes, until another kernel is linked with it.
+
+    Numba builds LLVM's objects of each cached kernel, of which only its machine code runs: 50 MB for all kernels,
+    ten times their bitcode. Where Numba has other names for this, nothing changes.
+    """
+    try:
+        from numba.core import codegen  # noqa: PLC0415 - guarded
+
+        library, generator = codegen.JITCodeLibrary, codegen.JITCPUCodegen
+        parse = codegen.ll.parse_bitcode
+        names = library._unserialize, library._get_module_for_linking  # noqa: SLF001 - there is no public way
+        if generator._library_class is not library or not all(names):  # noqa: SLF001
+            return
+    except (ImportError, AttributeError):
+        return
+
+    class LeanLibrary(library):  # type: ignore[misc,valid-type]
+        """A library of machine code that reads its bitcode when it is linked."""
+
+        _bitcode: bytes | None = None
+        _shared_module: object
+
+        @classmethod
+        def _unserialize(cls, generator: object, state: tuple[str, str, tuple[bytes, bytes]]) -> 'LeanLibrary':
+            loaded: LeanLibrary = super()._unserialize(generator, state)
+            _, kind, code = state
+            if kind == 'object':
+                _, loaded._bitcode = code
+                loaded._shared_module = None
+            return loaded
+
+        def _get_module_for_linking(self) -> object:
+            if self._shared_module is None and self._bitcode is not None:
+                self._shared_module = parse(self._bitcode)
+            return super()._get_module_for_linking()
+
+    generator._library_class = LeanLibrary  # noqa: SLF001
+
+
+_keep_bitcode_unread()
+
+
 def _keep_going_without_room(cache: _Cache) -> None:
     """Let a kernel run that cannot be written into its cache: the disk is full, or the folder is read-only."""
     save = cache.save_overload

@@ -94,3 +94,45 @@ def test_a_read_only_installation_reads_the_cache_that_was_made_with_it(tmp_path
     assert run(READ_ONLY) == ['6.0', '0']  # nothing was compiled with it: each process compiles
     assert run('import sums') == ['6.0', '0']
     assert run(READ_ONLY) == ['6.0', '1']
+
+
+CALLED = """
+import sys
+
+import numpy as np
+
+from socialcircle_ros.kernels.compiled import kernel
+
+
+@kernel
+def double(values):
+    return 2 * values.sum()
+
+
+@kernel
+def more(values):
+    return double(values) + 1
+
+
+print(double(np.arange(4.0)), sum(double.stats.cache_hits.values()))
+library = next(iter(double.overloads.values())).library
+print(library._shared_module is None)
+if 'more' in sys.argv:
+    print(more(np.arange(4.0)))
+"""
+
+
+def test_bitcode_of_a_cached_kernel_is_read_when_a_kernel_that_calls_it_is_compiled(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
+    path = tmp_path / 'called.py'
+    path.write_text(CALLED)
+
+    def run(*arguments):
+        program = [sys.executable, str(path), *arguments]
+        done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.split()
+
+    run()
+    assert run() == ['12.0', '1', 'True']
+    assert run('more') == ['12.0', '1', 'True', '13.0']
