@@ -14,7 +14,7 @@ from rclpy.lifecycle import LifecycleNode
 from socialcircle_ros.errors import SocialCircleError, printable
 from socialcircle_ros.interface import CLOUD_OUTPUTS, LAST_POINTS, MEASUREMENT, POINTS
 from socialcircle_ros.messages import diagnostics
-from socialcircle_ros.pipeline.clouds import MessageBuffer, failure_sentence, process_cloud
+from socialcircle_ros.pipeline.clouds import failure_sentence, process_cloud
 
 from .health import Health
 from .live_rows import LiveRows
@@ -62,7 +62,6 @@ class CloudFilter:
         self._health = health
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
-        self._buffer = MessageBuffer()
         self._rows = LiveRows(node, configuration)
         self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
         self._worker = LatestWorker(self._process, self._replaced, self._process_again)
@@ -152,8 +151,8 @@ class CloudFilter:
                 self._publishers.publish,
                 settings,
                 cloud.depth_of_field,
-                self._buffer,
-                self._rows.take_kept,
+                lend=True,
+                take_kept=self._rows.take_kept,
             )
             self._publishers.publish(MEASUREMENT, measurement.status(timed=True).encode())
         except SocialCircleError as refusal:

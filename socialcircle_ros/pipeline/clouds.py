@@ -89,19 +89,6 @@ class CloudOutputs:
     measurement: Measurement
 
 
-class MessageBuffer:
-    """Memory for a message, reused for the next one."""
-
-    def __init__(self) -> None:
-        self._memory = bytearray()
-
-    def view(self, size: int) -> memoryview:
-        """Writable memory of `size` bytes; the view before it is no longer used."""
-        if len(self._memory) < size:
-            self._memory = bytearray(size)
-        return memoryview(self._memory)[:size]
-
-
 def filter_cloud(
     message: bytes,
     settings: PipelineSettings | None = None,
@@ -142,7 +129,8 @@ def process_cloud(
     emit: Emit,
     settings: PipelineSettings | None = None,
     depth_of_field: float | None = None,
-    buffer: MessageBuffer | None = None,
+    *,
+    lend: bool = False,
     take_kept: TakeKept = lambda xyz, kept: None,
 ) -> Measurement:
     """Filter one serialized PointCloud2, and emit each output as soon as it is made: the filtered cloud first.
@@ -155,7 +143,7 @@ def process_cloud(
         settings: how to filter and repair, and which outputs are wanted.
         depth_of_field: of a cloud that was a stack, in the unit of the cloud; `circle.depth_of_field` takes
             precedence.
-        buffer: memory for the filtered cloud; None: new memory.
+        lend: whether the filtered cloud is emitted as a memoryview, whose memory is free after the call.
         take_kept: called once with the kept points, after all outputs are emitted.
 
     Raises:
@@ -176,7 +164,7 @@ def process_cloud(
     outputs = _Outputs(cloud, xyz, result, settings.repair, emit)
 
     def filtered() -> bytes | memoryview:
-        output = outputs.filtered(buffer)
+        output = outputs.filtered(lend=lend)
         stopwatch.lap('cloud')  # emitting it is not part of the filter
         return output
 
@@ -240,12 +228,12 @@ class _Outputs:
         except Exception as error:  # noqa: BLE001 - whatever it is, the other outputs must be emitted
             self.failures[topic] = error
 
-    def filtered(self, buffer: MessageBuffer | None) -> bytes | memoryview:
-        """The filtered cloud, in the buffer if there is one."""
+    def filtered(self, *, lend: bool) -> bytes | memoryview:
+        """The filtered cloud; `lend`: in memory that ends with the call."""
         outliers, dense = self._result.outliers, self.outliers == 0 and self.measured == self.points
-        if buffer is None:
+        if not lend:
             return self._cloud.without(outliers, dense=dense)
-        memory = buffer.view(len(self._cloud.message))
+        memory = np.empty(len(self._cloud.message), np.uint8).data
         self._cloud.write_without(outliers, memory, dense=dense)
         return memory
 
