@@ -235,6 +235,8 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
         beside, sent, answered = live.time_stacks(folder, repeats, side_rate=live.SIDE_RATE)
         status.update(f'{repeats} clouds through the node and through a relay ...')
         filtered, relayed = live.time_clouds(folder, repeats)
+        status.update(f'{repeats} nodes, one after another: ten clouds each ...')
+        first, tenth = live.time_starts(folder, repeats)
         status.update(f'{live.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s ...')
         endurance = live.endure(folder, seconds)
     table = Table(title=f'The live node at {columns}×{rows}, in ms', box=None, padding=(0, 2, 0, 0))
@@ -246,6 +248,8 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
         (f'the same, {live.SIDE_RATE:.0f} clouds a second beside them', beside),
         ('cloud to points_filtered', filtered),
         ('the same cloud through a bare relay', relayed),
+        ('first cloud of a node', first),
+        ('tenth cloud of a node', tenth),
     ):
         table.add_row(trip, *(f'{value:.1f}' for value in (times.median, times.least, times.most)))
     console.print(table)
@@ -267,6 +271,8 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
             'clouds_beside_stacks': {'sent': sent, 'answered': answered},
             'filtered_ms': filtered.milliseconds,
             'relayed_ms': relayed.milliseconds,
+            'first_ms': first.milliseconds,
+            'tenth_ms': tenth.milliseconds,
             'endurance': dataclasses.asdict(endurance),
         },
     )

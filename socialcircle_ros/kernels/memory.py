@@ -3,11 +3,17 @@
 
 import ctypes
 import sys
+from pathlib import Path, PurePath
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
 _LARGEST_MMAP_THRESHOLD = 32 << 20
 
-_PIECE = 1 << 20
+_MADV_DONTNEED = 4  # linux/mman.h
+
+_BLOCK = 16 << 20  # of what is reserved; larger ones than _LARGEST_MMAP_THRESHOLD are not kept
+
+
+_kept = False  # whether this process keeps what it frees
 
 
 def keep_freed_memory() -> None:
@@ -16,6 +22,7 @@ def keep_freed_memory() -> None:
     All threads share one arena. By default glibc gives each thread an arena of at most 64 MB, returns it to the
     system when it is empty, whatever the thresholds are, and lets no other thread use what it has freed.
     """
+    global _kept  # noqa: PLW0603 - the C library belongs to the process, too
     if sys.platform != 'linux':
         return
     mallopt = getattr(ctypes.CDLL(None), 'mallopt', None)  # absent where the C library is not glibc
@@ -23,18 +30,42 @@ def keep_freed_memory() -> None:
         mallopt(_M_MMAP_THRESHOLD, _LARGEST_MMAP_THRESHOLD)
         mallopt(_M_TRIM_THRESHOLD, 2**31 - 1)
         mallopt(_M_ARENA_MAX, 1)
+        _kept = True
+
+
+def new_memory(size: int) -> bytearray:
+    """Memory of `size` bytes that is not set to zero.
+
+    NumPy asks for pages of 2 MB for an array of this size. The system may have to move other memory to make each
+    of them, which took up to 15 ms here.
+    """
+    make = ctypes.pythonapi.PyByteArray_FromStringAndSize
+    make.restype, make.argtypes = ctypes.py_object, (ctypes.c_char_p, ctypes.c_ssize_t)
+    memory: bytearray = make(None, size)
+    return memory
 
 
 def reserve_memory(size: int) -> None:
     """Make the system provide memory now, which it otherwise does page by page on the first write.
 
-    The memory is freed at once, and the process keeps it for later use: see `keep_freed_memory`.
+    The memory is freed at once, and the process keeps it for later use. Nothing is done where the process does not
+    keep it: see `keep_freed_memory`. Other threads go on meanwhile. All blocks are allocated before the first is
+    written, so that they lie side by side.
 
     Args:
         size: bytes.
     """
-    pieces = [b'\1' * _PIECE for _ in range(-(-size // _PIECE))]
-    del pieces
+    if not _kept:
+        return
+    library = ctypes.CDLL(None)
+    library.malloc.restype = ctypes.c_void_p
+    library.malloc.argtypes, library.free.argtypes = [ctypes.c_size_t], [ctypes.c_void_p]
+    blocks = [library.malloc(_BLOCK) for _ in range(-(-size // _BLOCK))]
+    for block in blocks:
+        if block:
+            ctypes.memset(block, 1, _BLOCK)
+    for block in blocks:
+        library.free(block)
 
 
 def give_back_freed_memory() -> None:
@@ -42,3 +73,26 @@ def give_back_freed_memory() -> None:
     trim = getattr(ctypes.CDLL(None), 'malloc_trim', None)  # glibc has it
     if trim is not None:
         trim(0)
+
+
+def unmap_code(library: str) -> None:
+    """Unmap what is not written of a shared library until it is needed again: it stays in the file.
+
+    The system can then use these pages for something else, as it can those of any file that is not in use.
+
+    Args:
+        library: begin of its file's name, such as `libllvmlite`.
+    """
+    if sys.platform != 'linux':
+        return
+    madvise = ctypes.CDLL(None).madvise
+    madvise.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
+    begin = end = 0
+    for line in Path('/proc/self/smaps').read_text(encoding='utf-8', errors='replace').splitlines():
+        word, *values = line.split(maxsplit=5)
+        if not word.endswith(':'):
+            begin, end = (int(address, 16) for address in word.split('-'))
+            access, path = values[0], values[-1]
+            wanted = 'w' not in access and PurePath(path).name.startswith(library)
+        elif wanted and word == 'Anonymous:' and values[0] == '0':  # no page of it differs from the file
+            madvise(begin, end - begin, _MADV_DONTNEED)

@@ -13,6 +13,7 @@ from rclpy.lifecycle import LifecycleNode
 
 from socialcircle_ros.errors import SocialCircleError, printable
 from socialcircle_ros.interface import CLOUD_OUTPUTS, LAST_POINTS, MEASUREMENT, POINTS
+from socialcircle_ros.kernels.memory import give_back_freed_memory, reserve_memory
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.pipeline.clouds import failure_sentence, process_cloud
 
@@ -26,6 +27,14 @@ from .worker import LatestWorker
 
 LOG_PERIOD_S = 5.0
 """Time between two log lines of one kind."""
+
+# Clouds for which the node needs memory: in the reader, on the way from it, at hand, the last one, and two in the
+# writer. The result takes the place of that on the way.
+_CLOUDS_HELD = 6
+
+_EXPECTED_SIZE = (
+    1280 * 960 * 16
+)  # bytes of a cloud; what is reserved for it is given back if clouds are far smaller
 
 _DRAINING_S = 5.0  # how long deactivation waits for the cloud at hand
 
@@ -47,6 +56,17 @@ class QueuedCloud:
     again: bool = False
 
 
+def _fit_memory(size: int) -> None:
+    """Adapt what is reserved to the size of the clouds that come.
+
+    Args:
+        size: of a cloud's message, in bytes.
+    """
+    if size < _EXPECTED_SIZE / 2:
+        give_back_freed_memory()
+        reserve_memory(_CLOUDS_HELD * size)
+
+
 class CloudFilter:
     """What the node does with `points` and with the clouds of stacks.
 
@@ -62,6 +82,7 @@ class CloudFilter:
         self._health = health
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
+        self._is_first = True
         self._rows = LiveRows(node, configuration)
         self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
         self._worker = LatestWorker(self._process, self._replaced, self._process_again)
@@ -70,6 +91,11 @@ class CloudFilter:
     def input(self) -> MessageInput | None:
         """The subscription to `points`; None while the node is not active."""
         return self._input
+
+    def reserve(self) -> None:
+        """Reserve the memory for clouds, as the first one would wait for it otherwise."""
+        if self._is_first:
+            reserve_memory(_CLOUDS_HELD * _EXPECTED_SIZE)
 
     def listen(self) -> None:
         """Subscribe to clouds."""
@@ -164,6 +190,9 @@ class CloudFilter:
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
             self._failed(f'A cloud could not be filtered: {type(error).__name__}: {error}')
             return
+        if self._is_first:
+            self._is_first = False
+            _fit_memory(len(cloud.message))
         self._health.judged(measurement.values.verdict_reason or '', again=cloud.again)
         if not cloud.again:
             latency_s = time.monotonic() - cloud.arrived_s

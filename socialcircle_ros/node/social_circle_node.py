@@ -123,6 +123,7 @@ class SocialCircleNode(LifecycleNode):
         if not self.warm_up.wait(self.context.ok, circle.mode, circle.judge, circle.provider):
             return TransitionCallbackReturn.FAILURE
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began_s:.1f} s).')
+        self._filter.reserve()
         self._stack = StackInput(self, self._configuration, self._health, self._filter.filter)
         return super().on_configure(state)
 

@@ -25,6 +25,7 @@ from socialcircle_ros.interface import (
     NodeTopic,
     outputs_of,
 )
+from socialcircle_ros.kernels.memory import new_memory
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import encode_image, mask_pixels
@@ -233,7 +234,7 @@ class _Outputs:
         outliers, dense = self._result.outliers, self.outliers == 0 and self.measured == self.points
         if not lend:
             return self._cloud.without(outliers, dense=dense)
-        memory = np.empty(len(self._cloud.message), np.uint8).data
+        memory = memoryview(new_memory(len(self._cloud.message)))
         self._cloud.write_without(outliers, memory, dense=dense)
         return memory
 

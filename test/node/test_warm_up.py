@@ -40,7 +40,7 @@ import sys
 import numpy as np
 
 from socialcircle_ros.node import warm_up
-from socialcircle_ros.pipeline.clouds import MessageBuffer, process_cloud
+from socialcircle_ros.pipeline.clouds import process_cloud
 from socialcircle_ros.settings import CircleSettings, PipelineSettings
 
 
@@ -57,7 +57,7 @@ for mode, judge in ((CircleSettings().mode, 'rules'), ('paper', 'rules'), ('adap
     settings = PipelineSettings(circle=CircleSettings(mode=mode, judge=judge))
     for kind in (np.float32, np.float64):
         message = memoryview(bytearray(warm_up._cloud(kind)))  # writable, as the node takes it from the middleware
-        process_cloud(message, lambda topic, output: None, settings, buffer=MessageBuffer())
+        process_cloud(message, lambda topic, output: None, settings, lend=True)
     print({name: count for name, count in signatures().items() if count != before.get(name, 0)})
 """
 
@@ -66,6 +66,21 @@ def test_the_first_cloud_of_a_node_compiles_nothing():
     judge = 'rules' if importlib.util.find_spec('onnxruntime') is None else 'network'
     done = subprocess.run([sys.executable, '-c', NODE_PATH, judge], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ['{}', '{}', '{}']
+
+
+WITHOUT_SCIPY = f"""
+import sys
+{FEW_KERNELS}
+warm_up.WarmUp().wait(lambda: True, 'paper', 'rules', 'CPUExecutionProvider')
+print([name for name in sys.modules if name.startswith('scipy.linalg')])
+import scipy.linalg
+"""
+
+
+@pytest.mark.skipif(importlib.util.find_spec('scipy') is None, reason='scipy is not installed')
+def test_the_kernels_load_without_the_linear_algebra_of_scipy_which_stays_importable():
+    done = subprocess.run([sys.executable, '-c', WITHOUT_SCIPY], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ['[]']
 
 
 def compiled_and_loaded():

@@ -168,6 +168,47 @@ def time_clouds(folder: Path, repeats: int, shape: tuple[int, int] = SHAPE) -> t
     return Times(tuple(filtered[_WARM_UP_CLOUDS:])), Times(tuple(relayed[_WARM_UP_CLOUDS:]))
 
 
+def time_starts(folder: Path, starts: int, shape: tuple[int, int] = SHAPE) -> tuple[Times, Times]:
+    """Time the first and the tenth cloud of a node that has just started.
+
+    Publisher and subscriber have exchanged clouds through the relay before, so that the node alone is new.
+
+    Args:
+        folder: where the logs go.
+        starts: the number of nodes, one after another.
+        shape: rows and columns of a cloud.
+
+    Returns:
+        The times of the first and of the tenth clouds.
+
+    Raises:
+        SocialCircleError: a node or the relay did not answer.
+    """
+    clouds = _clouds(shape, 2)
+    answers = ['-r', f'{RELAYED}:={interface.FILTERED.name}']
+    first, tenth = [], []
+    with _round_trip(_NODE, interface.POINTS, 1, interface.FILTERED) as trip:
+        with NodeProcess(_NODE, folder / 'relay.log', arguments=answers, module=_RELAY_MODULE) as relay:
+            trip.wait_for_node(relay)
+            _trips(trip, clouds)
+        for _ in range(starts):
+            with NodeProcess(_NODE, folder / 'node.log', _EXACT) as node:
+                trip.wait_for_node(node)
+                times = _trips(trip, clouds)
+            first.append(times[0])
+            tenth.append(times[-1])
+    return Times(tuple(first)), Times(tuple(tenth))
+
+
+def _trips(trip: 'RoundTrip', clouds: list[bytes]) -> list[float]:
+    """Times of ten clouds, in ms, one after another: two take turns."""
+    times = []
+    for number in range(10):
+        times.append(trip.trip_ms(clouds[number % 2]))
+        time.sleep(_PAUSE_S)
+    return times
+
+
 def endure(folder: Path, seconds: float, shape: tuple[int, int] = SHAPE, rate: float = CLOUD_RATE) -> Endurance:
     """Publish clouds at a steady rate, and count the answers and the memory of the node.
 

@@ -3,7 +3,7 @@
 
 import pytest
 
-from socialcircle_ros.studies.bench.live import endure, time_clouds, time_stacks
+from socialcircle_ros.studies.bench.live import endure, time_clouds, time_stacks, time_starts
 
 pytest.importorskip('rclpy', reason='live tests need ROS 2')
 
@@ -29,6 +29,13 @@ def test_the_node_is_compared_with_a_relay_on_the_same_clouds(tmp_path):
     filtered, relayed = time_clouds(tmp_path, 2, SHAPE)
     assert len(filtered.milliseconds) == len(relayed.milliseconds) == 2
     assert relayed.least > 0
+
+
+def test_the_first_and_the_tenth_cloud_of_each_node_give_a_time(tmp_path):
+    first, tenth = time_starts(tmp_path, 1, SHAPE)
+    assert len(first.milliseconds) == len(tenth.milliseconds) == 1
+    assert tenth.least > 0
+    assert first.milliseconds != tenth.milliseconds
 
 
 def test_answers_at_a_steady_rate_are_counted_and_memory_is_read(tmp_path):

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a process for large clouds asks of the C library and of the system."""
+
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != 'linux', reason='only Linux shows the memory of a process')
+
+SMAPS = """
+def smaps(wanted):
+    found, total = False, {}
+    for line in open('/proc/self/smaps'):
+        word, *values = line.split()
+        if not word.endswith(':'):
+            found = wanted(values[0], values[-1])
+        elif found and values[-1] == 'kB':
+            total[word] = total.get(word, 0) + int(values[0])
+    return total
+
+def heap():
+    return smaps(lambda access, path: path == '[heap]')
+"""
+
+HEAP = f"""
+import resource
+{SMAPS}
+from socialcircle_ros.kernels import memory
+
+def faults():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+def write(size):
+    before = faults()
+    block = bytearray(size)
+    return faults() - before
+
+memory.keep_freed_memory()
+memory.reserve_memory(60_000_000)
+reserved = heap()
+print([reserved['Rss:'] > 55_000, write(20_000_000) < 500])
+memory.give_back_freed_memory()
+print([heap()['Rss:'] < 20_000, write(20_000_000) > 4_000])
+"""
+
+CODE = f"""
+{SMAPS}
+from socialcircle_ros.kernels import compiled, memory
+
+def code():
+    return smaps(lambda access, path: 'w' not in access and 'libllvmlite' in path)['Rss:']
+
+before = code()
+memory.unmap_code('libllvmlite')
+after = code()
+compiled._nothing()
+print([after < before / 4, code() > after])
+"""
+
+
+def printed(program):
+    """What a process of its own prints."""
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=True)
+    return done.stdout.split('\n')[:-1]
+
+
+def test_memory_that_is_reserved_is_at_hand_until_it_is_given_back():
+    assert printed(HEAP) == ['[True, True]', '[True, True]']
+
+
+def test_the_code_of_a_library_is_unmapped_until_it_is_used():
+    assert printed(CODE) == ['[True, True]']
