@@ -11,6 +11,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud
+from socialcircle_ros.node import cloud_filter
 
 pytestmark = pytest.mark.live
 
@@ -266,3 +267,13 @@ def test_a_cloud_that_fails_its_limits_is_told_in_the_measurement_and_in_diagnos
     assert cell.answer()[2].values['verdict'] == 'passed'
     passed = cell.diagnosis(lambda found: found.status.level == b'\0' and found.values['clouds_published'] == '1')
     assert passed.values['limits_failed'] == '1'
+
+
+def test_what_is_reserved_for_large_clouds_is_given_back_after_a_far_smaller_one(monkeypatch):
+    done = []
+    monkeypatch.setattr(cloud_filter, 'give_back_freed_memory', lambda: done.append('all'))
+    monkeypatch.setattr(cloud_filter, 'reserve_memory', done.append)
+    cloud_filter._fit_memory(19_660_932)
+    assert done == []
+    cloud_filter._fit_memory(500_000)
+    assert done == ['all', 3_000_000]
