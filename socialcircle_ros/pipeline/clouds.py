@@ -161,7 +161,6 @@ def process_cloud(
     result = remove_outliers(xyz, circle)
     stopwatch.times_ms |= result.times_ms
     stopwatch.restart()
-
     outputs = _Outputs(cloud, xyz, result, settings.repair, emit)
 
     def filtered() -> bytes | memoryview:
