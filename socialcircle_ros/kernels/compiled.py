@@ -2,6 +2,7 @@
 """How kernels are compiled: one decorator decides about caching and its fall-back."""
 
 import contextlib
+import inspect
 import pickle
 import sys
 from collections.abc import Callable
@@ -11,6 +12,33 @@ from typing import Protocol, TypeVar, cast
 import numba
 
 Function = TypeVar('Function', bound=Callable[..., object])
+
+# Numba before 0.59, such as that of Ubuntu 24.04, loses the first 40 bytes of the description of an argument that
+# is longer, such as a NamedTuple of several arrays (numba #9097).
+_MIXES_TUPLES_UP = tuple(int(part) for part in numba.__version__.split('.')[:2]) < (0, 59)
+
+if _MIXES_TUPLES_UP:
+    from numba.core.registry import CPUDispatcher
+    from numba.core.typing.typeof import Purpose, typeof
+
+    class _TypedByPython(CPUDispatcher):  # type: ignore[misc]
+        """A kernel that finds the types of tuples by Python code.
+
+        Depending on what the memory held, Numba's own way ran the machine code for another type: it read columns
+        as rows.
+        """
+
+        def __call__(self, *args: object, **named: object) -> object:
+            """Run the machine code for the types of the arguments."""
+            if named:
+                bound = inspect.signature(self.py_func).bind(*args, **named)
+                bound.apply_defaults()
+                args = bound.args
+            if not any(isinstance(value, tuple) for value in args):
+                return super().__call__(*args)
+            types = tuple(typeof(value, Purpose.argument) for value in args)
+            known = self.overloads.get(types)
+            return (self.compile(types) if known is None else known.entry_point)(*args)
 
 
 class _Cache(Protocol):
@@ -43,6 +71,8 @@ def kernel(function: Function) -> Function:
         if cache is not None:
             _pass_over_unreadable_entries(cache)
             _keep_going_without_room(cache)
+    if _MIXES_TUPLES_UP:
+        compiled.__class__ = _TypedByPython
     return cast('Function', compiled)
 
 

@@ -3,8 +3,13 @@
 
 import subprocess
 import sys
+from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
 import pytest
+
+from socialcircle_ros.kernels.compiled import kernel
 
 MODULE = """
 from typing import NamedTuple
@@ -27,6 +32,34 @@ print(total({name}(np.arange(4.0))), sum(total.stats.cache_hits.values()))
 """
 
 
+class Pair(NamedTuple):
+    first: npt.NDArray[np.float64]
+    second: npt.NDArray[np.float64]
+
+
+class Surface(NamedTuple):
+    heights: npt.NDArray[np.float32]
+    slopes: Pair
+    predicted: bool
+
+
+@kernel
+def second_of(surface, row):
+    return surface.heights[row, 1]
+
+
+def test_a_kernel_runs_the_machine_code_for_the_tuple_that_is_given():
+    heights = np.arange(780, dtype=np.float32).reshape(30, 26)
+    slopes = Pair(np.zeros((4, 26)), np.zeros((4, 26)))
+    random = np.random.default_rng(0)
+    for place in range(600):
+        memory = [np.zeros(size) for size in random.integers(1, 400, 8)]
+        del memory  # so that other things lie in the memory that comes next
+        of_rows, of_columns = heights.copy(), np.asfortranarray(heights)
+        surface = Surface((of_rows, of_columns)[place % 2], slopes, predicted=False)
+        assert (second_of(surface, 3), second_of(surface=surface, row=0)) == (79, 1)
+
+
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     """Runs the module, with a NamedTuple of a given name, in a process of its own and with one cache."""
@@ -34,7 +67,9 @@ def run(tmp_path, monkeypatch):
 
     def run(name):
         path = tmp_path / 'sums.py'
-        path.write_text(MODULE.format(name=name))
+        text = MODULE.format(name=name)
+        if not path.exists() or path.read_text() != text:  # Numba before 0.59 looks at its time
+            path.write_text(text)
         program = [sys.executable, '-c', 'import sums']
         done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr

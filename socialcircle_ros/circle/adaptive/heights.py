@@ -32,7 +32,7 @@ def relative_heights(heights: npt.NDArray[np.float32] | npt.NDArray[np.float64])
     sample = heights[np.isfinite(heights)]
     with np.errstate(over='ignore'):
         relative = heights - np.median(sample[:: max(1, sample.size // _SAMPLES)])
-    return np.clip(relative, -_FURTHEST, _FURTHEST).astype(np.float32)
+    return np.clip(relative, -_FURTHEST, _FURTHEST).astype(np.float32, order='C')
 
 
 def with_holes_filled(heights: RelativeHeights, holes: Mask) -> RelativeHeights:

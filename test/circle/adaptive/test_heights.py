@@ -18,6 +18,16 @@ def test_float32_heights_are_not_changed():
     np.testing.assert_array_equal(relative_heights(heights), heights)
 
 
+@pytest.mark.parametrize('kind', [np.float32, np.float64])
+def test_relative_heights_lie_row_by_row(kind):
+    heights = np.asfortranarray(np.arange(12, dtype=kind).reshape(3, 4))
+
+    relative = relative_heights(heights)
+
+    assert relative.flags.c_contiguous
+    np.testing.assert_array_equal(np.diff(relative), 1)
+
+
 @pytest.mark.parametrize('offset', [0.0, 1e6, -(2.0**40)])
 def test_an_offset_costs_no_digits(offset):
     heights = np.arange(-8, 9).reshape(1, -1) / 8
