@@ -24,7 +24,7 @@ from .names import NamePattern
 from .tasks import BatchTask
 from .work import do_task
 
-_SHAPE = 30, 40
+_SHAPE = 60, 80  # a smaller cloud does not need all kernels
 
 
 def _load_what_a_task_needs() -> None:

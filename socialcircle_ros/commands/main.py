@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle`: the group of commands. A command is imported when it runs or when the help lists it."""
 
+import atexit
+import gc
 import importlib
 import sys
 import warnings
@@ -111,6 +113,8 @@ def main(arguments: list[str] | None = None) -> int:
         The exit code: 0 for success, 1 for an error, 2 for wrong arguments, 3 if a measurement failed its limits,
         130 after Ctrl-C.
     """
+    # The last collection of a process would visit all objects of all libraries: 0.4 s at the end of a batch.
+    atexit.register(gc.freeze)
     try:
         with _told_units():
             # Outside of standalone mode click returns an exit code instead of ending the process.
