@@ -40,6 +40,14 @@ def test_the_services_of_a_cell_run_commands_that_exist(service):
     check_command(SERVICES[service]['command'])
 
 
+def test_the_image_on_jazzy_has_the_packages_that_the_package_needs():
+    manifest = (ROOT / 'package.xml').read_text(encoding='utf-8')
+    needed = set(re.findall('<exec_depend>(python3-[a-z0-9-]+)</exec_depend>', manifest))
+    installed = set(re.findall('python3-[a-z0-9-]+', (ROOT / 'deploy' / 'Dockerfile').read_text(encoding='utf-8')))
+    assert needed
+    assert needed <= installed
+
+
 def test_the_unit_of_systemd_runs_a_command_that_exists():
     (line,) = re.findall(r'^ExecStart=(.*)$', (DEPLOY / 'socialcircle@.service').read_text(), re.MULTILINE)
     program, *words = shlex.split(line)
