@@ -241,8 +241,8 @@ def _see() -> None:
     heights[2, 3] = np.nan
     whole, measured = Part(0, 6, 0, 8), np.isfinite(heights)
     planes = planes_of(heights, scales_of(heights), whole, 3, 4)
-    probabilities = np.empty_like(heights)
-    write_probabilities(planes[:4], 0, 0, whole, measured, probabilities)
+    probabilities = np.empty(heights.shape, np.uint8)
+    write_probabilities(planes[:4], 0, 0, whole, heights, probabilities)
     judged_by(probabilities, measured, measured, np.zeros_like(heights))
 
 

@@ -17,11 +17,13 @@ from .communities import label_communities
 from .heights import RelativeHeights
 from .islands import Steepness
 
-Probabilities = npt.NDArray[np.float32]
-"""(H, W) float32, 0 to 1: that each point is an outlier; 0 where not measured."""
+Probabilities = npt.NDArray[np.uint8]
+"""(H, W) uint8, in 255ths: the probability of each point to be an outlier; 0 where not measured."""
 Likelihood = Callable[[RelativeHeights], Probabilities]
 """Computes the probability of each point from the heights, at least one of which is measured."""
 
+ONE = 255
+"""What a probability of 1 is in `Probabilities`. A byte a point is enough for the thresholds below."""
 LIKELY, LIKELY_AMONG_MANY = 0.2, 0.08
 """A community of the rules is kept if the mean of its probabilities is at most this: where outliers are `FEW`, and
 where they are `MANY`. The more outliers there are, the likelier a community is one."""
@@ -46,9 +48,10 @@ def judged_by(probabilities: Probabilities, measured: Mask, found: Mask, steepne
         (H, W) bool, the outliers.
     """
     points, labels, number = label_communities(found)
-    of_points = probabilities.ravel()[points].astype(np.float64)
-    means = np.bincount(labels, of_points, number) / np.bincount(labels, minlength=number)
-    share = float(probabilities.sum(dtype=np.float64)) / np.count_nonzero(measured)
+    means = (
+        np.bincount(labels, probabilities.ravel()[points], number) / np.bincount(labels, minlength=number) / ONE
+    )
+    share = int(probabilities.sum(dtype=np.int64)) / ONE / np.count_nonzero(measured)
     least = float(np.interp(share, (FEW, MANY), (LIKELY, LIKELY_AMONG_MANY)))
     likely = means > least
     steepness.flat[points] = np.where(likely, np.minimum(means / CERTAIN, 1), means / least)[labels]
@@ -61,10 +64,10 @@ def judged_by(probabilities: Probabilities, measured: Mask, found: Mask, steepne
 
 def _add_regions(probabilities: Probabilities, islands: Mask, outliers: Mask, steepness: Steepness) -> None:
     """Add the regions of high probability that are not mostly islands."""
-    points, labels, number = label_communities(probabilities > PROBABLE)
+    points, labels, number = label_communities(probabilities > round(PROBABLE * ONE))
     sizes = np.bincount(labels, minlength=number)
     in_islands = np.bincount(labels[islands.flat[points]], minlength=number)
-    certain = np.bincount(labels[probabilities.flat[points] > CERTAIN], minlength=number)
+    certain = np.bincount(labels[probabilities.flat[points] > round(CERTAIN * ONE)], minlength=number)
     added = points[((certain > 0) & (in_islands < COVERED * sizes))[labels]]
-    steepness.flat[added] = np.maximum(steepness.flat[added], probabilities.flat[added])
+    steepness.flat[added] = np.maximum(steepness.flat[added], probabilities.flat[added] / np.float32(ONE))
     outliers.flat[added] = True

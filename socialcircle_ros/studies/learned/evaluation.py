@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.circle.adaptive import find_outliers
-from socialcircle_ros.circle.adaptive.likelihood import CERTAIN, COVERED, LIKELY, LIKELY_AMONG_MANY, PROBABLE
+from socialcircle_ros.circle.adaptive.likelihood import CERTAIN, COVERED, LIKELY, LIKELY_AMONG_MANY, ONE, PROBABLE
 from socialcircle_ros.circle.network import NetworkJudge
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
@@ -195,7 +195,7 @@ def _masks(heights: NDArray[np.floating], judge: NetworkJudge) -> list[Mask]:
     heights = heights.astype(np.float32)
     rules = find_outliers(heights).outliers
     probabilities = judge.probabilities(heights)
-    network = [probabilities > each for each in (judge.threshold, *THRESHOLDS)]
+    network = [probabilities > each * ONE for each in (judge.threshold, *THRESHOLDS)]
     both = find_outliers(heights, likelihood=lambda _: probabilities).outliers
     return [rules, network[0], both, *network[1:]]
 
@@ -294,7 +294,7 @@ def _worst(
         study.progress(f'{each.name}: picture')
         surface = read_surface(paths[each.name])
         cloud = insert_outliers(surface, check.share, study.plan.seeds[-1], check.shapes)
-        found = judge.probabilities(cloud.points[..., 2].astype(np.float32)) > judge.threshold
+        found = judge.probabilities(cloud.points[..., 2].astype(np.float32)) > judge.threshold * ONE
         pictures.append(
             Picture(
                 f'learned_{each.name}',

@@ -12,9 +12,14 @@ from socialcircle_ros.circle.adaptive.likelihood import (
     COVERED,
     LIKELY,
     LIKELY_AMONG_MANY,
+    ONE,
     PROBABLE,
     judged_by,
 )
+
+
+def in_255ths(probabilities):
+    return np.rint(probabilities * ONE).astype(np.uint8)
 
 
 def naive_communities(mask):
@@ -33,7 +38,8 @@ def naive_communities(mask):
 
 
 def naively_judged(probabilities, measured, found):
-    share = probabilities.sum(dtype=np.float64) / measured.sum()
+    probabilities = probabilities / ONE
+    share = probabilities.sum() / measured.sum()
     least = min(max(LIKELY + (LIKELY_AMONG_MANY - LIKELY) * (share - 0.03) / 0.1, LIKELY_AMONG_MANY), LIKELY)
     islands = np.zeros(found.shape, bool)
     for members in naive_communities(found):
@@ -52,7 +58,7 @@ def test_each_community_is_judged_by_its_mean_probability(seed, height, width, s
     random = np.random.default_rng(seed)
     measured = random.random((height, width)) < 0.9
     measured[0, 0] = True
-    probabilities = (random.random((height, width)) ** random.choice([1, 4, 30]) * measured).astype(np.float32)
+    probabilities = in_255ths(random.random((height, width)) ** random.choice([1, 4, 30]) * measured)
     found = measured & (random.random((height, width)) < share)
     steepness = random.random((height, width)).astype(np.float32)
     outliers = judged_by(probabilities, measured, found, steepness)
@@ -76,7 +82,7 @@ def test_an_improbable_island_stays_and_a_probable_point_falls():
     probabilities[40:46, 60:67] = 0.7
     probabilities[70, 80] = probabilities[39, 60] = 0.9
     probabilities[70, 81], probabilities[70, 82] = 0.7, 0.5
-    result = find_outliers(heights, likelihood=lambda given: probabilities)
+    result = find_outliers(heights, likelihood=lambda given: in_255ths(probabilities))
     assert not result.outliers[20:25, 15:21].any()
     assert result.outliers[40:46, 60:67].all()
     assert result.outliers[70, 80:83].tolist() == [True, True, False]
@@ -90,7 +96,7 @@ def test_among_many_outliers_an_island_needs_less(elsewhere, falls):
     heights = two_patches()
     probabilities = np.full_like(heights, elsewhere)
     probabilities[40:46, 60:67] = 0.15
-    result = find_outliers(heights, likelihood=lambda given: probabilities)
+    result = find_outliers(heights, likelihood=lambda given: in_255ths(probabilities))
     assert result.outliers[40:46, 60:67].all() == falls
 
 
@@ -101,7 +107,7 @@ def test_the_network_sees_the_heights_as_they_came():
 
     def likelihood(given):
         seen.append(given)
-        return np.zeros_like(given)
+        return np.zeros(given.shape, np.uint8)
 
     find_outliers(heights, likelihood=likelihood)
     np.testing.assert_array_equal(seen[0], heights)
@@ -113,6 +119,6 @@ def test_islands_of_one_height_are_left_to_the_probabilities():
         for column in range(8, 150, 16):
             heights[row : row + 4, column : column + 4] += 40
     assert find_outliers(heights).islands_kept > 50
-    result = find_outliers(heights, likelihood=lambda given: (given > 20).astype(np.float32))
+    result = find_outliers(heights, likelihood=lambda given: in_255ths(given > 20))
     assert result.islands_kept == 0
     assert result.outliers[heights > 30].all()

@@ -20,7 +20,7 @@ class Residual:
     threshold = 0.5
 
     def probabilities(self, heights):
-        return (np.abs(heights - np.nanmedian(heights)) > 4).astype(np.float32)
+        return (np.abs(heights - np.nanmedian(heights)) > 4) * np.uint8(255)
 
 
 @pytest.fixture(scope='module')

@@ -44,7 +44,7 @@ def files(tmp_path_factory):
 def test_rounding_changes_probabilities_a_little(files):
     heights = np.random.default_rng(3).normal(size=(70, 90)).astype(np.float32)
     heights[20:26, 30:40] += 20
-    exact, rounded = (NetworkJudge(path, threads=1).probabilities(heights) for path in files[:2])
+    exact, rounded = (NetworkJudge(path, threads=1).probabilities(heights) / 255 for path in files[:2])
     assert np.ptp(exact) > 0.1
     assert 0 < np.abs(exact - rounded).max() < 0.1
     assert np.abs(exact - rounded).mean() < 0.01

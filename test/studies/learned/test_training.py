@@ -137,7 +137,7 @@ def test_no_point_beyond_the_halo_matters(network):
 @pytest.mark.parametrize('shape', [(1, 1), (37, 70)])
 def test_the_product_gives_each_point_the_probability_of_the_trained_network(file, shape):
     heights = np.random.default_rng(3).normal(size=shape).astype(np.float32)
-    probabilities = NetworkJudge(file, threads=1).probabilities(heights)
+    probabilities = NetworkJudge(file, threads=1).probabilities(heights) / 255
     assert probabilities.shape == shape
     channels, grain = corpus.channels_of(heights)
     rows, columns = (-(-size // 32) * 32 for size in shape)
@@ -147,4 +147,4 @@ def test_the_product_gives_each_point_the_probability_of_the_trained_network(fil
     planes[:, -1] = grain
     with torch.no_grad():
         expected = torch.sigmoid(torch.nn.functional.pixel_shuffle(network_from(file).eval()(planes), 2)[0, 0])
-    assert np.allclose(probabilities, expected.numpy()[: shape[0], : shape[1]], atol=1e-4)
+    assert np.allclose(probabilities, expected.numpy()[: shape[0], : shape[1]], atol=0.5 / 255 + 1e-4)
