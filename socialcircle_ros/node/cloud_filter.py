@@ -32,9 +32,8 @@ LOG_PERIOD_S = 5.0
 # writer. The result takes the place of that on the way.
 _CLOUDS_HELD = 6
 
-_EXPECTED_SIZE = (
-    1280 * 960 * 16
-)  # bytes of a cloud; what is reserved for it is given back if clouds are far smaller
+# Bytes of a cloud. What is reserved for it is given back if clouds are far smaller.
+_EXPECTED_SIZE = 1280 * 960 * 16
 
 _DRAINING_S = 5.0  # how long deactivation waits for the cloud at hand
 
