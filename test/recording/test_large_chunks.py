@@ -74,4 +74,4 @@ def test_a_file_that_becomes_shorter_while_it_is_read_is_damaged(tmp_path, rest)
         (file,) = reader._files
         os.truncate(path, file.spans[1].offset + rest)
         assert list(reader.messages()) == messages[:1]
-        assert 'is damaged after byte' in reader.damage
+        assert 'is damaged in the record that begins at byte' in reader.damage
