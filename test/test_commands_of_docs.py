@@ -53,7 +53,7 @@ NOT_RUN = {
     r'environment/bin/socialcircle ': 'needs the environment of the lines above',
     r'\. ': 'changes the shell',
     r'export ': 'changes the shell',
-    r'colcon build': SOURCED,
+    r'(colcon build|ament_)': SOURCED,
     r'ros2 security ': SOURCED,
     r'FASTRTPS_DEFAULT_PROFILES_FILE=.* ros2 run my_sensor driver': 'runs a driver of the reader',
     r'SOCIALCIRCLE_DATA=… python -m socialcircle_ros\.studies\.learned ': 'trains for hours',

@@ -123,6 +123,7 @@ def run_batch(
                 for finished in _finished(engine, tasks):
                     _note(result, finished)
                     progress(result.skipped + result.done + len(result.same) + len(result.failed), result.inputs)
+        results.tidy()
     return result
 
 

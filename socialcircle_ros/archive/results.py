@@ -8,7 +8,14 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.storage import file_system, folder_of_results, is_url, reason_of, write_file
+from socialcircle_ros.storage import (
+    file_system,
+    folder_of_results,
+    is_url,
+    reason_of,
+    remove_leftovers_below,
+    write_file,
+)
 
 if TYPE_CHECKING:
     import fsspec
@@ -52,6 +59,11 @@ class ResultFolder:
         """
         with folder_of_results(Path(self.location)) if self._files is None else nullcontext():
             yield
+
+    def tidy(self) -> None:
+        """Remove what killed workers left. What they were to write may be there: another worker has done it."""
+        if self._files is None:
+            remove_leftovers_below(Path(self.location))
 
     @contextmanager
     def writing(self) -> Iterator[Path]:

@@ -8,7 +8,14 @@ from .folders import folder_of_results
 from .remote import file_system, is_url, reason_of
 from .signals import SignalExit, noted_signals, raised_signals
 from .space import Reserve, free_bytes, is_full
-from .unfinished import Unfinished, kind_of_target, open_in_place, remove_leftovers, write_file
+from .unfinished import (
+    Unfinished,
+    kind_of_target,
+    open_in_place,
+    remove_leftovers,
+    remove_leftovers_below,
+    write_file,
+)
 
 __all__ = [
     'Reserve',
@@ -25,5 +32,6 @@ __all__ = [
     'raised_signals',
     'reason_of',
     'remove_leftovers',
+    'remove_leftovers_below',
     'write_file',
 ]

@@ -27,6 +27,8 @@ _PARTIAL = 'partial'  # removed after an error
 _UNFINISHED = 'unfinished'  # kept after an error
 _REPLACED = 'replaced'  # a folder that is being replaced
 
+_LEFTOVER = re.compile(rf'(?P<target>.+)\.[0-9a-f]+\.({_PARTIAL}|{_UNFINISHED}|{_REPLACED})')
+
 _REGULAR = (stat.S_IFREG, stat.S_IFDIR)
 _KINDS = {
     stat.S_IFREG: 'a file',
@@ -301,19 +303,34 @@ def remove_leftovers(target: Path) -> None:
 
     What was to be kept gets a name of its own instead, and a folder that was being replaced its old name.
     """
-    form = re.compile(rf'{re.escape(target.name)}\.[0-9a-f]+\.({_PARTIAL}|{_UNFINISHED}|{_REPLACED})')
-    try:
-        left = sorted(path for path in target.parent.iterdir() if form.fullmatch(path.name))
-    except OSError:
-        return  # what is wrong with the folder shows when the file is made
-    for path in left:
-        with suppress(OSError):
-            descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-            try:
-                if stat.S_IFMT(os.fstat(descriptor).st_mode) in _REGULAR and _lock(descriptor) == _Lock.HELD:
-                    _remove_leftover(path, target)
-            finally:
-                os.close(descriptor)
+    with suppress(OSError):  # what is wrong with the folder shows when the file is made
+        for path in sorted(target.parent.iterdir()):
+            if _target_of(path) == target:
+                _remove_unless_in_use(path, target)
+
+
+def remove_leftovers_below(folder: Path) -> None:
+    """Do the same for all targets in a folder and in the folders in it."""
+    for below, folders, files in os.walk(folder):
+        for path in (Path(below, name) for name in sorted([*folders, *files])):
+            if target := _target_of(path):
+                _remove_unless_in_use(path, target)
+
+
+def _target_of(path: Path) -> Path | None:
+    """What a leftover was to become; None: the path is no leftover."""
+    found = _LEFTOVER.fullmatch(path.name)
+    return path.with_name(found['target']) if found else None
+
+
+def _remove_unless_in_use(path: Path, target: Path) -> None:
+    with suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            if stat.S_IFMT(os.fstat(descriptor).st_mode) in _REGULAR and _lock(descriptor) == _Lock.HELD:
+                _remove_leftover(path, target)
+        finally:
+            os.close(descriptor)
 
 
 def _remove_leftover(path: Path, target: Path) -> None:

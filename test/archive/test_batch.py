@@ -66,7 +66,10 @@ def test_an_archive_is_done_once_and_then_only_what_is_new(tmp_path, scheduler):
     recorded(tmp_path / 'nights/3.mcap', seed=3)
     (tmp_path / 'nights/bad.mcap').write_bytes(b'no recording')
     (tmp_path / 'nights/copy.mcap').write_bytes((tmp_path / 'nights/0.mcap').read_bytes())
+    left = tmp_path / 'out/recordings/0.mcap.12ab.partial'
+    left.write_bytes(b'of a worker that was killed after another one had done its input')
     second = run()
+    assert not left.exists()
     assert (second.done, second.skipped) == (1, 3)
     assert second.same == {str(tmp_path / 'nights/copy.mcap'): str(tmp_path / 'nights/0.mcap')}
     assert list(second.failed) == [str(tmp_path / 'nights/bad.mcap')]

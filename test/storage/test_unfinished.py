@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.storage import SignalExit, Unfinished, open_in_place, write_file
+from socialcircle_ros.storage import SignalExit, Unfinished, open_in_place, remove_leftovers_below, write_file
 
 
 def a_folder(path):
@@ -254,6 +254,23 @@ def test_what_a_killed_process_left_is_removed_by_the_next_with_a_word(tmp_path,
     write_file(tmp_path / 'a.html', 'new')
     assert not left.exists()
     assert f'{left} was left by a process that was killed; it is removed.' in caplog.text
+
+
+def test_what_killed_processes_left_below_a_folder_is_removed_and_what_is_in_use_stays(tmp_path):
+    below = tmp_path / 'recordings'
+    below.mkdir()
+    killed, writing = (in_a_process(WAITING.format(options=''), below, stdin=subprocess.PIPE) for _ in range(2))
+    (below / 'a.html').write_text('done by another process')
+    killed.kill()
+    killed.communicate()
+    assert len(list(below.iterdir())) == 3
+    remove_leftovers_below(tmp_path)
+    assert len(list(below.iterdir())) == 2
+    assert (below / 'a.html').read_text() == 'done by another process'
+    writing.kill()
+    writing.communicate()
+    remove_leftovers_below(tmp_path)
+    assert list(below.iterdir()) == [below / 'a.html']
 
 
 @pytest.mark.parametrize('options', [', kept=True', ', kept=True, folder=True'])
