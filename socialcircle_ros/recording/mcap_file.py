@@ -148,8 +148,8 @@ class McapFile:
         """One sentence: where the file is damaged, how this shows, and what is read."""
         why = str(reason) if isinstance(reason, Damage) else 'its bytes are invalid'
         return (
-            f'{self.path} is damaged in the record that begins at byte {offset} of {self._size} ({why}): the messages'
-            ' before the damage are read, those after it are lost.'
+            f'{self.path} is damaged in the record that begins at byte {offset} of {self._size} ({why}): the'
+            ' messages before the damage are read, those after it are lost.'
         )
 
     def _check_magic(self) -> None:
