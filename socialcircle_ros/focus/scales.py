@@ -212,6 +212,8 @@ def choose(
     shape = scales[0].image.shape
     found = measure(scales[0])
     for scale in scales[1:]:
+        if 1 - _mean(found.maps.quality) <= _LEAST_GAIN:
+            break  # even a quality of 1 everywhere would not gain enough
         other = measure(scale)
         if _mean(other.maps.quality) - _mean(found.maps.quality) > _LEAST_GAIN:
             found = other

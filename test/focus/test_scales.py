@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 from naive import focus as naive
 
 from socialcircle_ros.focus import FocusStack, PixelCurve, depth_from_focus, focus_measure
-from socialcircle_ros.focus.scales import BIN, DepthMaps, _at_every_pixel, _bin, _lower_where_bent
+from socialcircle_ros.focus.scales import (
+    BIN,
+    DepthMaps,
+    ScaleResult,
+    _at_every_pixel,
+    _bin,
+    _lower_where_bent,
+    choose,
+    scales_for,
+)
 from socialcircle_ros.settings import FocusSettings
 from socialcircle_ros.simulation import INSTRUMENTS, Optics, Stage, simulate
 
@@ -147,3 +156,20 @@ class TestDepthAtEveryPixel:
         found, _, _ = self.spread(depth, (32, 36))
         assert set(np.unique(found.depth[np.isfinite(found.depth)])) == {0.0, 7.0}
         assert np.isnan(found.depth).sum() == BIN * BIN
+
+
+@pytest.mark.parametrize(('fine', 'coarse', 'expected', 'measured'), [
+    (0.5, 0.6, 1, [1, 4]), (0.5, 0.7, 4, [1, 4]), (0.87, 1.0, 4, [1, 4]), (0.875, 1.0, 1, [1]), (1.0, 1.0, 1, [1]),
+])  # fmt: skip
+def test_the_coarse_scale_is_measured_only_where_it_could_be_chosen(fine, coarse, expected, measured):
+    shape, asked = (40, 48), []
+    scales = scales_for(np.zeros(shape, np.uint8), FocusSettings(step=0))
+
+    def measure(scale):
+        asked.append(scale.image.shape)
+        quality = np.full(scale.image.shape, fine if scale is scales[0] else coarse, np.float32)
+        maps = DepthMaps(np.zeros(quality.shape), quality, np.zeros(quality.shape, np.uint8))
+        return ScaleResult(maps, 1.0, 1 if scale is scales[0] else 4, 2)
+
+    assert choose(scales, np.arange(3.0), measure).step == expected
+    assert asked == [(shape[0] // side, shape[1] // side) for side in measured]
