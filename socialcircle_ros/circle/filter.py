@@ -151,7 +151,8 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         raise NoSeedError('No point of the cloud is measured.')
     lesson = known_lesson(settings.lesson) if settings.lesson else None
     judge, likelihood = None if lesson is None else LessonJudge(lesson), None
-    if settings.judge == 'network' and lesson is None:
+    # Optics make outliers that look like a smooth surface: the depth of field shows them, the network does not.
+    if settings.judge == 'network' and lesson is None and settings.depth_of_field is None:
         from .network import packaged_network  # noqa: PLC0415 - needs an extra
 
         likelihood = packaged_network(settings.provider).probabilities

@@ -117,6 +117,16 @@ def test_the_filter_uses_the_network():
     np.testing.assert_array_equal(finer.score, result.score)
 
 
+def test_the_rules_decide_where_the_depth_of_field_is_known():
+    with_network, rules = (
+        remove_outliers(damaged(), CircleSettings(judge=judge, depth_of_field=3.0), pitch=(1.0, 2.0))
+        for judge in ('network', 'rules')
+    )
+    np.testing.assert_array_equal(with_network.outliers, rules.outliers)
+    np.testing.assert_array_equal(with_network.score, rules.score)
+    assert 'network' not in with_network.times_ms
+
+
 def test_a_lesson_decides_without_the_network(tmp_path):
     weights = (-5.0, *(0.0,) * (OF_A_LESSON - 1))
     lesson = Lesson(('a',), (0.5, 2.0), 0.955, (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), weights, 0.7, {})
