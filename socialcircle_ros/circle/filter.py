@@ -13,8 +13,8 @@ from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.settings.lessons import known_lesson
 
-from .adaptive import TOUCH, LessonJudge, find_outliers, unlike
-from .doubts import doubts_of, texture_doubts
+from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, unlike
+from .doubts import doubts_of, texture_doubts, unknown_texture
 from .expansion import divide
 from .not_measured import recognise
 from .radius import circle_limit
@@ -150,18 +150,20 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     if not measured.any():
         raise NoSeedError('No point of the cloud is measured.')
     lesson = known_lesson(settings.lesson) if settings.lesson else None
-    judge, likelihood = None if lesson is None else LessonJudge(lesson), None
+    judge = None if lesson is None else LessonJudge(lesson)
+    heights = np.where(measured, cloud[..., 2], np.nan)
     # Optics make outliers that look like a smooth surface: the depth of field shows them, the network does not.
     if settings.judge == 'network' and lesson is None and settings.depth_of_field is None:
         from .network import packaged_network  # noqa: PLC0415 - needs an extra
 
-        likelihood = packaged_network(settings.provider).probabilities
-    heights = np.where(measured, cloud[..., 2], np.nan)
-    found = find_outliers(heights, settings.depth_of_field, judge=judge, likelihood=likelihood)
+        found = find_probable_outliers(heights, packaged_network(settings.provider).probabilities)
+        warnings = unknown_texture(found.nearly, np.count_nonzero(found.outliers) / np.count_nonzero(measured))
+    else:
+        found = find_outliers(heights, settings.depth_of_field, judge=judge)
+        warnings = [] if lesson is None else unlike(lesson, found.spread)
+        if judge is None and settings.depth_of_field is None and found.outliers.any():
+            warnings += texture_doubts(found.nearly)
     inliers = measured & ~found.outliers
-    warnings = [] if lesson is None else unlike(lesson, found.spread)
-    if judge is None and likelihood is None and settings.depth_of_field is None and found.outliers.any():
-        warnings += texture_doubts(found.nearly)
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
         warnings.append(f'{kept}; this mode cannot tell such islands from outliers.')

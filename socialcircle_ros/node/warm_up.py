@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from socialcircle_ros.circle.adaptive.likelihood import judged_by
+from socialcircle_ros.circle.adaptive.likelihood import probable_outliers
 from socialcircle_ros.circle.network.features import Part, planes_of, scales_of
 from socialcircle_ros.circle.network.inference import write_probabilities
 from socialcircle_ros.cloud import load_row, measured_points
@@ -116,10 +116,11 @@ def _compile_common(
 
 
 def _filter(mode: Mode, judge: Judge = 'rules', provider: str = CPU_PROVIDER) -> None:
-    """Filter clouds of both types."""
+    """Filter clouds of both types: with a depth of field by the rules, and by the network if it judges."""
+    circle = CircleSettings(mode=mode, judge=judge, provider=provider)
     for kind in (np.float32, np.float64):
-        circle = CircleSettings(mode=mode, judge=judge, provider=provider)
-        filter_cloud(_cloud(kind), PipelineSettings(circle=circle), depth_of_field=1.0)
+        for depth_of_field in (1.0, None) if judge == 'network' else (1.0,):
+            filter_cloud(_cloud(kind), PipelineSettings(circle=circle), depth_of_field=depth_of_field)
 
 
 def steps() -> Iterator[Callable[[], object]]:
@@ -243,7 +244,7 @@ def _see() -> None:
     planes = planes_of(heights, scales_of(heights), whole, 3, 4)
     probabilities = np.empty(heights.shape, np.uint8)
     write_probabilities(planes[:4], 0, 0, whole, heights, probabilities)
-    judged_by(probabilities, measured, measured, np.zeros_like(heights))
+    probable_outliers(probabilities, measured)
 
 
 def _measure(kind: type[np.unsignedinteger], *, in_colour: bool = False) -> None:

@@ -48,8 +48,8 @@ class CircleSettings(Settings):
     judge: Judge = setting(
         'rules',
         "What decides in the adaptive mode. 'rules': the steepness of borders. 'network': a network that has seen"
-        ' many surfaces judges what the rules find: on unknown textures far fewer good points are removed, and'
-        ' more irregular outliers are found, in about twice the time; it needs ONNX Runtime.'
+        ' many surfaces: on unknown textures far fewer good points are removed, and more irregular outliers are'
+        ' found; it needs ONNX Runtime.'
         ' Where the depth of field is known, as from a stack, the rules decide.',
         choices=('rules', 'network'),
     )

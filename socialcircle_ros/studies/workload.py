@@ -23,8 +23,8 @@ ELECTION = 0.13
 """The choice of a vote region, and the election of a seed."""
 DETECTION, INSERTION, TUNED_MEDIAN = 0.4, 0.5, 0.25
 """The adaptive mode; outliers that are put in; the median residual with its best threshold."""
-NETWORK = 0.7
-"""The probabilities of a network."""
+NETWORK = 0.4
+"""The adaptive mode by the network."""
 DRAWING = 1.2
 """A picture of maps; this one does not depend on the points."""
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from socialcircle_ros import CircleSettings, remove_outliers
-from socialcircle_ros.circle.doubts import doubts_of
+from socialcircle_ros.circle import network
+from socialcircle_ros.circle.doubts import doubts_of, unknown_texture
 
 PAPER, ADAPTIVE = CircleSettings(mode='paper'), CircleSettings()
 
@@ -104,6 +105,35 @@ def test_a_texture_that_resembles_outliers_is_named_with_the_cure():
     optics = remove_outliers(rich, CircleSettings(depth_of_field=1.0), pitch=(1.0, 2.0))
     assert not any(sentence in warning for warning in optics.warnings)
     assert remove_outliers(islands(0.0), pitch=(1.0, 2.0)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ('undecided', 'removed', 'warns'),
+    [(0.004, 0.0, False), (0.02, 0.0, True), (0.02, 0.01, True), (0.02, 0.03, False)],
+)
+def test_a_texture_that_the_network_does_not_know_is_named_with_the_cure(undecided, removed, warns):
+    found = unknown_texture(undecided, removed)
+    assert bool(found) == warns
+    for each in found:
+        assert 'undecided about 2.0 % of the points' in each
+        assert 'outliers may have stayed' in each
+        assert ('good points may be among the removed ones' in each) == (removed > 0)
+        assert 'socialcircle teach' in each
+
+
+@pytest.mark.parametrize(('probability', 'warns'), [(0, False), (100, True)])
+def test_the_result_warns_where_the_network_is_undecided(probability, warns, monkeypatch):
+    pytest.importorskip('onnxruntime')
+
+    class Undecided:
+        def probabilities(self, heights):
+            found = np.zeros(heights.shape, np.uint8)
+            found[:10] = probability
+            return found
+
+    monkeypatch.setattr(network, 'packaged_network', lambda provider: Undecided())
+    result = remove_outliers(smooth(), CircleSettings(judge='network'), pitch=(1.0, 2.0))
+    assert any('the network is undecided' in warning for warning in result.warnings) == warns
 
 
 def test_outliers_on_a_plain_surface_are_no_texture():

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from socialcircle_ros.circle import network
 from socialcircle_ros.focus import registration
 from socialcircle_ros.node import warm_up
 
@@ -66,6 +67,19 @@ def test_the_first_cloud_of_a_node_compiles_nothing():
     judge = 'rules' if importlib.util.find_spec('onnxruntime') is None else 'network'
     done = subprocess.run([sys.executable, '-c', NODE_PATH, judge], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ['{}', '{}', '{}']
+
+
+def test_the_network_is_read_and_its_provider_tried_before_the_first_cloud(monkeypatch):
+    pytest.importorskip('onnxruntime')
+    read = []
+
+    class Nothing:
+        def probabilities(self, heights):
+            return np.zeros(heights.shape, np.uint8)
+
+    monkeypatch.setattr(network, 'packaged_network', lambda provider: read.append(provider) or Nothing())
+    warm_up._filter('adaptive', 'network', 'CPUExecutionProvider')
+    assert set(read) == {'CPUExecutionProvider'}
 
 
 WITHOUT_SCIPY = f"""

@@ -10,19 +10,20 @@ Its steps, in order:
 - `islands`: communities that rise from their surroundings on all sides.
 - `texture`: islands that belong to the surface.
 - `communities`, `lesson`: a lesson about one kind of part, which judges what the other steps found.
-- `likelihood`: the same by the probability of each point, which a network gives.
 - `pyramid`: the same at reduced resolution.
 - `optics`: for focus stacks, the tolerance that the depth of field gives, and walls.
+
+In their place `likelihood` decides by the probability of each point, which a network gives.
 
 `detection` composes them. `docs/adaptive.md` has the equations.
 """
 
-from .detection import AdaptiveResult, Rules, find_outliers
+from .detection import AdaptiveResult, Rules, find_outliers, find_probable_outliers
 from .isolated import TOUCH
 from .lesson import CommunityJudge, LessonJudge, unlike
 from .likelihood import Likelihood, Probabilities
 
 __all__ = [
     'TOUCH', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood', 'Probabilities', 'Rules',
-    'find_outliers', 'unlike',
+    'find_outliers', 'find_probable_outliers', 'unlike',
 ]  # fmt: skip

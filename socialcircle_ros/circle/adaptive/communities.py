@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Traits of communities: what a lesson tells outliers from a part's own texture by.
 
-A community is a connected set of points that the rules found. Its traits are lengths relative to the spread of the
+A community is a connected set of found points. Its traits are lengths relative to the spread of the
 cloud, and numbers without a unit, so that neither the unit of the heights nor an offset or a tilt matters.
 """
 

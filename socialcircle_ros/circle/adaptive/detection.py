@@ -17,7 +17,7 @@ from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
 from .lesson import CommunityJudge
-from .likelihood import Likelihood, judged_by
+from .likelihood import Likelihood, probable_outliers
 from .optics import beside_walls, beyond_tolerance
 from .pyramid import halved, mark_expanded, raise_expanded
 from .relief import relief_of
@@ -68,7 +68,8 @@ class AdaptiveResult:
         spread: standard deviation of the differences between neighbours, the mean over the four directions, in the
             unit of the cloud.
         islands_kept: number of islands of one height that were kept as the texture of the surface.
-        nearly: share of the measured points that were kept and belong to a shape that is nearly an island.
+        nearly: share of the measured points that were kept but are nearly outliers: they belong to a shape that is
+            nearly an island, or their probability is above `likelihood.UNDECIDED`.
         times_ms: time of each step in ms.
     """
 
@@ -85,7 +86,6 @@ def find_outliers(
     depth_of_field: float | None = None,
     rules: Rules | None = None,
     judge: CommunityJudge | None = None,
-    likelihood: Likelihood | None = None,
 ) -> AdaptiveResult:
     """Find the outliers of a height map with scales that come from the map itself.
 
@@ -98,8 +98,6 @@ def find_outliers(
         rules: None: the default rules.
         judge: decides about what the rules find. It knows the texture of its kind of part, so that the texture
             rule is left out. None: all that is found are outliers.
-        likelihood: gives the probability of each point to be an outlier, which decides about what the rules find;
-            the texture rule is left out. Not used with a judge. None: the rules alone.
     """
     rules = rules or Rules()
     if judge is not None:
@@ -117,8 +115,7 @@ def find_outliers(
     predicted = search.remove_islands(steep[1], rules.clip, may_predict=depth_of_field is None)
     stopwatch.lap('islands')
 
-    by_rule = judge is None and likelihood is None
-    texture, islands_kept = search.texture(by_rule=by_rule)
+    texture, islands_kept = search.texture(by_rule=judge is None)
     stopwatch.lap('texture')
 
     # A surface with predicted differences has been smoothed: at reduced resolution its own hills would be steep.
@@ -126,15 +123,12 @@ def find_outliers(
     if not predicted and not islands_kept:
         search.remove_reduced_islands(steep, rules.clip)
         stopwatch.lap('reduced')
-        texture, islands_kept = search.texture(by_rule=by_rule)
+        texture, islands_kept = search.texture(by_rule=judge is None)
         stopwatch.lap('texture')
     outliers = search.found & ~texture
     if judge is not None:
         outliers = search.judged(judge, spread)
         stopwatch.lap('lesson')
-    elif likelihood is not None:
-        outliers = judged_by(likelihood(relative), search.measured, search.found, search.steepness)
-        stopwatch.lap('network')
 
     if depth_of_field is not None:
         outliers = beyond_tolerance(relative, outliers, depth_of_field)
@@ -145,6 +139,32 @@ def find_outliers(
     nearly = _scale_scores(score, outliers, search.measured) / int(np.count_nonzero(search.measured))
     stopwatch.lap('score')
     return AdaptiveResult(outliers, score, spread, islands_kept, nearly, stopwatch.times_ms)
+
+
+def find_probable_outliers(
+    heights: npt.NDArray[np.float32] | npt.NDArray[np.float64], likelihood: Likelihood
+) -> AdaptiveResult:
+    """Find the outliers of a height map by the probability of each point, without the rules.
+
+    Args:
+        heights: as for `find_outliers`.
+        likelihood: gives the probabilities.
+
+    Returns:
+        A result without islands of one height that were kept.
+    """
+    stopwatch = Stopwatch()
+    relative = relative_heights(heights)
+    stopwatch.lap('heights')
+    spread = estimate_spread(relative, _TILE_SIDE, may_predict=False)
+    stopwatch.lap('spread')
+    probabilities = likelihood(relative)
+    stopwatch.lap('network')
+    measured = np.isfinite(relative)
+    outliers, score, undecided = probable_outliers(probabilities, measured)
+    stopwatch.lap('communities')
+    mean_spread, nearly = float(spread.by_direction.mean()), undecided / int(np.count_nonzero(measured))
+    return AdaptiveResult(outliers, score, mean_spread, 0, nearly, stopwatch.times_ms)
 
 
 class _IslandSearch:

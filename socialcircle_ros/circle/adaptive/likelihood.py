@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the rules found, judged by the probability of each point to be an outlier.
+"""Outliers by the probability of each point to be one, which a network gives.
 
-The rules see where a community ends, the probabilities whether it looks like an outlier or like a texture. So an
-island is an outlier unless the mean of its probabilities is low. Elsewhere regions of high probability are
-outliers, but not one that is an island in the main: its border is that of the rules.
+Probable points that touch, directly or through others, form a community. It is one of outliers if the probability
+of one of its points is high.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
+from socialcircle_ros.kernels.compiled import kernel
 
 from .communities import label_communities
 from .heights import RelativeHeights
-from .islands import Steepness
 
 Probabilities = npt.NDArray[np.uint8]
 """(H, W) uint8, in 255ths: the probability of each point to be an outlier; 0 where not measured."""
@@ -24,50 +24,69 @@ Likelihood = Callable[[RelativeHeights], Probabilities]
 
 ONE = 255
 """What a probability of 1 is in `Probabilities`. A byte a point is enough for the thresholds below."""
-LIKELY, LIKELY_AMONG_MANY = 0.2, 0.08
-"""A community of the rules is kept if the mean of its probabilities is at most this: where outliers are `FEW`, and
-where they are `MANY`. The more outliers there are, the likelier a community is one."""
-FEW, MANY = 0.03, 0.13
+PROBABLE, PROBABLE_AMONG_MANY = 0.5, 0.2
+"""Points above this probability form communities: where outliers are `FEW`, and where they are `MANY`. The more
+outliers there are, the likelier a point is one."""
+CERTAIN, CERTAIN_AMONG_MANY = 0.8, 0.5
+"""A community is one of outliers if one of its points is above this probability, `FEW` and `MANY` as before."""
+FEW, MANY = 0.1, 0.2
 """Shares of the measured points, by the mean probability of all points."""
-PROBABLE, CERTAIN = 0.6, 0.8
-"""A connected region of points above the first probability is one of outliers if a point is above the second."""
-COVERED = 0.3
-"""It is not added if islands have this share of its points: the rules know its border better."""
+UNDECIDED = 0.2
+"""A kept point above this probability may be an outlier or not."""
 
 
-def judged_by(probabilities: Probabilities, measured: Mask, found: Mask, steepness: Steepness) -> Mask:
-    """Decide about the communities that the rules found, and about the other points.
+class Decided(NamedTuple):
+    """What the probabilities decide.
+
+    Attributes:
+        outliers: (H, W) bool.
+        score: (H, W) float32, as in `AdaptiveResult`.
+        undecided: number of kept points with a probability above `UNDECIDED`.
+    """
+
+    outliers: Mask
+    score: npt.NDArray[np.float32]
+    undecided: int
+
+
+def probable_outliers(probabilities: Probabilities, measured: Mask) -> Decided:
+    """Find the communities of outliers.
 
     Args:
         probabilities: of the points.
-        measured: (H, W) bool.
-        found: (H, W) bool, what the rules found; measured points.
-        steepness: (H, W) float32, from which the score is made; what the probabilities decide is written into it.
+        measured: (H, W) bool, one of them at least.
+    """
+    share = int(probabilities.sum(dtype=np.int64)) / ONE / np.count_nonzero(measured)
+    probable = float(np.interp(share, (FEW, MANY), (PROBABLE, PROBABLE_AMONG_MANY)))
+    certain = float(np.interp(share, (FEW, MANY), (CERTAIN, CERTAIN_AMONG_MANY)))
+    points, labels, number = label_communities(probabilities > round(probable * ONE))
+    sure = np.bincount(labels[probabilities.flat[points] > round(certain * ONE)], minlength=number) > 0
+    outliers: Mask = np.zeros(probabilities.shape, np.bool_)
+    outliers.flat[points[sure[labels]]] = True
+    score = np.empty(probabilities.shape, np.float32)
+    undecided = _write_scores(probabilities, outliers, measured, round(certain * ONE), score)
+    return Decided(outliers, score, undecided)
+
+
+@kernel
+def _write_scores(
+    probabilities: Probabilities, outliers: Mask, measured: Mask, certain: int, score: npt.NDArray[np.float32]
+) -> int:
+    """Half of 1 + p for outliers; of others half of p over the least that is certain; NaN where not measured.
 
     Returns:
-        (H, W) bool, the outliers.
+        The number of kept points above `UNDECIDED`.
     """
-    points, labels, number = label_communities(found)
-    means = (
-        np.bincount(labels, probabilities.ravel()[points], number) / np.bincount(labels, minlength=number) / ONE
-    )
-    share = int(probabilities.sum(dtype=np.int64)) / ONE / np.count_nonzero(measured)
-    least = float(np.interp(share, (FEW, MANY), (LIKELY, LIKELY_AMONG_MANY)))
-    likely = means > least
-    steepness.flat[points] = np.where(likely, np.minimum(means / CERTAIN, 1), means / least)[labels]
-    islands: Mask = np.zeros(found.shape, np.bool_)
-    islands.flat[points] = likely[labels]
-    outliers = islands.copy()
-    _add_regions(probabilities, islands, outliers, steepness)
-    return outliers
-
-
-def _add_regions(probabilities: Probabilities, islands: Mask, outliers: Mask, steepness: Steepness) -> None:
-    """Add the regions of high probability that are not mostly islands."""
-    points, labels, number = label_communities(probabilities > round(PROBABLE * ONE))
-    sizes = np.bincount(labels, minlength=number)
-    in_islands = np.bincount(labels[islands.flat[points]], minlength=number)
-    certain = np.bincount(labels[probabilities.flat[points] > round(CERTAIN * ONE)], minlength=number)
-    added = points[((certain > 0) & (in_islands < COVERED * sizes))[labels]]
-    steepness.flat[added] = np.maximum(steepness.flat[added], probabilities.flat[added] / np.float32(ONE))
-    outliers.flat[added] = True
+    height, width = score.shape
+    undecided = 0
+    for row in range(height):
+        for column in range(width):
+            probability = np.float32(probabilities[row, column])
+            if not measured[row, column]:
+                score[row, column] = np.nan
+            elif outliers[row, column]:
+                score[row, column] = np.float32(0.5) + np.float32(0.5 / ONE) * probability
+            else:
+                score[row, column] = np.float32(0.5) * min(probability / np.float32(certain), np.float32(1))
+                undecided += int(probability > ONE * UNDECIDED)
+    return undecided

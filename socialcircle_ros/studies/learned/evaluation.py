@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The network, the rules of the adaptive mode, and both, on the same whole surfaces with the same outliers."""
+"""The network and the rules of the adaptive mode on the same whole surfaces with the same outliers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,10 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.circle.adaptive import find_outliers
-from socialcircle_ros.circle.adaptive.likelihood import CERTAIN, COVERED, LIKELY, LIKELY_AMONG_MANY, ONE, PROBABLE
+from socialcircle_ros.circle.adaptive import AdaptiveResult, find_outliers, find_probable_outliers
 from socialcircle_ros.circle.network import NetworkJudge
-from socialcircle_ros.cloud import Mask
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
 from socialcircle_ros.studies.adaptive.goals import Goal, goals_section
 from socialcircle_ros.studies.adaptive.inserted_outliers import (
@@ -30,14 +28,11 @@ from socialcircle_ros.studies.workload import DETECTION, DRAWING, INSERTION, NET
 from . import drawings
 from .surfaces import DEVELOPMENT, HELD_OUT, SurfaceFile, read_surface, surface_files
 
-THRESHOLDS = (0.3, 0.5, 0.65, 0.8, 0.9, 0.95)
-"""Probabilities that the table of thresholds compares."""
 PICTURES = 10
 """Clouds drawn: those that the network judges worst."""
-JUDGES = ('rules', 'network', 'both')
-"""`both` is what `circle.judge: network` does."""
+JUDGES = ('rules', 'network')
 _TIMED = (960, 1280)
-_SURFACES, _BY_THRESHOLD = 'learned_surfaces', 'learned_by_threshold'
+_SURFACES = 'learned_surfaces'
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,6 @@ class Judged:
         f1: for each check, of each judge.
         removed: share of the plausible points of the untouched surface, by each judge.
         nearly: share of its points in shapes that are nearly islands, from which the rules warn.
-        by_threshold: for each threshold, F1 of each check and the share removed.
     """
 
     name: str
@@ -81,11 +75,10 @@ class Judged:
     f1: list[list[float]]
     removed: list[float]
     nearly: float
-    by_threshold: list[tuple[list[float], float]]
 
 
 def learned(study: Study, folder: Path, judge: NetworkJudge, *, quick: bool = False) -> list[Step]:
-    """Compare the network with the rules: surfaces, goals, thresholds, time, and the worst clouds.
+    """Compare the network with the rules: surfaces, goals, time, and the worst clouds.
 
     Args:
         study: its seeds give the outliers; medians are over them.
@@ -95,8 +88,8 @@ def learned(study: Study, folder: Path, judge: NetworkJudge, *, quick: bool = Fa
     """
     files = surface_files(folder)[: 1 if quick else None]
     masks = len(CHECKS) * len(study.plan.seeds) + 1
-    per_point = masks * (2 * DETECTION + NETWORK + INSERTION)
-    timing = 2 * study.plan.repeats * million_points(_TIMED) * (2 * DETECTION + NETWORK)
+    per_point = masks * (DETECTION + NETWORK + INSERTION)
+    timing = 2 * study.plan.repeats * million_points(_TIMED) * (DETECTION + NETWORK)
     return [
         *(
             Step(
@@ -117,28 +110,16 @@ def _surface(study: Study, path: Path, judge: NetworkJudge, _: Sequence[Section]
     surfaces = _columns([Column('surface'), Column('group')])
     scores = [value for values in judged.f1 for value in values]
     row: list[Cell] = [judged.name, judged.group, *scores, *judged.removed, judged.nearly]
-    columns = [Column('surface'), Column('group'), Column('threshold', '.2f')]
-    columns += [*(Column(check.name, '.3f') for check in CHECKS), Column('untouched: removed', '.3%')]
-    by_threshold: list[list[Cell]] = [
-        [judged.name, judged.group, threshold, *f1, removed]
-        for threshold, (f1, removed) in zip(THRESHOLDS, judged.by_threshold, strict=True)
-    ]
     text = (
         'Outliers are put into whole surfaces by two generators that the network was never trained on: `ellipses`'
         ' is `simulation.add_outliers`, `irregular` is `add_irregular_outliers`. Points of the untouched surface'
         f' beyond 10 robust σ of its 11×11 median are not counted. Medians over {len(study.plan.seeds)} seeds.'
-        f' `both` removes the islands of the rules whose mean probability is above {LIKELY:g}, above'
-        f' {LIKELY_AMONG_MANY:g} among many outliers, and regions above {PROBABLE:g} that have a point above'
-        f' {CERTAIN:g} and less than {COVERED:.0%} in islands.'
         ' "Left out" are surfaces of instruments that these weights were not trained on: '
         + '; '.join(f'{name} ({instrument})' for name, instrument in HELD_OUT.items())
         + '.'
     )
-    tables = [
-        Table(_SURFACES, 'Each surface', [*surfaces, Column('untouched: nearly outliers', '.1%')], [row]),
-        Table(_BY_THRESHOLD, 'F1 of the network on each surface by threshold', columns, by_threshold),
-    ]
-    return [Section('Surfaces', [text], items=tables)]
+    table = Table(_SURFACES, 'Each surface', [*surfaces, Column('untouched: nearly outliers', '.1%')], [row])
+    return [Section('Surfaces', [text], items=[table])]
 
 
 def _conclusion(study: Study, judge: NetworkJudge, made: Sequence[Section]) -> list[Section]:
@@ -146,8 +127,7 @@ def _conclusion(study: Study, judge: NetworkJudge, made: Sequence[Section]) -> l
     study.progress('timing')
     judged = _judged_rows(made)
     goals = [*_goals(judged), _time_goal(judge, study.plan.repeats)]
-    thresholds = _thresholds_table(rows_of(made, _BY_THRESHOLD))
-    return [goals_section('learned_goals', goals), Section('All surfaces', items=[_summary(judged), thresholds])]
+    return [goals_section('learned_goals', goals), Section('All surfaces', items=[_summary(judged)])]
 
 
 class _Row(NamedTuple):
@@ -172,32 +152,23 @@ def _judged_rows(made: Sequence[Section]) -> list[_Row]:
 
 
 def _judged(surface: StudiedSurface, judge: NetworkJudge, seeds: Sequence[int]) -> Judged:
-    f1, by_check = [], []
+    f1 = []
     for check in CHECKS:
         scores = []
         for seed in seeds:
             made = insert_outliers(surface, check.share, seed, check.shapes)
-            scores.append([made.score(mask).f1 for mask in _masks(made.points[..., 2], judge)])
-        medians = [median(column) for column in zip(*scores, strict=True)]
-        f1.append(medians[: len(JUDGES)])
-        by_check.append(medians[len(JUDGES) :])
-    removed = [float(mask[surface.plausible].mean()) for mask in _masks(surface.cloud.points[..., 2], judge)]
-    by_threshold = [
-        ([each[place] for each in by_check], removed[len(JUDGES) + place]) for place in range(len(THRESHOLDS))
-    ]
+            scores.append([made.score(each.outliers).f1 for each in _found(made.points[..., 2], judge)])
+        f1.append([median(column) for column in zip(*scores, strict=True)])
+    untouched = _found(surface.cloud.points[..., 2], judge)
+    removed = [float(each.outliers[surface.plausible].mean()) for each in untouched]
     name = surface.cloud.name
-    nearly = find_outliers(surface.cloud.points[..., 2].astype(np.float32)).nearly
-    return Judged(name, _group(name), f1, removed[: len(JUDGES)], nearly, by_threshold)
+    return Judged(name, _group(name), f1, removed, untouched[0].nearly)
 
 
-def _masks(heights: NDArray[np.floating], judge: NetworkJudge) -> list[Mask]:
-    """What each judge removes, then what the network removes at each threshold."""
+def _found(heights: NDArray[np.floating], judge: NetworkJudge) -> list[AdaptiveResult]:
+    """What each judge finds, in the order of `JUDGES`."""
     heights = heights.astype(np.float32)
-    rules = find_outliers(heights).outliers
-    probabilities = judge.probabilities(heights)
-    network = [probabilities > each * ONE for each in (judge.threshold, *THRESHOLDS)]
-    both = find_outliers(heights, likelihood=lambda _: probabilities).outliers
-    return [rules, network[0], both, *network[1:]]
+    return [find_outliers(heights), find_probable_outliers(heights, judge.probabilities)]
 
 
 def _group(name: str) -> str:
@@ -226,23 +197,6 @@ def _summary(judged: Sequence[_Row]) -> Table:
     return Table('learned_summary', 'F1 and removed points', _columns([Column('surfaces')]), rows)
 
 
-def _thresholds_table(by_surface: Sequence[Sequence[Cell]]) -> Table:
-    """The threshold is chosen on the development surfaces; the table shows what others would have done."""
-    rows: list[list[Cell]] = []
-    for group in ('development', 'left out'):
-        for threshold in THRESHOLDS:
-            members = [[float(value or 0) for value in row[3:]] for row in by_surface
-                       if (row[1], row[2]) == (group, threshold)]  # fmt: skip
-            if members:
-                *f1, removed = zip(*members, strict=True)
-                rows.append([group, threshold, *map(median, f1), median(removed), max(removed)])
-    columns = [
-        Column('surfaces'), Column('threshold', '.2f'), *(Column(check.name, '.3f') for check in CHECKS),
-        Column('untouched, median', '.3%'), Column('untouched, worst', '.3%'),
-    ]  # fmt: skip
-    return Table('learned_thresholds', 'Median F1 of the network by threshold', columns, rows)
-
-
 def _goals(judged: Sequence[_Row]) -> list[Goal]:
     """The goals that were set for the network."""
     goals = []
@@ -267,17 +221,17 @@ def _goals(judged: Sequence[_Row]) -> list[Goal]:
 
 
 def _time_goal(judge: NetworkJudge, repeats: int) -> Goal:
-    """Time of rules and network, as a multiple of the rules' in the same run."""
+    """Time of the network as a multiple of that of the rules in the same run."""
     random = np.random.default_rng(1)
     heights = random.normal(size=_TIMED).astype(np.float32)
     times = [min(repeated_ms(call, repeats)) for call in _calls(judge, heights)]
-    quantity = 'Time of both as a multiple of the rules’, 1280×960'
+    quantity = 'Time of the network as a multiple of that of the rules, 1280×960'
     return Goal(quantity, times[0] / times[1], 1.2, at_least=False, form='.2f')
 
 
 def _calls(judge: NetworkJudge, heights: NDArray[np.float32]) -> list[Callable[[], object]]:
     return [
-        lambda: find_outliers(heights, likelihood=judge.probabilities),
+        lambda: find_probable_outliers(heights, judge.probabilities),
         lambda: find_outliers(heights),
     ]
 
@@ -294,7 +248,7 @@ def _worst(
         study.progress(f'{each.name}: picture')
         surface = read_surface(paths[each.name])
         cloud = insert_outliers(surface, check.share, study.plan.seeds[-1], check.shapes)
-        found = judge.probabilities(cloud.points[..., 2].astype(np.float32)) > judge.threshold * ONE
+        found = _found(cloud.points[..., 2], judge)[1].outliers
         pictures.append(
             Picture(
                 f'learned_{each.name}',

@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How probabilities decide about what the rules found."""
+"""How the probabilities of the points decide."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from socialcircle_ros.circle.adaptive import find_outliers
+from socialcircle_ros.circle.adaptive import find_outliers, find_probable_outliers
 from socialcircle_ros.circle.adaptive.likelihood import (
     CERTAIN,
-    COVERED,
-    LIKELY,
-    LIKELY_AMONG_MANY,
+    CERTAIN_AMONG_MANY,
+    FEW,
+    MANY,
     ONE,
     PROBABLE,
-    judged_by,
+    PROBABLE_AMONG_MANY,
+    UNDECIDED,
+    probable_outliers,
 )
 
 
@@ -37,34 +39,35 @@ def naive_communities(mask):
             yield members
 
 
-def naively_judged(probabilities, measured, found):
-    probabilities = probabilities / ONE
-    share = probabilities.sum() / measured.sum()
-    least = min(max(LIKELY + (LIKELY_AMONG_MANY - LIKELY) * (share - 0.03) / 0.1, LIKELY_AMONG_MANY), LIKELY)
-    islands = np.zeros(found.shape, bool)
-    for members in naive_communities(found):
-        if np.mean([float(probabilities[each]) for each in members]) > least:
-            islands[tuple(zip(*members, strict=True))] = True
-    outliers = islands.copy()
-    for members in naive_communities(probabilities > PROBABLE):
-        covered = sum(islands[each] for each in members) / len(members)
-        if max(probabilities[each] for each in members) > CERTAIN and covered < COVERED:
+def between(share, least, most):
+    place = min(max((share - FEW) / (MANY - FEW), 0), 1)
+    return round((least + (most - least) * place) * ONE)
+
+
+def naively_found(probabilities, measured):
+    share = probabilities.sum() / ONE / measured.sum()
+    probable = between(share, PROBABLE, PROBABLE_AMONG_MANY)
+    certain = between(share, CERTAIN, CERTAIN_AMONG_MANY)
+    outliers = np.zeros(measured.shape, bool)
+    for members in naive_communities(probabilities > probable):
+        if max(probabilities[each] for each in members) > certain:
             outliers[tuple(zip(*members, strict=True))] = True
     return outliers
 
 
-@given(st.integers(0, 10**6), st.integers(1, 14), st.integers(1, 19), st.sampled_from([0.05, 0.4, 0.9]))
-def test_each_community_is_judged_by_its_mean_probability(seed, height, width, share):
+@given(st.integers(0, 10**6), st.integers(1, 14), st.integers(1, 19))
+def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, height, width):
     random = np.random.default_rng(seed)
     measured = random.random((height, width)) < 0.9
     measured[0, 0] = True
     probabilities = in_255ths(random.random((height, width)) ** random.choice([1, 4, 30]) * measured)
-    found = measured & (random.random((height, width)) < share)
-    steepness = random.random((height, width)).astype(np.float32)
-    outliers = judged_by(probabilities, measured, found, steepness)
-    np.testing.assert_array_equal(outliers, naively_judged(probabilities, measured, found))
-    assert (steepness >= 0).all()
-    assert (steepness <= 1).all()
+    outliers, score, undecided = probable_outliers(probabilities, measured)
+    np.testing.assert_array_equal(outliers, naively_found(probabilities, measured))
+    np.testing.assert_array_equal(score > 0.5, outliers)
+    np.testing.assert_array_equal(np.isnan(score), ~measured)
+    assert np.nanmin(score) >= 0
+    assert np.nanmax(score) <= 1
+    assert undecided == ((probabilities > UNDECIDED * ONE) & ~outliers & measured).sum()
 
 
 def two_patches():
@@ -74,30 +77,28 @@ def two_patches():
     return heights
 
 
-def test_an_improbable_island_stays_and_a_probable_point_falls():
+def test_the_probabilities_alone_decide():
     heights = two_patches()
-    rules = find_outliers(heights)
-    assert rules.outliers[20:25, 15:21].all()
+    assert find_outliers(heights).outliers[20:25, 15:21].all()
     probabilities = np.zeros_like(heights)
     probabilities[40:46, 60:67] = 0.7
-    probabilities[70, 80] = probabilities[39, 60] = 0.9
-    probabilities[70, 81], probabilities[70, 82] = 0.7, 0.5
-    result = find_outliers(heights, likelihood=lambda given: in_255ths(probabilities))
-    assert not result.outliers[20:25, 15:21].any()
-    assert result.outliers[40:46, 60:67].all()
-    assert result.outliers[70, 80:83].tolist() == [True, True, False]
-    assert not result.outliers[39, 60]  # beside an island, whose border the rules know better
-    np.testing.assert_array_equal(result.score > 0.5, result.outliers)
-    assert result.score[22, 17] < 0.5
+    probabilities[70, 80] = 0.9
+    probabilities[70, 81], probabilities[71, 82], probabilities[70, 83] = 0.7, 0.65, 0.45
+    result = find_probable_outliers(heights, lambda given: in_255ths(probabilities))
+    assert np.argwhere(result.outliers).tolist() == [[70, 80], [70, 81], [71, 82]]
+    assert result.score[70, 80] > result.score[70, 81] > 0.5 > result.score[40, 60] > result.score[70, 83]
+    assert result.islands_kept == 0
+    assert result.nearly == pytest.approx(43 / heights.size)
 
 
-@pytest.mark.parametrize(('elsewhere', 'falls'), [(0.0, False), (0.2, True)])
-def test_among_many_outliers_an_island_needs_less(elsewhere, falls):
+@pytest.mark.parametrize(('elsewhere', 'falls'), [(0.0, False), (0.19, True)])
+def test_among_many_outliers_a_community_needs_less(elsewhere, falls):
     heights = two_patches()
     probabilities = np.full_like(heights, elsewhere)
-    probabilities[40:46, 60:67] = 0.15
-    result = find_outliers(heights, likelihood=lambda given: in_255ths(probabilities))
+    probabilities[40:46, 60:67] = 0.6
+    result = find_probable_outliers(heights, lambda given: in_255ths(probabilities))
     assert result.outliers[40:46, 60:67].all() == falls
+    assert result.outliers.sum() == (42 if falls else 0)
 
 
 def test_the_network_sees_the_heights_as_they_came():
@@ -109,16 +110,23 @@ def test_the_network_sees_the_heights_as_they_came():
         seen.append(given)
         return np.zeros(given.shape, np.uint8)
 
-    find_outliers(heights, likelihood=likelihood)
+    result = find_probable_outliers(heights, likelihood)
     np.testing.assert_array_equal(seen[0], heights)
+    assert np.isnan(result.score[3, 4])
 
 
-def test_islands_of_one_height_are_left_to_the_probabilities():
-    heights = np.random.default_rng(3).normal(size=(120, 160)).astype(np.float32)
-    for row in range(8, 110, 16):
-        for column in range(8, 150, 16):
-            heights[row : row + 4, column : column + 4] += 40
-    assert find_outliers(heights).islands_kept > 50
-    result = find_outliers(heights, likelihood=lambda given: in_255ths(given > 20))
-    assert result.islands_kept == 0
-    assert result.outliers[heights > 30].all()
+@pytest.mark.parametrize('measured', [(0, 0), (2, 3)])
+def test_one_measured_point_is_kept_or_falls(measured):
+    heights = np.full((measured[0] + 1, measured[1] + 1), np.nan)
+    heights[measured] = 1e9
+    for probability, falls in ((0.1, False), (1.0, True)):
+        result = find_probable_outliers(heights, lambda given, p=probability: in_255ths(np.isfinite(given) * p))
+        assert result.outliers[measured] == falls
+        assert result.outliers.sum() == falls
+        assert np.isfinite(result.score).sum() == 1
+
+
+def test_the_spread_is_that_of_the_rules_where_few_points_are_outliers():
+    heights = two_patches()
+    result = find_probable_outliers(heights, lambda given: np.zeros(given.shape, np.uint8))
+    assert result.spread == pytest.approx(find_outliers(heights).spread, rel=0.02)
