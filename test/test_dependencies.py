@@ -53,7 +53,7 @@ ON_DEMAND = {
     PACKAGE / 'panel' / 'server.py',
     *(
         PACKAGE / 'studies' / 'learned' / f'{name}.py'
-        for name in ('network', 'training', 'export', 'integers', 'run')
+        for name in ('network', 'training', 'export', 'integers', 'run', 'teacher')
     ),
 }
 """Modules that need an extra at their import; they are imported only for the tuning page and for the training."""

@@ -22,8 +22,9 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.order_statistics import median_of_five
 
 CHANNELS = 6
-PLANES = 4 * CHANNELS + 1
-"""One for each channel and point of the 2×2 squares, and one for the number of the cloud."""
+PLANES = 4 * (CHANNELS + 1)
+"""One for each channel and point of the 2×2 squares, and four for the number of the cloud: ONNX Runtime convolves
+28 planes of 8 bits in less time than 25."""
 MARGIN = 36
 """Points around a part of the cloud that its features depend on: half of the wide window, median and rings."""
 
@@ -47,7 +48,7 @@ _ONE = np.int32(0x3F800000)
 _PER_STEP = np.float32(2.0**-23)
 
 Planes = npt.NDArray[np.float32]
-"""(25, h, w) float32: plane 4·channel + 2·(row & 1) + (column & 1) holds the channel at half the resolution."""
+"""(28, h, w) float32: plane 4·channel + 2·(row & 1) + (column & 1) holds the channel at half the resolution."""
 _Level = npt.NDArray[np.float32]
 _Values = npt.NDArray[np.float32]
 
@@ -114,7 +115,7 @@ def planes_of(heights: RelativeHeights, scales: Scales, part: Part, height: int,
         width: columns of the planes.
 
     Returns:
-        (25, height, width) float32; 0 beyond the part, but for the last plane.
+        (28, height, width) float32; 0 beyond the part, but for the last four planes.
     """
     rows, columns = heights.shape
     top, left = max(0, part.top - MARGIN), max(0, part.left - MARGIN)
@@ -130,7 +131,7 @@ def planes_of(heights: RelativeHeights, scales: Scales, part: Part, height: int,
     smooth = np.empty(shape, np.float32)
     in_bands(lambda band: _smooth(level, band.start, band.stop, smooth), *shape)
     planes = np.zeros((PLANES, height, width), np.float32)
-    planes[-1] = scales.grain
+    planes[4 * CHANNELS :] = scales.grain
     inner = Part(part.top - top, min(part.bottom, rows) - top, part.left - left, min(part.right, columns) - left)
     pairs = (inner.bottom - inner.top + 1) // 2
     in_bands(

@@ -28,20 +28,19 @@ WEIGHTS = Path(__file__).with_name('network.onnx')
 """The weights of the package."""
 WHOLE = 1_400_000
 """Largest cloud, in points, that is one tile."""
-TILE = 768
+TILE = 640
 """Side of the tiles of a larger cloud, in points; even, as `features.planes_of` needs it. With its surroundings a
-tile takes about 120 MB."""
+tile takes about 100 MB."""
 
 _FEATURES, _LOGITS = 'features', 'logits'
-_VERSION = '1'
+_VERSION = '2'
 
 
 class NetworkJudge:
     """A network that is ready to judge; it may be used by several threads at a time.
 
     Attributes:
-        card: the metadata of the file: what the network was trained on, its threshold.
-        threshold: probability above which a point is an outlier if the network alone decides.
+        card: the metadata of the file: what the network was trained on.
     """
 
     def __init__(self, path: Path, threads: int, provider: str = CPU_PROVIDER) -> None:
@@ -80,7 +79,6 @@ class NetworkJudge:
         self.card: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
         if self.card.get('features') != _VERSION:
             raise SocialCircleError(f'{path} is no network that the training of this version wrote.')
-        self.threshold = float(self.card['threshold'])
         self._halo, self._multiple = int(self.card['halo']), int(self.card['multiple'])
 
     def probabilities(self, heights: RelativeHeights) -> Probabilities:

@@ -24,7 +24,7 @@ from socialcircle_ros.errors import SocialCircleError, install_command
 @click.option(
     '-o', '--out', type=click.Path(path_type=Path), required=True, help='ONNX file to write, with 8-bit weights.'
 )
-@click.option('--files', default=100, show_default=True, help='Files of the corpus: 100 patches, 143 MB each.')
+@click.option('--files', default=100, show_default=True, help='Files of the corpus: 100 patches, 154 MB each.')
 @click.option('--steps', default=12_000, show_default=True, help='Steps of the training.')
 @click.option('--workers', default=2, show_default=True, help='Processes; each has 8 crops a step.')
 @click.option('--seed', default=1, show_default=True, help='Decides corpus, first weights and order of the crops.')
@@ -37,9 +37,6 @@ from socialcircle_ros.errors import SocialCircleError, install_command
     '--from', 'start', type=click.Path(path_type=Path, exists=True),
     help='trained.onnx of the work of an earlier training, to start from; default: random weights.',
 )  # fmt: skip
-@click.option(
-    '--threshold', default=0.65, show_default=True, help='Probability above which a point is an outlier.'
-)
 def command(
     data: Path,
     work: Path,
@@ -50,21 +47,26 @@ def command(
     seed: int,
     leave_out: tuple[str, ...],
     start: Path | None,
-    threshold: float,
 ) -> None:
     """Train the network that judges touch, and round it to 8 bits.
 
     The corpus is made first, and kept: real surfaces of the data folder and simulated ones, with outliers from
-    several generators. The result depends on the options and on the number of workers.
+    several generators, and what a larger network, the teacher, says of them. The result depends on the options and
+    on the number of workers.
     """
     try:
         from .corpus import make_corpus
+        from .export import network_from
         from .measured import training_surfaces
         from .run import Run, train
+        from .teacher import ask_teacher, require_weights
     except ImportError as error:
         raise click.ClickException(f'The training needs {error.name}: {install_command("train")}.') from None
     from .surfaces import HELD_OUT, read_surfaces
 
+    require_weights()
+    if start is not None:
+        network_from(start)  # it must be of this shape, which is known only in hours otherwise
     left_out = leave_out or tuple(HELD_OUT)
     surfaces = read_surfaces(data)
     chosen = training_surfaces(surfaces, left_out)
@@ -73,10 +75,11 @@ def command(
     folder = work / 'corpus'
     click.echo(f'{len(chosen)} of {len(surfaces)} surfaces are trained on; corpus in {folder}', err=True)
     make_corpus(folder, chosen, range(1000 * seed, 1000 * seed + files), lambda step: click.echo(step, err=True))
+    ask_teacher(folder, lambda step: click.echo(step, err=True))
     trained = [each.name for each in chosen]
     others = [each.cloud.name for each in surfaces if each.cloud.name not in trained]
     names = {'trained_on': trained, 'held_out': others}
-    train(Run(folder, work, out, steps, workers, seed, start, threshold, names))
+    train(Run(folder, work, out, steps, workers, seed, start, names))
     click.echo(f'{out} written; next: socialcircle experiment learned --network {out}')
 
 

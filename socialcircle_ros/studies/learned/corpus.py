@@ -24,6 +24,8 @@ SHARD = 100
 """Patches in one file."""
 REAL_SHARE = 0.6
 """Share of patches that are real surfaces."""
+HEIGHT_CHANNELS = 5
+"""Channels that change their sign with the heights; the last one says what is measured."""
 PLANES = CHANNELS + 1
 """Planes of a patch: the features, and the label: 0 does not count, 1 good, 2 outlier."""
 _MOST_TRIES = 50
@@ -63,7 +65,7 @@ def channels_of(heights: RelativeHeights) -> tuple[NDArray[np.float32], float]:
     scales = scales_of(heights)
     rows, columns = (height + 1) // 2, (width + 1) // 2
     planes = planes_of(heights, scales, Part(0, height, 0, width), rows, columns)
-    squares = planes[:-1].reshape(CHANNELS, 2, 2, rows, columns).transpose(0, 3, 1, 4, 2)
+    squares = planes[: 4 * CHANNELS].reshape(CHANNELS, 2, 2, rows, columns).transpose(0, 3, 1, 4, 2)
     return squares.reshape(CHANNELS, 2 * rows, 2 * columns)[:, :height, :width], scales.grain
 
 
@@ -81,6 +83,16 @@ def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> 
     np.save(content, patches)
     write_file(path, content.getvalue())
     return path
+
+
+def files_of(folder: Path) -> list[Path]:
+    """The files of a corpus that are complete, in order."""
+    return sorted(path for path in folder.glob('*.npy') if path.stem.isdigit())
+
+
+def opinions_beside(path: Path) -> Path:
+    """The file with the teacher's probabilities of a file of the corpus."""
+    return path.with_suffix('.teacher.npy')
 
 
 def make_corpus(

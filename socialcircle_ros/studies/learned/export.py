@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
+from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import write_file
 
 from .network import HALO, INPUTS, MULTIPLE, Network
@@ -59,7 +60,7 @@ def to_onnx(network: Network, card: Mapping[str, str]) -> onnx.ModelProto:
 
     Args:
         network: its weights.
-        card: further entries of the metadata, such as `threshold`.
+        card: further entries of the metadata.
     """
     weights = {name: value.detach().cpu().float().numpy() for name, value in network.state_dict().items()}
     graph = _Graph(weights)
@@ -70,7 +71,7 @@ def to_onnx(network: Network, card: Mapping[str, str]) -> onnx.ModelProto:
         helper.make_graph(graph.nodes, 'touch', [planes], [logits], graph.stored),
         opset_imports=[helper.make_opsetid('', _OPSET)], ir_version=_IR, producer_name='socialcircle_ros',
     )  # fmt: skip
-    helper.set_model_props(model, {'features': '1', 'multiple': str(MULTIPLE), 'halo': str(HALO), **card})
+    helper.set_model_props(model, {'features': '2', 'multiple': str(MULTIPLE), 'halo': str(HALO), **card})
     onnx.checker.check_model(model, full_check=True)
     return model
 
@@ -104,12 +105,18 @@ def write_onnx(network: Network, card: Mapping[str, str], path: Path) -> None:
 
 
 def network_from(path: Path) -> Network:
-    """The network of an ONNX file, to train it further."""
+    """The network of an ONNX file, to train it further.
+
+    Raises:
+        SocialCircleError: the file holds a network of another shape.
+    """
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in onnx.load(path).graph.initializer}
     network = Network()
     state = network.state_dict()
     for name, value in state.items():
         if name in stored:
+            if stored[name].shape != tuple(value.shape):
+                raise SocialCircleError(f'{path} holds a network of another shape; start from random weights.')
             state[name] = torch.from_numpy(stored[name].astype(np.float32)).to(value.dtype)
     network.load_state_dict(state)
     return network

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The trained network with 8-bit weights and planes: what the product uses, in half the time of float32.
+"""The trained network with 8-bit weights and planes: what the product uses, in a third of the time of float32.
 
 Needs ONNX and ONNX Runtime, and is imported only on demand. The runtime's own tool merges the norms with the
-convolutions and rounds them after calibration [1]. The first and the last convolution stay in float32: otherwise a
-last bit of the heights, which an offset can change, would become a step of 8 bits in the input. Weights have 7
-bits, since sums of products of 8 bits overflow on processors without VNNI.
+convolutions and rounds them after calibration [1]. A mean of 2×2 points becomes a convolution, which the runtime
+computes in a fifth of the time. Weights have 7 bits, since sums of products of 8 bits overflow on processors
+without VNNI.
 
 1. B. Jacob et al.: Quantization and training of neural networks for efficient integer-arithmetic-only inference.
    CVPR 2018. DOI 10.1109/CVPR.2018.00286
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 import onnx
-from onnx import helper
+from onnx import helper, numpy_helper
 from onnxruntime.quantization import (
     CalibrationDataReader,
     CalibrationMethod,
@@ -35,10 +35,11 @@ from .training import Corpus
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_BATCHES, _BATCH, _SEED = 12, 4, 99
+_BATCHES, _BATCH, _SEED = 40, 4, 99
 """Crops that the ranges of the planes are measured on."""
-_PERCENTILE = 99.99
-"""Range of a plane, in percent of its values; what is beyond it is clipped."""
+_PERCENTILE = 99.999
+"""Range of a plane, in percent of its values; what is beyond it is clipped. With 99.99 and 48 crops the range of a
+plane that answers to single points was left to chance, and single points were lost."""
 
 
 class _Crops(CalibrationDataReader):  # type: ignore[misc] # the base has no types
@@ -68,13 +69,32 @@ def write_integers(trained: Path, corpus: Corpus, path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         merged, rounded = Path(folder) / 'merged.onnx', Path(folder) / 'rounded.onnx'
         quant_pre_process(trained, merged, skip_symbolic_shape=True)
-        convolutions = [node.name for node in onnx.load(merged).graph.node if node.op_type == 'Conv']
+        model = onnx.load(merged)
+        _convolve_means(model.graph)
+        onnx.save(model, merged)
         quantize_static(
             merged, rounded, _Crops(corpus), quant_format=QuantFormat.QDQ, per_channel=True, reduce_range=True,
             activation_type=QuantType.QUInt8, weight_type=QuantType.QInt8,
-            nodes_to_exclude=[convolutions[0], convolutions[-1]],
             calibrate_method=CalibrationMethod.Percentile, extra_options={'CalibPercentile': _PERCENTILE},
         )  # fmt: skip
         model = onnx.load(rounded)
     helper.set_model_props(model, card)
     write_file(path, model.SerializeToString(deterministic=True))
+
+
+def _convolve_means(graph: onnx.GraphProto) -> None:
+    """Replace each mean of 2×2 points by a convolution, plane by plane, with weights of a quarter."""
+    filters = {weight.name: weight.dims[0] for weight in graph.initializer if len(weight.dims) == 4}
+    planes = {node.output[0]: filters[node.input[1]] for node in graph.node if node.op_type == 'Conv'}
+    source = {node.output[0]: node.input[0] for node in graph.node if node.op_type == 'Relu'}
+    for place, node in enumerate(graph.node):
+        if node.op_type == 'AveragePool':
+            number = planes[source[node.input[0]]]
+            weights = numpy_helper.from_array(np.full((number, 1, 2, 2), 0.25, np.float32), f'{node.name}.weights')
+            graph.initializer.append(weights)
+            convolution = helper.make_node(
+                'Conv', [node.input[0], weights.name], list(node.output), node.name, kernel_shape=[2, 2],
+                strides=[2, 2], group=number,
+            )  # fmt: skip
+            graph.node.remove(node)
+            graph.node.insert(place, convolution)

@@ -12,12 +12,12 @@ from torch import Tensor, nn
 from socialcircle_ros.circle.network.features import PLANES
 
 INPUTS = PLANES
-"""Planes of the input: four for each channel, one for each point of a 2×2 square, and the grain of the cloud."""
-WIDTHS = (16, 32, 64, 96, 96)
+"""Planes of the input: four for each channel, one for each point of a 2×2 square, and four for the grain."""
+WIDTHS = (32, 32, 64, 96, 96)
 """Channels at 1/2, 1/4, … of the resolution."""
 DOWNWARD = (1, 2, 2, 2, 2)
 """Convolutions of each level before the next coarser level."""
-UPWARD = (1, 2, 2, 2)
+UPWARD = (2, 2, 2, 2)
 """Convolutions of each level after the next coarser level."""
 MULTIPLE = 2 ** len(WIDTHS)
 """Height and width of the input, in points, are multiples of this."""
@@ -65,7 +65,7 @@ class Network(nn.Module):
         """Logits of a batch.
 
         Args:
-            planes: (B, 25, H/2, W/2).
+            planes: (B, 28, H/2, W/2).
 
         Returns:
             (B, 4, H/2, W/2): the logits of each 2×2 square, in row order.

@@ -40,7 +40,6 @@ class Run:
         workers: processes; each has its own crops, and one thread where there are several.
         seed: of weights and crops.
         start: `TRAINED` of an earlier training to start from, or None.
-        threshold: written to the file.
         names: lists of names that are written to the file.
     """
 
@@ -51,7 +50,6 @@ class Run:
     workers: int
     seed: int
     start: Path | None
-    threshold: float
     names: Mapping[str, Sequence[str]]
 
 
@@ -88,7 +86,7 @@ def _work(worker: int, run: Run) -> None:
     trainer.run(state, report)
     if worker == 0:
         card = {name: json.dumps(list(names)) for name, names in run.names.items()}
-        write_onnx(trainer.averaged(), {'threshold': f'{run.threshold:g}', **card}, run.work / TRAINED)
+        write_onnx(trainer.averaged(), card, run.work / TRAINED)
         write_integers(run.work / TRAINED, trainer.corpus, run.out)
         write_file(run.work / 'curve.csv', _curve(trainer.curve))
         write_file(run.work / 'curve.png', learning_curve(*zip(*trainer.curve, strict=True)))

@@ -25,7 +25,7 @@ DEVELOPMENT = (
     'alicona_fv_al3d1', 'alicona_fv_rubber', 'nanofocus_confocal_bullet_bullet1_land1', 'nanofocus_nms_1',
     'wyko_opd_st1', 'wyko_opd_sz2', 'zygo_dat_metropro1',
 )  # fmt: skip
-"""Surfaces on which the rules and the threshold were chosen."""
+"""Surfaces on which the rules and the thresholds were chosen."""
 
 
 class SurfaceFile(NamedTuple):

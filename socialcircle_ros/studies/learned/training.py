@@ -6,26 +6,24 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, distributed, nn
 
 from socialcircle_ros.circle.network.features import CHANNELS
 from socialcircle_ros.storage import write_file
 
-from .corpus import PLANES, SHARD, Patch
+from .corpus import HEIGHT_CHANNELS, PLANES, SHARD, Patch, files_of, opinions_beside
 from .network import Network
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-_HEIGHT_CHANNELS = 5
-"""Channels that change their sign with the heights."""
 _SIDE = 192
 _LEAST_COUNTED = 0.2
 _EVERY = 100
+_NORM_BATCHES, _NORM_SEED = 120, 999_983
+"""Batches that the norms of the averaged network are measured on."""
 _MOST_GRAIN = 2.9
 """Patches of a larger grain are not used: slopes hide their noise from the spread, which is too small there."""
 
@@ -41,6 +39,7 @@ class Training:
         cooling: share of the steps over which the rate falls to 0.
         seed: decides the initial weights and the crops of each step.
         dice: weight of the dice loss beside the cross entropy.
+        trust: weight of the teacher's probability in what is learned; the rest is the truth.
     """
 
     steps: int = 20_000
@@ -49,13 +48,21 @@ class Training:
     cooling: float = 0.4
     seed: int = 1
     dice: float = 0.2
+    trust: float = 0.5
 
 
 class Batch(NamedTuple):
-    """Crops and their labels: (B, 25, 96, 96) float32 planes, (B, 4, 96, 96) uint8 labels as in `corpus`."""
+    """Crops, and what is known of their points.
+
+    Attributes:
+        planes: (B, 28, 96, 96) float32.
+        labels: (B, 4, 96, 96) uint8, as in `corpus`.
+        opinions: the same shape, uint8: the teacher's probabilities, 255 for 1.
+    """
 
     planes: Tensor
     labels: Tensor
+    opinions: Tensor
 
 
 class Corpus:
@@ -69,65 +76,78 @@ class Corpus:
         """
         self.folder = folder
         self.files: list[NDArray[np.float16]] = []
+        self.opinions: list[NDArray[np.uint8]] = []
         self.grains: list[list[float]] = []
         self._known: set[Path] = set()
         self.look_for_files()
         if not self.files:
-            raise FileNotFoundError(f'{folder} holds no files of a corpus; make them first.')
+            raise FileNotFoundError(f'{folder} holds no file that has the probabilities of the teacher.')
 
     def look_for_files(self) -> None:
         """Open the files that were added since."""
-        for path in sorted(self.folder.glob('[0-9]*.npy')):
-            if path not in self._known and '.part' not in path.name:
+        for path in files_of(self.folder):
+            opinions = opinions_beside(path)
+            if path not in self._known and opinions.exists():
                 self._known.add(path)
                 self.files.append(np.load(path, mmap_mode='r'))
+                self.opinions.append(np.load(opinions, mmap_mode='r'))
                 self.grains.append(json.loads(path.with_suffix('.json').read_text(encoding='utf-8'))['grain'])
 
     def batch(self, size: int, random: np.random.Generator) -> Batch:
         """Draw crops, flipped and turned upside down at random."""
         planes = np.empty((size, CHANNELS, _SIDE, _SIDE), np.float32)
         labels = np.empty((size, 1, _SIDE, _SIDE), np.uint8)
-        grain = np.empty((size, 1, _SIDE // 2, _SIDE // 2), np.float32)
+        opinions = np.empty((size, 1, _SIDE, _SIDE), np.uint8)
+        grain = np.empty((size, 4, _SIDE // 2, _SIDE // 2), np.float32)
         for place in range(size):
-            crop, grain[place] = self._crop(random)
+            crop, opinion, grain[place] = self._crop(random)
             rows, columns = (slice(None, None, -1) if random.random() < 0.5 else slice(None) for _ in range(2))
-            crop = crop[:, rows, columns]
+            crop, opinions[place, 0] = crop[:, rows, columns], opinion[rows, columns]
             planes[place], labels[place, 0] = crop[:CHANNELS], crop[CHANNELS]
             if random.random() < 0.5:
-                planes[place, :_HEIGHT_CHANNELS] *= -1
+                planes[place, :HEIGHT_CHANNELS] *= -1
         squares = nn.functional.pixel_unshuffle(torch.from_numpy(planes), 2)
         return Batch(
             torch.cat([squares, torch.from_numpy(grain)], 1),
             nn.functional.pixel_unshuffle(torch.from_numpy(labels), 2),
+            nn.functional.pixel_unshuffle(torch.from_numpy(opinions), 2),
         )
 
-    def _crop(self, random: np.random.Generator) -> tuple[Patch, float]:
-        """A crop in which at least a fifth of the points count, and the grain of its cloud."""
+    def _crop(self, random: np.random.Generator) -> tuple[Patch, NDArray[np.uint8], float]:
+        """A crop in which at least a fifth of the points count.
+
+        Returns:
+            The crop, the teacher's opinions, and the grain of the cloud.
+        """
         while True:
             number, place = int(random.integers(len(self.files))), int(random.integers(SHARD))
             if self.grains[number][place] > _MOST_GRAIN:
                 continue
             # Even corners: a flipped crop keeps the 2×2 squares.
             rows, columns = random.integers(0, (320 - _SIDE) // 2 + 1, 2) * 2
-            crop = self.files[number][place, :PLANES, rows : rows + _SIDE, columns : columns + _SIDE]
+            area = (place, ..., slice(rows, rows + _SIDE), slice(columns, columns + _SIDE))
+            crop = self.files[number][area][:PLANES]
             if np.count_nonzero(crop[CHANNELS]) >= _LEAST_COUNTED * _SIDE**2:
-                return np.asarray(crop), self.grains[number][place]
+                return np.asarray(crop), self.opinions[number][area], self.grains[number][place]
 
 
-def loss_of(logits: Tensor, labels: Tensor, dice_weight: float) -> Tensor:
+def loss_of(logits: Tensor, batch: Batch, training: Training) -> Tensor:
     """Cross entropy and dice loss over the points that count.
+
+    What is learned lies between the truth and the teacher's probability: the truth holds outliers that nobody can
+    see in the texture, and the teacher has seen fewer kinds of surfaces.
 
     Args:
         logits: (B, 4, h, w).
-        labels: the same shape: 0 does not count, 1 good, 2 outlier.
-        dice_weight: weight of the dice loss.
+        batch: labels of the same shape: 0 does not count, 1 good, 2 outlier; and the teacher's probabilities.
+        training: `dice` and `trust`.
     """
-    counted = (labels > 0).float()
-    outlier = (labels > 1).float()
+    counted = (batch.labels > 0).float()
+    outlier = counted * torch.lerp((batch.labels > 1).float(), batch.opinions / 255, training.trust)
     entropy = nn.functional.binary_cross_entropy_with_logits(logits, outlier, counted, reduction='sum')
     probability = torch.sigmoid(logits) * counted
     overlap = (2 * (probability * outlier).sum() + 1) / (probability.sum() + outlier.sum() + 1)
-    return entropy / counted.sum() + dice_weight * (1 - overlap)
+    return entropy / counted.sum() + training.dice * (1 - overlap)
 
 
 class Trainer:
@@ -177,10 +197,10 @@ class Trainer:
         for group in self.optimizer.param_groups:
             group['lr'] = self._rate()
         self.network.train()
-        planes = batch.planes.to(self.device, memory_format=torch.channels_last)
+        batch = Batch(*(part.to(self.device, memory_format=torch.channels_last) for part in batch))
         with torch.autocast(self.device, dtype=torch.bfloat16):
-            logits = self.network(planes)
-        loss = loss_of(logits.float(), batch.labels.to(self.device), self.training.dice)
+            logits = self.network(batch.planes)
+        loss = loss_of(logits.float(), batch, self.training)
         self.optimizer.zero_grad()
         loss.backward()
         self._share_gradients()
@@ -216,10 +236,25 @@ class Trainer:
                     self.mean[name].copy_(value)
 
     def averaged(self) -> Network:
-        """The network with the moving average of the weights, ready to be used."""
+        """The network with the moving average of the weights, ready to be used.
+
+        The norms are measured again on crops: their averages over the training do not fit the average of the
+        weights, and made a network take 8 % of a good surface for outliers.
+        """
         network = Network()
         network.load_state_dict(self.mean)
-        network.eval()
+        network.to(self.device, memory_format=torch.channels_last)
+        for module in network.modules():
+            if isinstance(module, nn.BatchNorm2d):
+                module.reset_running_stats()
+                module.momentum = None  # the mean over all batches
+        network.train()
+        with torch.no_grad(), torch.autocast(self.device, dtype=torch.bfloat16):
+            for number in range(_NORM_BATCHES):
+                random = np.random.default_rng([self.training.seed, number, _NORM_SEED])
+                planes = self.corpus.batch(2 * self.training.batch, random).planes
+                network(planes.to(self.device, memory_format=torch.channels_last))
+        network.cpu().eval()
         return network
 
     def save(self, path: Path) -> None:

@@ -17,11 +17,11 @@ def seen(heights):
     scales = scales_of(heights)
     rows, columns = (height + 1) // 2, (width + 1) // 2
     planes = planes_of(heights, scales, Part(0, height, 0, width), rows, columns)
-    assert (planes[-1] == np.float32(scales.grain)).all()
+    assert (planes[-4:] == np.float32(scales.grain)).all()
     channels = np.zeros((CHANNELS, 2 * rows, 2 * columns), np.float32)
     for y in range(2):
         for x in range(2):
-            channels[:, y::2, x::2] = planes[2 * y + x : -1 : 4]
+            channels[:, y::2, x::2] = planes[2 * y + x : -4 : 4]
     return channels[:, :height, :width], scales
 
 
@@ -67,7 +67,7 @@ def test_a_part_of_a_cloud_has_the_same_planes(holes):
     whole = planes_of(heights, scales, Part(0, 130, 0, 171), 65, 86)
     part = planes_of(heights, scales, Part(38, 99, 52, 171), 40, 60)
     np.testing.assert_array_equal(part[:, :30, :60], whole[:, 19:49, 26:])
-    assert not part[:-1, 31:].any()
+    assert not part[:-4, 31:].any()
 
 
 @pytest.mark.parametrize('holes', [False, True])

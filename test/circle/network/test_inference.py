@@ -66,12 +66,13 @@ def test_a_power_of_two_changes_nothing(judge, factor):
 
 
 def test_offset_and_tilt_change_rounding_alone(judge):
-    # A last bit of a height may move a plane by one of its 8-bit steps.
+    # A last bit of a height may move an input by one of its 8-bit steps.
     rows, columns = np.mgrid[:130, :170]
     tilted = (damaged() + 50 + 0.3 * columns - 2 * rows).astype(np.float32)
     change = np.abs(np.subtract(judge.probabilities(tilted), judge.probabilities(damaged()), dtype=np.int16))
-    assert np.quantile(change, 0.999) <= 0.01 * ONE
-    assert change.max() < 0.1 * ONE
+    assert np.quantile(change, 0.98) <= 0.01 * ONE
+    assert np.quantile(change, 0.999) <= 0.05 * ONE
+    assert change.max() < 0.2 * ONE
 
 
 def test_tiles_change_nothing(judge, monkeypatch):

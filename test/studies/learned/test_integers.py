@@ -14,6 +14,7 @@ from socialcircle_ros.studies.learned import corpus, training  # noqa: E402
 from socialcircle_ros.studies.learned.export import write_onnx  # noqa: E402
 from socialcircle_ros.studies.learned.integers import write_integers  # noqa: E402
 from socialcircle_ros.studies.learned.network import Network  # noqa: E402
+from socialcircle_ros.studies.learned.teacher import ask_teacher  # noqa: E402
 from socialcircle_ros.studies.learned.training import Corpus, Trainer, Training  # noqa: E402
 
 torch.set_num_threads(1)
@@ -29,12 +30,13 @@ def files(tmp_path_factory):
         ):  # fmt: skip
             patch.setattr(module, name, value)
         corpus.make_corpus(folder, [], [7], lambda step: None)
+        ask_teacher(folder, lambda step: None)
         crops = Corpus(folder)
         torch.manual_seed(2)
-        trainer = Trainer(crops, Training(steps=30, batch=2), Network())
+        trainer = Trainer(crops, Training(steps=60, batch=4), Network())
         trainer.run(folder / 'state', lambda step, loss: None)
         trained = folder / 'trained.onnx'
-        write_onnx(trainer.averaged(), {'threshold': '0.5', 'trained_on': '["a"]'}, trained)
+        write_onnx(trainer.averaged(), {'trained_on': '["a"]'}, trained)
         rounded = [folder / f'{name}.onnx' for name in ('rounded', 'again')]
         for path in rounded:
             write_integers(trained, crops, path)
@@ -46,17 +48,22 @@ def test_rounding_changes_probabilities_a_little(files):
     heights[20:26, 30:40] += 20
     exact, rounded = (NetworkJudge(path, threads=1).probabilities(heights) / 255 for path in files[:2])
     assert np.ptp(exact) > 0.1
-    assert 0 < np.abs(exact - rounded).max() < 0.1
-    assert np.abs(exact - rounded).mean() < 0.01
+    assert 0 < np.abs(exact - rounded).max() < 0.2
+    assert np.abs(exact - rounded).mean() < 0.05
 
 
 def test_the_card_stays_and_weights_are_integers(files):
     trained, rounded = (NetworkJudge(path, threads=1) for path in files[:2])
     assert rounded.card == trained.card
-    sizes = {True: 0, False: 0}
-    for weight in onnx.load(files[1]).graph.initializer:
-        sizes[weight.data_type == onnx.TensorProto.INT8] += int(np.prod(weight.dims))
-    assert sizes[True] > 50 * sizes[False]
+    graph = onnx.load(files[1]).graph
+    assert not [node for node in graph.node if node.op_type == 'AveragePool']
+    made_by = {name: node.op_type for node in graph.node for name in node.output}
+    convolutions = [node for node in graph.node if node.op_type == 'Conv']
+    assert len(convolutions) > 20
+    for node in convolutions:
+        assert [made_by[each] for each in node.input[:2]] == ['DequantizeLinear'] * 2
+    kinds = {weight.data_type for weight in graph.initializer if len(weight.dims) == 4}
+    assert kinds == {onnx.TensorProto.INT8}
 
 
 def test_the_same_network_and_corpus_give_the_same_bytes(files):

@@ -10,14 +10,16 @@ pytest.importorskip('onnx')
 runtime = pytest.importorskip('onnxruntime')
 
 from socialcircle_ros.circle.network import NetworkJudge  # noqa: E402 the others need PyTorch
+from socialcircle_ros.circle.network.features import scales_of  # noqa: E402
 from socialcircle_ros.errors import SocialCircleError  # noqa: E402
-from socialcircle_ros.studies.learned import corpus, training  # noqa: E402
+from socialcircle_ros.studies.learned import corpus, teacher, training  # noqa: E402
 from socialcircle_ros.studies.learned.export import network_from, write_onnx  # noqa: E402
 from socialcircle_ros.studies.learned.network import HALO, INPUTS, Network  # noqa: E402
-from socialcircle_ros.studies.learned.training import Corpus, Trainer, Training, loss_of  # noqa: E402
+from socialcircle_ros.studies.learned.teacher import Teacher, ask_teacher, inputs_of  # noqa: E402
+from socialcircle_ros.studies.learned.training import Batch, Corpus, Trainer, Training, loss_of  # noqa: E402
 
 torch.set_num_threads(1)  # more threads wait for each other where other tests have the cores
-CARD = {'threshold': '0.5', 'trained_on': '["a"]'}
+CARD = {'trained_on': '["a"]'}
 
 
 @pytest.fixture(scope='module')
@@ -27,6 +29,7 @@ def tiny_corpus(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(corpus, 'SHARD', 2)
         corpus.make_corpus(folder, [], [7], lambda step: None)
+        ask_teacher(folder, lambda step: None)
     return folder
 
 
@@ -64,10 +67,42 @@ def test_training_lowers_the_loss_on_what_it_sees(tiny_corpus):
     assert losses[-1] < losses[0]
 
 
+@pytest.mark.usefixtures('small')
+def test_the_norms_of_the_averaged_network_are_those_of_its_weights_on_the_corpus(tiny_corpus):
+    trainer = Trainer(Corpus(tiny_corpus), Training(steps=12, batch=2, rate=0.05))
+    for _ in trainer._losses():
+        pass
+    averaged = trainer.averaged()
+    first = averaged.down[0][0]
+    sums = [
+        first.weights(trainer.corpus.batch(4, np.random.default_rng([5, number])).planes).mean((0, 2, 3))
+        for number in range(60)
+    ]
+    seen, spread = torch.stack(sums).mean(0), torch.stack(sums).std(0)
+    assert torch.all(abs(first.norm.running_mean - seen) < 0.5 * spread + 0.02)
+    during = trainer.mean['down.0.0.norm.running_mean']
+    assert torch.any(abs(during - seen) > 0.5 * spread + 0.02)
+    again = trainer.averaged()
+    assert all(torch.equal(value, again.state_dict()[name]) for name, value in averaged.state_dict().items())
+
+
 def test_a_corpus_is_made_once(tiny_corpus):
     before = {path: path.stat().st_mtime_ns for path in tiny_corpus.iterdir()}
     corpus.make_corpus(tiny_corpus, [], [7], lambda step: None)
+    ask_teacher(tiny_corpus, lambda step: None)
     assert {path: path.stat().st_mtime_ns for path in tiny_corpus.iterdir()} == before
+
+
+def test_a_corpus_without_the_teacher_is_refused(tmp_path):
+    np.save(tmp_path / '000001.npy', np.zeros(3))
+    with pytest.raises(FileNotFoundError, match='holds no file that has the probabilities of the teacher'):
+        Corpus(tmp_path)
+
+
+def test_a_teacher_without_weights_says_where_to_train(tmp_path, monkeypatch):
+    monkeypatch.setattr(teacher, 'WEIGHTS', tmp_path / 'teacher.pt')
+    with pytest.raises(SocialCircleError, match=r'teacher\.pt is not there: train in a checkout'):
+        Teacher()
 
 
 def test_a_corpus_of_other_surfaces_is_refused(tiny_corpus):
@@ -79,11 +114,49 @@ def test_a_corpus_of_other_surfaces_is_refused(tiny_corpus):
 
 
 def test_points_that_do_not_count_do_not_change_the_loss():
-    labels = torch.tensor([0, 1, 2], dtype=torch.uint8).reshape(1, 1, 1, 3)
+    batch = labelled([0, 1, 2], [0, 0, 255])
     first, second = (
-        loss_of(torch.tensor([value, -1.0, 2.0]).reshape(1, 1, 1, 3), labels, 0.2) for value in (-9.0, 9.0)
+        loss_of(torch.tensor([value, -1.0, 2.0]).reshape(1, 1, 1, 3), batch, Training()) for value in (-9.0, 9.0)
     )
     assert torch.equal(first, second)
+
+
+def labelled(labels, opinions):
+    parts = (torch.tensor(part, dtype=torch.uint8).reshape(1, 1, 1, -1) for part in (labels, opinions))
+    return Batch(torch.zeros(0), *parts)
+
+
+@pytest.mark.parametrize(('trust', 'best'), [(0.0, 1.0), (0.5, 0.75), (1.0, 0.5)])
+def test_what_is_learned_lies_between_the_truth_and_the_teacher(trust, best):
+    batch = labelled([2, 1], [128, 0])
+    chances = torch.linspace(0.01, 0.99, 99)
+    losses = [
+        float(loss_of(torch.stack([torch.logit(chance), torch.tensor(-9.0)]).reshape(1, 1, 1, 2), batch,
+                      Training(trust=trust, dice=0.0)))
+        for chance in chances
+    ]  # fmt: skip
+    assert abs(float(chances[int(np.argmin(losses))]) - best) < 0.015
+
+
+def test_the_teacher_gets_natural_logarithms_of_what_the_network_gets():
+    heights = np.random.default_rng(2).normal(size=(40, 56)).astype(np.float32)
+    channels, grain = corpus.channels_of(heights)
+    planes = inputs_of(channels, grain)
+    scales = scales_of(heights)
+    second = np.zeros(heights.shape)
+    second[:, 1:-1] = (heights[:, 2:] - 2 * heights[:, 1:-1] + heights[:, :-2]) / scales.spread
+    expected = np.sign(second) * np.log1p(np.abs(second))
+    assert np.allclose(planes[3][:, 1:-1], expected[:, 1:-1], atol=1e-3)
+    assert np.array_equal(planes[5], channels[5])
+    assert np.allclose(planes[6], grain * np.log(2))
+
+
+def test_the_teacher_finds_a_point_that_stands_out():
+    heights = np.random.default_rng(4).normal(size=(64, 80)).astype(np.float32)
+    heights[20, 33] += 40
+    with torch.no_grad():
+        logits = Teacher()(torch.from_numpy(inputs_of(*corpus.channels_of(heights)))[None])[0, 0]
+    assert (logits > 0).nonzero().tolist() == [[20, 33]]
 
 
 @pytest.fixture(scope='module')
@@ -112,6 +185,14 @@ def test_the_file_gives_what_the_network_gives(file):
     (logits,) = session.run(['logits'], {'features': planes.numpy()})
     with torch.no_grad():
         assert np.allclose(logits, again(planes).numpy(), atol=1e-4)
+
+
+def test_a_network_of_another_shape_is_refused(tmp_path):
+    narrow = Network()
+    narrow.last = torch.nn.Conv2d(8, 4, 1)
+    write_onnx(narrow, CARD, tmp_path / 'narrow.onnx')
+    with pytest.raises(SocialCircleError, match=r'narrow\.onnx holds a network of another shape'):
+        network_from(tmp_path / 'narrow.onnx')
 
 
 def test_half_precision_of_the_weights_changes_little(network, file):
@@ -143,8 +224,8 @@ def test_the_product_gives_each_point_the_probability_of_the_trained_network(fil
     rows, columns = (-(-size // 32) * 32 for size in shape)
     planes = torch.zeros(1, INPUTS, rows // 2, columns // 2)
     padded = np.pad(channels, [(0, 0), (0, rows - shape[0]), (0, columns - shape[1])])
-    planes[:, :-1] = torch.nn.functional.pixel_unshuffle(torch.from_numpy(padded)[None], 2)
-    planes[:, -1] = grain
+    planes[:, :-4] = torch.nn.functional.pixel_unshuffle(torch.from_numpy(padded)[None], 2)
+    planes[:, -4:] = grain
     with torch.no_grad():
         expected = torch.sigmoid(torch.nn.functional.pixel_shuffle(network_from(file).eval()(planes), 2)[0, 0])
     assert np.allclose(probabilities, expected.numpy()[: shape[0], : shape[1]], atol=0.5 / 255 + 1e-4)
