@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The teacher: a larger network at full resolution, whose probabilities the network is trained towards [1].
+"""The teacher: a larger network at full resolution. The network is trained towards its probabilities [1].
 
 It is too slow for the product. Needs PyTorch, and is imported only where the network is trained.
 
