@@ -76,7 +76,7 @@ class CircleResult:
         )
         axes.set(xlabel='column', ylabel='row', title=repr(self).partition(': ')[2].partition(';')[0])
         handles = [Patch(color=colour, label=name) for name, colour in classes.items()]
-        figure.legend(handles=handles, loc='outside lower center', ncols=3)
+        axes.legend(handles=handles, loc='upper center', bbox_to_anchor=(0.5, -0.12), ncol=3)  # matplotlib 3.6
         return figure
 
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from socialcircle_ros.errors import SocialCircleError, install_command
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from matplotlib import RcParams
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
 COLOUR_MAPS = ('viridis', 'cividis', 'gray')
@@ -53,6 +54,22 @@ def new_figure(width: float, height: float) -> 'Figure':
     except ImportError:
         raise SocialCircleError(f'Pictures need matplotlib: {install_command("pictures")}.') from None
     return Figure(figsize=(width, height), dpi=FIGURE_DPI, layout='constrained')
+
+
+def legend_below(figure: 'Figure', handles: 'Sequence[Artist]', columns: int, marker_scale: float = 1.0) -> None:
+    """Add a legend below the axes of a figure of `new_figure`; matplotlib 3.6 knows no place outside of them.
+
+    Args:
+        figure: its axes are there.
+        handles: what the legend explains, with its labels.
+        columns: number of columns.
+        marker_scale: size of the markers relative to those of the axes.
+    """
+    rows = -(-len(handles) // columns)
+    height = (0.12 + 0.22 * rows) / float(figure.get_size_inches()[1])
+    figure.set_layout_engine('constrained', rect=(0, height, 1, 1 - height))
+    labels = [str(each.get_label()) for each in handles]
+    figure.legend(handles, labels, loc='lower center', ncol=columns, markerscale=marker_scale)
 
 
 def picture(width: float, height: float, draw: 'Callable[[Figure], None]') -> bytes:

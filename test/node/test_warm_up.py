@@ -48,7 +48,7 @@ from socialcircle_ros.settings import CircleSettings, PipelineSettings
 def signatures():
     modules = [module for name, module in sys.modules.items() if name.startswith('socialcircle_ros')]
     values = [value for module in modules for value in vars(module).values()]
-    kernels = {value for value in values if hasattr(value, 'nopython_signatures')}
+    kernels = {each for each in values if hasattr(each, 'nopython_signatures') and not isinstance(each, type)}
     return {kernel.__module__ + '.' + kernel.__name__: len(kernel.signatures) for kernel in kernels}
 
 

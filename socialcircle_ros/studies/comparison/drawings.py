@@ -95,4 +95,4 @@ def _add_legend(figure: 'Figure') -> None:
     from matplotlib.patches import Patch  # noqa: PLC0415 - an extra
 
     handles = [Patch(facecolor=colour, edgecolor='gray', lw=0.3, label=name) for name, colour in _LEGEND.items()]
-    figure.legend(handles=handles, loc='outside lower center', ncols=len(handles))
+    style.legend_below(figure, handles, len(handles))

@@ -8,7 +8,7 @@ import numpy as np
 
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.pictures import style
-from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.pictures.style import legend_below, new_figure
 from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud
 from socialcircle_ros.studies.comparison.plotting import (
     CloudPanels,
@@ -56,7 +56,7 @@ def contamination_curves(
         axis.set_xlabel('outliers [%]')
     for axis in axes[:, 0]:
         axis.set_ylabel('F1')
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc='outside lower center', ncols=4)
+    legend_below(figure, axes[0, 0].get_legend_handles_labels()[0], 4)
     return as_png(figure)
 
 
@@ -82,7 +82,7 @@ def elections(panels: Sequence[tuple[str, LabelledCloud, PlotRegion, tuple[int, 
         axis.set(title=title, xlabel='x [µm]', ylabel='y [µm]', zlabel='z [µm]')
         axis.view_init(elev=18, azim=-60)
         axis.set_box_aspect((4, 4, 3), zoom=0.85)  # the label of z is not cut off
-    figure.legend(*axis.get_legend_handles_labels(), loc='outside lower center', ncols=3, markerscale=1.5)
+    legend_below(figure, axis.get_legend_handles_labels()[0], 3, 1.5)
     return as_png(figure)
 
 
