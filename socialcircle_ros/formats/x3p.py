@@ -91,7 +91,7 @@ def read_x3p(path: Path) -> MeasuredSurface:
     try:
         with zipfile.ZipFile(path) as archive:
             return _read(path, archive)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ET.ParseError, KeyError):
+    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ET.ParseError, KeyError):
         raise ImportFileError(f'{path} is not an X3P file, or is damaged: save it again.') from None
 
 
