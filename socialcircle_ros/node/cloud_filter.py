@@ -82,7 +82,7 @@ class CloudFilter:
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
         self._is_first = True
-        self._rows = LiveRows(node, configuration)
+        self._rows = LiveRows(node, configuration().measurements)
         self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
         self._worker = LatestWorker(self._process, self._replaced, self._process_again)
 
@@ -183,7 +183,7 @@ class CloudFilter:
         except SocialCircleError as refusal:
             self._health.refused(str(refusal))
             if not cloud.again:
-                self._rows.put(str(refusal), None)
+                self._rows.put(str(refusal), None, settings)
             self._node.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=LOG_PERIOD_S)
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
@@ -196,7 +196,7 @@ class CloudFilter:
         if not cloud.again:
             latency_s = time.monotonic() - cloud.arrived_s
             self._health.published(latency_s)
-            self._rows.put(measurement, 1000 * latency_s)
+            self._rows.put(measurement, 1000 * latency_s, settings)
         for topic, failure in measurement.failures.items():
             self._failed(failure_sentence(topic, failure))
         if measurement.level == diagnostics.WARN:

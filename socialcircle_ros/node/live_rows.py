@@ -3,7 +3,6 @@
 
 import importlib.metadata
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from rclpy.node import Node
@@ -14,6 +13,7 @@ from socialcircle_ros.interface import POINTS
 from socialcircle_ros.measurements import Origin, SettingsText
 from socialcircle_ros.measurements.row_writer import LiveCloud, RowWriter
 from socialcircle_ros.pipeline.clouds import Measurement
+from socialcircle_ros.settings import MeasurementSettings
 
 from .parameters import Configuration
 
@@ -25,16 +25,14 @@ class LiveRows:
 
     Args:
         node: names the cell where no parameter does.
-        configuration: gives the settings in force.
+        settings: where rows go, and how often.
 
     Raises:
         SocialCircleError: a folder is set, and pyarrow is not installed.
     """
 
-    def __init__(self, node: Node, configuration: Callable[[], Configuration]) -> None:
-        settings = configuration().measurements
+    def __init__(self, node: Node, settings: MeasurementSettings) -> None:
         self._node = node
-        self._configuration = configuration
         self._version = importlib.metadata.version('socialcircle_ros')
         self._number = 0
         self._kept: tuple[Cloud, Mask] | None = None
@@ -49,13 +47,13 @@ class LiveRows:
         if self._writer is not None:
             self._kept = xyz, kept
 
-    def put(self, outcome: Measurement | str, latency_ms: float | None) -> None:
-        """Hand over what came of the cloud at hand."""
+    def put(self, outcome: Measurement | str, latency_ms: float | None, configuration: Configuration) -> None:
+        """Hand over what came of the cloud at hand, with the settings that it was filtered with."""
         kept, self._kept = self._kept, None
         if self._writer is None:
             return
         xyz, mask = kept if kept is not None and not isinstance(outcome, str) else (None, None)
-        self._writer.put(LiveCloud(self._origin(), outcome, latency_ms, xyz, mask))
+        self._writer.put(LiveCloud(self._origin(configuration), outcome, latency_ms, xyz, mask))
         self._number += 1
 
     def close(self) -> None:
@@ -63,8 +61,7 @@ class LiveRows:
         if self._writer is not None:
             self._writer.close()
 
-    def _origin(self) -> Origin:
-        configuration = self._configuration()
+    def _origin(self, configuration: Configuration) -> Origin:
         if self._settings is None or self._settings[0] is not configuration:
             self._settings = configuration, SettingsText.of(configuration)
         return Origin(

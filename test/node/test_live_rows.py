@@ -1,16 +1,52 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows of live clouds, written by the node."""
 
+import threading
+
 import pytest
+import rclpy
 from examples import cloud
 from lifecycle_msgs.msg import Transition
+from rclpy.lifecycle import LifecycleNode
 
 from socialcircle_ros.measurements import open_measurements
+from socialcircle_ros.node.cloud_filter import CloudFilter
+from socialcircle_ros.node.health import Health
+from socialcircle_ros.node.parameters import Configuration
 
 pytestmark = pytest.mark.live
 
 pytest.importorskip('pyarrow')
 pytest.importorskip('duckdb')
+
+
+@pytest.mark.parametrize('message', [cloud(), b'no cloud'], ids=['cleaned', 'refused'])
+def test_a_row_has_the_settings_that_its_cloud_was_filtered_with(tmp_path, message):
+    """Also where parameters change while the cloud is at hand."""
+    folder = tmp_path / 'plant'
+    values = {'measurements.folder': str(folder)}
+    begun, parts = threading.Event(), []
+
+    def configuration():
+        parts.append(f'part {len(parts)}')
+        begun.set()
+        return Configuration.from_ros(values | {'measurements.part': parts[-1]})
+
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = LifecycleNode('rows', context=context)
+    clouds = CloudFilter(node, configuration, Health())
+    try:
+        begun.clear()
+        expected = f'part {len(parts)}'
+        clouds.filter(message)
+        begun.wait()
+        clouds.finish()
+    finally:
+        clouds.close()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+    assert open_measurements(folder).sql('select part from measurements').fetchall() == [(expected,)]
 
 
 def test_the_node_keeps_a_row_of_each_cloud(start_cell, tmp_path):
