@@ -29,7 +29,7 @@ LEVELS = [
     {'circle', 'focus', 'repair', 'baselines', 'metrics'},
     {'cloud', 'engine'},
     {'settings', 'kernels', 'storage', 'lengths'},
-    {'errors'},
+    {'errors', 'onnx_runtime'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 NEED_ROS = {'node', 'clients'}

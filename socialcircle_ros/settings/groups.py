@@ -161,7 +161,7 @@ class CircleSettings(Settings):
 
 
 def _check_offered(provider: str) -> None:
-    import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
+    from socialcircle_ros.onnx_runtime import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
 
     offered = onnxruntime.get_available_providers()
     if provider not in offered:

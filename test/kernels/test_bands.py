@@ -118,6 +118,6 @@ FORK = """
 
 
 def test_a_forked_process_has_its_own_threads():
-    # In a process of its own: a fork hangs in ONNX Runtime where another test has used that.
+    # In a process of its own, since a test process has threads that hold locks.
     program = [sys.executable, '-c', textwrap.dedent(FORK)]
     assert subprocess.run(program, capture_output=True, text=True, check=True).stdout == '3\n'

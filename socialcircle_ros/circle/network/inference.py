@@ -55,7 +55,7 @@ class NetworkJudge:
             SocialCircleError: ONNX Runtime is not installed, cannot read the file, or cannot use the provider.
         """
         try:
-            import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
+            from socialcircle_ros.onnx_runtime import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
         except ImportError:
             raise SocialCircleError(f'The network needs ONNX Runtime: {install_command("network")}.') from None
         options = onnxruntime.SessionOptions()
@@ -135,7 +135,13 @@ def _load(threads: int, provider: str) -> NetworkJudge:
     return NetworkJudge(WEIGHTS, threads, provider)
 
 
-os.register_at_fork(after_in_child=_load.cache_clear)  # a child process has the session, but not its threads
+def _close_before_a_fork() -> None:
+    """Drop the session: a child process has no threads of it, and would wait for them for ever to drop it."""
+    _loading.acquire()
+    _load.cache_clear()
+
+
+os.register_at_fork(before=_close_before_a_fork, after_in_parent=_loading.release, after_in_child=_loading.release)
 
 
 @kernel

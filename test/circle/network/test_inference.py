@@ -2,7 +2,9 @@
 """The packaged network: what it says of itself, and what it judges."""
 
 import json
+import subprocess
 import sys
+import textwrap
 
 import numpy as np
 import pytest
@@ -15,8 +17,6 @@ from socialcircle_ros.circle.network.inference import WEIGHTS, NetworkJudge, pac
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.settings import CPU_PROVIDER
-from socialcircle_ros.settings.lessons import TRAITS, Lesson
-from socialcircle_ros.settings.lessons import WEIGHTS as OF_A_LESSON
 from socialcircle_ros.studies.learned.surfaces import DEVELOPMENT, HELD_OUT
 
 
@@ -102,6 +102,31 @@ def test_the_packaged_network_is_read_once(monkeypatch):
     assert packaged_network() is packaged_network()
 
 
+FORK = """
+    import os, sys
+    import numpy as np
+    from socialcircle_ros.circle.network import packaged_network
+    from socialcircle_ros.kernels import bands
+
+    bands.limit = 2
+    heights = np.random.default_rng(1).normal(size=(60, 80)).astype(np.float32)
+    heights[20, 30] = 60
+    found = packaged_network().probabilities(heights)
+    child = os.fork()
+    same = np.array_equal(packaged_network().probabilities(heights), found)
+    if child == 0:
+        sys.exit(3 if same else 4)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), same)
+    """
+
+
+def test_a_forked_process_reads_the_network_again():
+    # A session holds threads that a child process does not have: to drop it there would wait for ever.
+    program = [sys.executable, '-c', textwrap.dedent(FORK)]
+    done = subprocess.run(program, capture_output=True, text=True, check=True, timeout=300)
+    assert done.stdout == '3 True\n'
+
+
 def test_the_filter_uses_the_network():
     heights = damaged()
     result = remove_outliers(heights, CircleSettings(judge='network'), pitch=(1.0, 2.0))
@@ -128,16 +153,6 @@ def test_the_rules_decide_where_the_depth_of_field_is_known():
     assert 'network' not in with_network.times_ms
 
 
-def test_a_lesson_decides_without_the_network(tmp_path):
-    weights = (-5.0, *(0.0,) * (OF_A_LESSON - 1))
-    lesson = Lesson(('a',), (0.5, 2.0), 0.955, (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), weights, 0.7, {})
-    path = tmp_path / 'part.teach'
-    path.write_text(lesson.to_text())
-    result = remove_outliers(damaged(), CircleSettings(judge='network', lesson=str(path)), pitch=(1.0, 2.0))
-    assert not result.outliers.any()
-    assert 'circle.judge has no effect with circle.lesson' in result.warnings[0]
-
-
 def test_a_file_that_is_no_network_is_named(tmp_path):
     path = tmp_path / 'other.onnx'
     path.write_bytes(b'no network')
@@ -147,6 +162,7 @@ def test_a_file_that_is_no_network_is_named(tmp_path):
 
 def test_without_the_runtime_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, 'onnxruntime', None)
+    monkeypatch.delitem(sys.modules, 'socialcircle_ros.onnx_runtime')
     with pytest.raises(SocialCircleError, match='The network needs ONNX Runtime: pip install'):
         NetworkJudge(WEIGHTS, threads=1)
 
@@ -166,7 +182,7 @@ def test_another_provider_computes_the_same(judge):
 def test_a_provider_that_is_not_offered_is_refused_with_those_that_are():
     with pytest.raises(SettingError, match=r'circle\.provider: NoProvider is not offered.*CPUExecutionProvider'):
         CircleSettings(judge='network', provider='NoProvider')
-    assert CircleSettings(provider='NoProvider').judge == 'rules'  # it has no effect
+    assert CircleSettings(judge='rules', provider='NoProvider').provider == 'NoProvider'  # it has no effect
 
 
 def test_a_provider_that_fails_is_an_error_and_not_the_cpu_in_silence():
