@@ -14,6 +14,9 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import socialcircle_ros.onnx_runtime  # noqa: F401 - before ONNX Runtime's tool, since it turns telemetry off
+
+# isort: split
 import numpy as np
 import numpy.typing as npt
 import onnx
@@ -78,8 +81,17 @@ def write_integers(trained: Path, corpus: Corpus, path: Path) -> None:
             calibrate_method=CalibrationMethod.Percentile, extra_options={'CalibPercentile': _PERCENTILE},
         )  # fmt: skip
         model = onnx.load(rounded)
+    _keep_used_operators(model)
     helper.set_model_props(model, card)
     write_file(path, model.SerializeToString(deterministic=True))
+
+
+def _keep_used_operators(model: onnx.ModelProto) -> None:
+    """Declare only the sets of operators that the nodes use: an older runtime refuses a set that it lacks."""
+    used = {node.domain for node in model.graph.node}
+    declared = [each for each in model.opset_import if each.domain in used]
+    del model.opset_import[:]
+    model.opset_import.extend(declared)
 
 
 def _convolve_means(graph: onnx.GraphProto) -> None:
