@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.settings import CircleSettings
+from socialcircle_ros.settings.lessons import Lesson, known_lesson
 
 _TOO_MANY = 0.3
 """Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
@@ -58,8 +59,8 @@ def doubts_of(
         f'{name} has no effect in the adaptive mode; set circle.mode to paper to use it.'
         for name in settings.without_effect()
     ]
-    if adaptive and settings.lesson and settings.judge == 'network':
-        doubts.append('circle.judge has no effect with circle.lesson, which decides by itself; leave one out.')
+    if adaptive and settings.lesson:
+        doubts += _without_effect_on_a_lesson(settings, known_lesson(settings.lesson))
     if removed > kept:
         doubts.append(
             'the outliers are more than half of the points: '
@@ -82,6 +83,19 @@ def doubts_of(
     elif found is not None and not adaptive:
         doubts.append(_too_large(found))
     return tuple(doubts)
+
+
+def _without_effect_on_a_lesson(settings: CircleSettings, lesson: Lesson) -> list[str]:
+    """Warn of settings that a lesson does not use."""
+    doubts = []
+    if settings.judge == 'network' and lesson.judge == 'rules':
+        doubts.append('circle.judge has no effect: circle.lesson was taught with the rules, and uses them.')
+    if settings.depth_of_field is not None and lesson.judge == 'network':
+        doubts.append(
+            'the depth of field has no effect: circle.lesson was taught on clouds without one; teach on stacks to'
+            ' use it.'
+        )
+    return doubts
 
 
 def texture_doubts(nearly: float) -> list[str]:

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organized_from
 from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
-from socialcircle_ros.settings import CircleSettings
-from socialcircle_ros.settings.lessons import known_lesson
+from socialcircle_ros.settings import CircleSettings, Judge
+from socialcircle_ros.settings.lessons import Lesson, known_lesson
 
 from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, unlike
 from .doubts import doubts_of, texture_doubts, unknown_texture
@@ -152,17 +152,20 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     lesson = known_lesson(settings.lesson) if settings.lesson else None
     judge = None if lesson is None else LessonJudge(lesson)
     heights = np.where(measured, cloud[..., 2], np.nan)
-    # Optics make outliers that look like a smooth surface: the depth of field shows them, the network does not.
-    if settings.judge == 'network' and lesson is None and settings.depth_of_field is None:
+    warnings = []
+    if _judge_of(settings, lesson) == 'network':
         from .network import packaged_network  # noqa: PLC0415 - needs an extra
 
-        found = find_probable_outliers(heights, packaged_network(settings.provider).probabilities)
-        warnings = unknown_texture(found.nearly, np.count_nonzero(found.outliers) / np.count_nonzero(measured))
+        found = find_probable_outliers(heights, packaged_network(settings.provider).probabilities, judge)
+        if lesson is None:
+            removed = np.count_nonzero(found.outliers) / np.count_nonzero(measured)
+            warnings = unknown_texture(found.nearly, removed)
     else:
         found = find_outliers(heights, settings.depth_of_field, judge=judge)
-        warnings = [] if lesson is None else unlike(lesson, found.spread)
-        if judge is None and settings.depth_of_field is None and found.outliers.any():
-            warnings += texture_doubts(found.nearly)
+        if lesson is None and settings.depth_of_field is None and found.outliers.any():
+            warnings = texture_doubts(found.nearly)
+    if lesson is not None:
+        warnings = unlike(lesson, found.spread)
     inliers = measured & ~found.outliers
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
@@ -176,6 +179,14 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         score=found.score,
         warnings=tuple(warnings),
     )
+
+
+def _judge_of(settings: CircleSettings, lesson: Lesson | None) -> Judge:
+    """What finds the outliers: a lesson judges what it was taught on."""
+    if lesson is not None:
+        return lesson.judge
+    # Optics make outliers that look like a smooth surface: the depth of field shows them, the network does not.
+    return settings.judge if settings.depth_of_field is None else 'rules'
 
 
 def _nearest_to_middle(points: Mask) -> tuple[int, int]:

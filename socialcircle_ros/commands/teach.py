@@ -62,7 +62,7 @@ def command(
         good, settings, topics=topics, most=most, progress=lambda text: click.echo(text, err=True)
     )
     with progress_bar(f'teaching on {quantity(len(clouds), "cloud")}') as progress:
-        taught = teach(clouds, progress)
+        taught = teach(clouds, progress, settings.circle)
     tell_refusals(refused, None)
     for warning in taught.warnings:
         click.echo(f'Warning: {warning}', err=True)

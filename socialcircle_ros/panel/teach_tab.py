@@ -118,7 +118,8 @@ class TeachTab:
         try:
             check_libraries()
             path = self._presets.free_lesson(self._name.value.strip())
-            taught = teach(clouds, self._told)
+            settings = PipelineSettings.from_ros(self._current.now.snapshot.values).circle
+            taught = teach(clouds, self._told, settings)
             self._check = _CheckPage(f'{path.stem}.html', lesson_page(taught))
             self._save.visible = True
             if taught.refusal:

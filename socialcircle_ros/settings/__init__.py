@@ -17,7 +17,6 @@ from .groups import (
     PARAMETERS,
     VOTERS,
     CircleSettings,
-    Judge,
     LimitSettings,
     MeasurementSettings,
     Mode,
@@ -27,6 +26,7 @@ from .groups import (
     RepairMethod,
     RepairSettings,
 )
+from .lessons import Judge
 from .schema import (
     Limits,
     Parameter,

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 from socialcircle_ros.errors import SettingError, install_command
 
-from .lessons import read_lesson
+from .lessons import Judge, read_lesson
 from .schema import Parameter, RosValue, Settings, setting
 from .stack_groups import FocusSettings, StackSettings
 
@@ -23,7 +23,6 @@ VOTERS = 40_000
 
 
 Mode = Literal['paper', 'adaptive']
-Judge = Literal['rules', 'network']
 
 CPU_PROVIDER = 'CPUExecutionProvider'
 """The execution provider that every ONNX Runtime offers."""

@@ -9,9 +9,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import cast
+from typing import Literal, cast, get_args
 
 from socialcircle_ros.errors import SettingError
+
+Judge = Literal['rules', 'network']
 
 TRAITS = (
     'size',
@@ -19,8 +21,8 @@ TRAITS = (
     'height',
     'greatest height',
     'roughness',
-    'steepness',
-    'greatest steepness',
+    'certainty',
+    'greatest certainty',
     'share of its square',
     'roughness around',
     'slope around',
@@ -32,7 +34,7 @@ TRAITS = (
 WEIGHTS = (len(TRAITS) + 1) * (len(TRAITS) + 2) // 2
 """One for each trait, one for each product of two, and a constant."""
 
-_VERSION = 1
+_VERSION = 2
 _LARGEST_FILE = 1_000_000  # bytes; a lesson has about 4,000
 
 _Stamp = tuple[int, int, int]
@@ -46,7 +48,8 @@ class Lesson:
     Attributes:
         taught_on: names of the good clouds.
         spread: least and greatest spread of the good clouds: the surface scale, in their unit.
-        steep: the rules look for communities that are steeper than this.
+        judge: what finds the communities that are judged: the rules, or the network.
+        least: communities are steeper than this, or their points are more probable.
         mean: of each trait, in the order of `TRAITS`.
         scale: standard deviation of each trait.
         weights: of the constant, the traits, and their products in the order of the upper triangle.
@@ -56,7 +59,8 @@ class Lesson:
 
     taught_on: tuple[str, ...]
     spread: tuple[float, float]
-    steep: float
+    judge: Judge
+    least: float
     mean: tuple[float, ...]
     scale: tuple[float, ...]
     weights: tuple[float, ...]
@@ -80,10 +84,13 @@ class Lesson:
         spread = _numbers(found, 'spread', 2)
         mean, scale = _numbers(found, 'mean', len(TRAITS)), _numbers(found, 'scale', len(TRAITS))
         weights = _numbers(found, 'weights', WEIGHTS)
-        steep, threshold = _numbers({'it': [found.get('steep'), found.get('threshold')]}, 'it', 2)
+        least, threshold = _numbers({'it': [found.get('least'), found.get('threshold')]}, 'it', 2)
+        judge = next((one for one in get_args(Judge) if one == found.get('judge')), None)
         names, check = found.get('taught_on'), found.get('check')
         if min(scale) <= 0 or not 0 <= spread[0] <= spread[1]:
             raise ValueError('its scales are not above 0')
+        if judge is None:
+            raise ValueError('it does not say whether it judges what the rules or the network find')
         if not 0 < threshold < 1:
             raise ValueError('its threshold is not between 0 and 1')
         if not (isinstance(names, list) and isinstance(check, dict)):
@@ -91,7 +98,7 @@ class Lesson:
         values = _numbers({'check': list(check.values())}, 'check', len(check))
         checked = dict(zip(map(str, check), values, strict=True))
         taught_on = tuple(map(str, names))
-        return cls(taught_on, (spread[0], spread[1]), steep, mean, scale, weights, threshold, checked)
+        return cls(taught_on, (spread[0], spread[1]), judge, least, mean, scale, weights, threshold, checked)
 
 
 def read_lesson(path: str) -> Lesson:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Examples: outliers put into fields of good clouds, and the communities that the rules find in them."""
+"""Examples: outliers put into fields of good clouds, and the communities that are found in them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -7,7 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.circle.adaptive import AdaptiveResult, CommunityJudge, find_outliers
+from socialcircle_ros.circle.adaptive import (
+    AdaptiveResult,
+    CommunityJudge,
+    Likelihood,
+    find_outliers,
+    find_probable_outliers,
+)
 from socialcircle_ros.circle.adaptive.communities import Communities, Traits
 from socialcircle_ros.cloud import Cloud, Floats, Mask
 from socialcircle_ros.simulation import Contamination, add_outliers
@@ -57,8 +63,15 @@ class GoodExample:
         points[..., 2] = self.heights
         return points
 
-    def filtered(self, judge: CommunityJudge | None) -> AdaptiveResult:
-        """Filter it, with a judge or by the rules alone."""
+    def filtered(self, judge: CommunityJudge | None, likelihood: Likelihood | None) -> AdaptiveResult:
+        """Filter it, with a judge or without.
+
+        Args:
+            judge: decides about the communities found.
+            likelihood: gives the probabilities of the points; None: the rules find the communities.
+        """
+        if likelihood is not None:
+            return find_probable_outliers(self.heights, likelihood, judge)
         return find_outliers(self.heights, self.field.cloud.depth_of_field, judge=judge)
 
 
@@ -75,7 +88,7 @@ class LabelledCommunities:
 class _Witness:
     """A judge that lets everything be an outlier, and keeps what it was shown."""
 
-    steep: float
+    least: float
     threshold: float = 0.5
     seen: list[Communities] = field(default_factory=list)
 
@@ -101,15 +114,18 @@ def with_outliers(place: GoodField, contamination: Contamination, seed: int) -> 
     return GoodExample(place, moved, made.outlier, counted)
 
 
-def communities_in(example: GoodExample, steep: float) -> tuple[LabelledCommunities, float]:
-    """The communities that the rules find in an example, and the spread of its surface.
+def communities_in(
+    example: GoodExample, least: float, likelihood: Likelihood | None
+) -> tuple[LabelledCommunities, float]:
+    """The communities that are found in an example, and the spread of its surface.
 
     Args:
         example: the field.
-        steep: the rules find communities that are steeper than this.
+        least: communities are steeper than this, or their points are more probable.
+        likelihood: gives the probabilities of the points; None: the rules find the communities.
     """
-    witness = _Witness(steep)
-    spread = example.filtered(witness).spread
+    witness = _Witness(least)
+    spread = example.filtered(witness, likelihood).spread
     communities = witness.seen[0]
     number = len(communities.traits)
     outliers, good = (

@@ -55,8 +55,8 @@ def _figures(teaching: Teaching) -> Table:
         )
         rows.append([name, kind.share, before.false_positive_rate, after.false_positive_rate, before.f1, after.f1])
     columns = [
-        Column('outliers put in'), Column('share', '.0%'), Column('good points removed, rules', '.3%'),
-        Column('with the lesson', '.3%'), Column('F1, rules', '.3f'), Column('F1, with the lesson', '.3f'),
+        Column('outliers put in'), Column('share', '.0%'), Column('good points removed, without', '.3%'),
+        Column('with the lesson', '.3%'), Column('F1, without', '.3f'), Column('F1, with the lesson', '.3f'),
     ]  # fmt: skip
     note = 'σ is the robust standard deviation of the residuals to a 5×5 median.'
     return Table('check', 'Fields kept back', columns, rows, note)
@@ -65,19 +65,19 @@ def _figures(teaching: Teaching) -> Table:
 def _pictures(fields: Sequence[CheckedField]) -> Iterator[Section]:
     for checked in fields[:_SHOWN]:
         example, unit = checked.example, checked.example.field.cloud.unit
-        rules = CloudPictures(example.points, checked.before, unit)
-        lesson = CloudPictures(example.points, checked.after, unit, rules.colour_range)
+        without = CloudPictures(example.points, checked.before, unit)
+        lesson = CloudPictures(example.points, checked.after, unit, without.colour_range)
         inserted = int(np.count_nonzero(example.outlier))
         counts = (
-            f'{np.count_nonzero(checked.before):,} by the rules, {np.count_nonzero(checked.after):,} by the lesson'
+            f'{np.count_nonzero(checked.before):,} without the lesson, {np.count_nonzero(checked.after):,} with it'
         )
         if inserted:
             title, text = f'{inserted:,} outliers put in', f'Points removed: {counts}.'
             pictures = [
-                Picture('rules', rules.against_truth(example.outlier, example.counted), 'by the rules'),
+                Picture('without', without.against_truth(example.outlier, example.counted), 'without the lesson'),
                 Picture('lesson', lesson.against_truth(example.outlier, example.counted), 'with the lesson'),
             ]
         else:
-            title, text = 'untouched', f'Points removed: {counts}. A: the rules; B: with the lesson.'
-            pictures = [Picture('before', rules.before(), ''), Picture('differ', rules.against(lesson), '')]
+            title, text = 'untouched', f'Points removed: {counts}. A: without the lesson; B: with it.'
+            pictures = [Picture('before', without.before(), ''), Picture('differ', without.against(lesson), '')]
         yield Section(f'{example.field.name}: {title}', [text], items=[Pictures(pictures)])

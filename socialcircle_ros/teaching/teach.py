@@ -7,9 +7,11 @@ from statistics import mean
 
 import numpy as np
 
-from socialcircle_ros.circle.adaptive import CommunityJudge, LessonJudge, Rules
+from socialcircle_ros.circle.adaptive import UNDECIDED, CommunityJudge, LessonJudge, Likelihood, Rules
+from socialcircle_ros.circle.network import packaged_network
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.metrics.scores import Scores, Tally, tally
+from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.settings.lessons import Lesson
 
 from .clouds import GoodCloud, GoodField, fields_of
@@ -30,7 +32,7 @@ _REMOVED = 0.0003
 """Share of the untouched points that a lesson may remove where it was taught: the least threshold that does."""
 _FIRST_SEED, _FIRST_CHECK_SEED = 1, 1001
 _WORSE_F1, _WORSE_REMOVED = 0.005, 0.0001
-"""By how much a lesson may be worse than the rules in one figure, if it is better in the other."""
+"""By how much a lesson may be worse than none in one figure, if it is better in the other."""
 _BETTER_F1, _BETTER_REMOVED = 0.01, 0.0002
 _TOLD = 5  # names of fields in a warning
 
@@ -62,7 +64,7 @@ class CheckedField:
 
     Attributes:
         example: the field, untouched or with outliers put in.
-        before: (H, W) bool, what the rules remove.
+        before: (H, W) bool, what is removed without a lesson.
         after: (H, W) bool, what the lesson removes.
     """
 
@@ -77,7 +79,7 @@ class Teaching:
 
     Attributes:
         lesson: the lesson.
-        before: the check of the rules alone.
+        before: the check without a lesson.
         after: the check of the lesson.
         fields: the fields kept back: untouched, and with the outliers of the second kind of `CHECKED`.
         warnings: where the good clouds seem to have outliers, one sentence each.
@@ -92,21 +94,31 @@ class Teaching:
     refusal: str
 
 
-def teach(clouds: Sequence[GoodCloud], progress: TeachingProgress = lambda done, all_steps: None) -> Teaching:
+def teach(
+    clouds: Sequence[GoodCloud],
+    progress: TeachingProgress = lambda done, all_steps: None,
+    settings: CircleSettings | None = None,
+) -> Teaching:
     """Teach a lesson, and check it.
 
     Args:
         clouds: clouds of good parts of one kind.
         progress: called after each step.
+        settings: `judge` and `provider` say what finds the outliers that the lesson decides about; None: the
+            defaults. Where the depth of field of a cloud is known, it is the rules.
 
     Raises:
         CloudError: the clouds have too few measured points.
+        SocialCircleError: the network cannot be read.
     """
+    settings = settings or CircleSettings()
+    by_rules = settings.judge == 'rules' or any(cloud.depth_of_field is not None for cloud in clouds)
+    likelihood = None if by_rules else packaged_network(settings.provider).probabilities
     taught, kept_back = fields_of(clouds)
     steps = _StepCounter(progress, len(taught) * (1 + len(TAUGHT)) + 2 * len(kept_back) * (1 + len(CHECKED)))
-    lesson = _learn(taught, tuple(cloud.name for cloud in clouds), steps)
+    lesson = _learn(taught, tuple(cloud.name for cloud in clouds), likelihood, steps)
     judge = LessonJudge(lesson)
-    before, after, checked = _check(kept_back, judge, steps)
+    before, after, checked = _check(kept_back, judge, likelihood, steps)
     figures = {
         'f1_before': before.f1,
         'f1_after': after.f1,
@@ -128,25 +140,28 @@ class _StepCounter:
         self._progress(self._done, self._number)
 
 
-def _learn(fields: Sequence[GoodField], names: tuple[str, ...], steps: _StepCounter) -> Lesson:
-    steep = Rules().steep
+def _learn(
+    fields: Sequence[GoodField], names: tuple[str, ...], likelihood: Likelihood | None, steps: _StepCounter
+) -> Lesson:
+    least = Rules().steep if likelihood is None else UNDECIDED
     good: list[LabelledCommunities] = []
     parts: list[LabelledCommunities] = []
     spreads = []
     for number, place in enumerate(fields):
-        found, spread = communities_in(untouched(place), steep)
+        found, spread = communities_in(untouched(place), least, likelihood)
         good.append(found)
         spreads.append(spread)
         steps.done()
         for kind, contamination in enumerate(TAUGHT):
             seed = _FIRST_SEED + number * len(TAUGHT) + kind
-            parts.append(communities_in(with_outliers(place, contamination, seed), steep)[0])
+            parts.append(communities_in(with_outliers(place, contamination, seed), least, likelihood)[0])
             steps.done()
     mean_, scale, weights = fit(joined(good + parts))
     lesson = Lesson(
         taught_on=names,
         spread=(min(spreads), max(spreads)),
-        steep=steep,
+        judge='rules' if likelihood is None else 'network',
+        least=least,
         mean=tuple(mean_.tolist()),
         scale=tuple(scale.tolist()),
         weights=tuple(weights.tolist()),
@@ -167,9 +182,9 @@ def _threshold(lesson: Lesson, good: LabelledCommunities, points: int) -> float:
 
 
 def _check(
-    fields: Sequence[GoodField], judge: CommunityJudge, steps: _StepCounter
+    fields: Sequence[GoodField], judge: CommunityJudge, likelihood: Likelihood | None, steps: _StepCounter
 ) -> tuple[LessonCheck, LessonCheck, list[CheckedField]]:
-    """Compare the rules with the lesson on the fields kept back."""
+    """Compare results without and with the lesson on the fields kept back."""
     tallies = [[Tally()] * (1 + len(CHECKED)) for _ in range(2)]
     shown = []
     for number, place in enumerate(fields):
@@ -178,7 +193,7 @@ def _check(
             example = with_outliers(place, CHECKED[kind - 1], seed) if kind else untouched(place)
             masks = []
             for way, each in enumerate((None, judge)):
-                masks.append(example.filtered(each).outliers)
+                masks.append(example.filtered(each, likelihood).outliers)
                 tallies[way][kind] += tally(masks[-1], example.outlier, example.counted)
                 steps.done()
             if kind in (0, 2):

@@ -38,7 +38,7 @@ def test_a_lesson_is_written_with_a_page_and_used(run, tmp_path, good):
 
 def test_a_lesson_that_does_not_help_is_not_written(run, tmp_path):
     np.savez(tmp_path / 'good.npz', z=np.random.default_rng(1).normal(size=(110, 120)), dx=1.0, dy=1.0)
-    done = run('teach', 'good.npz', '-o', 'part.teach', timeout=300)
+    done = run('teach', 'good.npz', '-o', 'part.teach', '-p', 'circle.judge:=rules', timeout=300)
     assert done.code == 1
     assert 'No lesson was written; part.html shows what was found.' in done.err
     assert not (tmp_path / 'part.teach').exists()

@@ -22,14 +22,16 @@ LESSONS = st.builds(
     Lesson,
     taught_on=st.lists(st.text(st.characters(exclude_categories=['Cs']), max_size=9), max_size=3).map(tuple),
     spread=st.tuples(st.floats(0, 1), st.floats(1, 9)),
-    steep=st.floats(-1, 1),
+    judge=st.sampled_from(['network', 'rules']),
+    least=st.floats(-1, 1),
     mean=numbers(len(TRAITS)),
     scale=numbers(len(TRAITS), 1e-300),
     weights=numbers(WEIGHTS),
     threshold=st.floats(0.01, 0.99),
     check=st.dictionaries(st.sampled_from(['f1_before', 'f1_after']), st.floats(0, 1)),
 )
-PLAIN = Lesson(('a',), (1.0, 2.0), 0.9, (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), (0.0,) * WEIGHTS, 0.5, {})
+_NUMBERS = (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), (0.0,) * WEIGHTS
+PLAIN = Lesson(('a',), (1.0, 2.0), 'network', 0.2, *_NUMBERS, 0.5, {})
 
 
 @given(LESSONS)
@@ -40,13 +42,16 @@ def test_a_lesson_comes_back_as_it_was_written(lesson):
 @pytest.mark.parametrize(
     ('change', 'reason'),
     [
-        ({'socialcircle_lesson': 2}, 'not a lesson of this version'),
+        ({'socialcircle_lesson': 1}, 'not a lesson of this version'),
         ({'weights': [0.0]}, f'its weights are not {WEIGHTS} numbers'),
         ({'mean': [float('nan')] * len(TRAITS)}, 'finite'),
         ({'mean': ['a'] * len(TRAITS)}, 'finite'),
         ({'scale': [0.0] * len(TRAITS)}, 'not above 0'),
         ({'spread': [2.0, 1.0]}, 'not above 0'),
         ({'spread': None}, 'its spread are not 2 numbers'),
+        ({'judge': 'table'}, 'rules or the network'),
+        ({'judge': ['rules']}, 'rules or the network'),
+        ({'least': None}, 'finite'),
         ({'threshold': None}, 'finite'),
         ({'threshold': 1.0}, 'between 0 and 1'),
         ({'taught_on': 'a'}, 'taught on'),

@@ -7,17 +7,25 @@ import numpy as np
 import pytest
 from good_parts import part, pitted
 
-from socialcircle_ros.circle.adaptive import LessonJudge, find_outliers
+from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.teaching import page
 from socialcircle_ros.teaching.examples import CHECKED
 from socialcircle_ros.teaching.teach import teach
 
 
-@pytest.fixture(scope='module')
-def taught():
+@pytest.fixture(scope='module', params=['network', 'rules'])
+def taught(request):
     """A lesson about a pitted part, and what its steps told."""
     told = []
-    return teach([part(pitted())], lambda done, number: told.append((done, number))), told
+    settings = CircleSettings(judge=request.param)
+    return teach([part(pitted())], lambda done, number: told.append((done, number)), settings), told
+
+
+def removed_with(heights, lesson, folder, **settings):
+    """The mask of what a lesson removes."""
+    path = folder / 'part.teach'
+    path.write_text(lesson.to_text())
+    return remove_outliers(heights, CircleSettings(lesson=str(path), **settings), pitch=(1.0, 2.0)).outliers
 
 
 def test_a_lesson_keeps_the_texture_of_the_part_and_finds_more(taught):
@@ -28,21 +36,23 @@ def test_a_lesson_keeps_the_texture_of_the_part_and_finds_more(taught):
     assert teaching.refusal == ''
 
 
-def test_a_lesson_holds_for_another_part_of_that_kind_in_another_unit(taught):
+def test_a_lesson_holds_for_another_part_of_that_kind_in_another_unit(taught, tmp_path):
     heights = pitted(150, 170, seed=5, pits=20)
     heights[40:50, 60:70] += 40
-    judge = LessonJudge(taught[0].lesson)
-    rules, lesson = find_outliers(heights).outliers, find_outliers(heights, judge=judge).outliers
+    lesson = taught[0].lesson
+    without = remove_outliers(heights, CircleSettings(judge=lesson.judge), pitch=(1.0, 2.0)).outliers
+    found = removed_with(heights, lesson, tmp_path)
     put_in = np.zeros(heights.shape, bool)
     put_in[40:50, 60:70] = True
-    assert rules[~put_in].mean() > 0.005
-    assert lesson[~put_in].mean() < rules[~put_in].mean() / 5
-    assert lesson[put_in].mean() > 0.9
-    np.testing.assert_array_equal(find_outliers(heights * 2.0**-30, judge=judge).outliers, lesson)
+    assert without[~put_in].mean() > 0.005
+    assert found[~put_in].mean() < without[~put_in].mean() / 5
+    assert found[put_in].mean() > 0.9
+    np.testing.assert_array_equal(removed_with(heights * 2.0**-30, lesson, tmp_path), found)
 
 
 def test_the_same_clouds_give_the_same_lesson(taught):
-    assert teach([part(pitted())]).lesson == taught[0].lesson
+    settings = CircleSettings(judge=taught[0].lesson.judge)
+    assert teach([part(pitted())], settings=settings).lesson == taught[0].lesson
 
 
 def test_progress_counts_to_its_end(taught):
@@ -60,17 +70,24 @@ def test_a_lesson_says_what_it_was_taught_on_and_what_its_check_found(taught):
 
 def test_a_lesson_that_does_not_help_is_refused():
     smooth = np.random.default_rng(1).normal(size=(140, 150))
-    assert 'would change little' in teach([part(smooth)]).refusal
+    assert 'would change little' in teach([part(smooth)], settings=CircleSettings(judge='rules')).refusal
 
 
-def test_outliers_of_the_good_cloud_are_told_and_not_taught_as_good():
+def test_the_rules_find_what_is_taught_where_a_depth_of_field_is_known():
+    heights = pitted()
+    stack, network = replace(part(heights), depth_of_field=3.0), CircleSettings(judge='network')
+    assert teach([part(heights), stack], settings=network).lesson.judge == 'rules'
+    assert teach([part(heights), part(heights)], settings=network).lesson.judge == 'network'
+
+
+def test_outliers_of_the_good_cloud_are_told_and_not_taught_as_good(tmp_path):
     heights = np.random.default_rng(1).normal(size=(140, 150))
     heights[20:23, 30:33] += 60
     teaching = teach([part(heights)])
     assert teaching.warnings[0].startswith(
         'The good clouds seem to have outliers of their own: 9 points stand out'
     )
-    assert find_outliers(heights, judge=LessonJudge(teaching.lesson)).outliers[20:23, 30:33].all()
+    assert removed_with(heights, teaching.lesson, tmp_path)[20:23, 30:33].all()
 
 
 def test_the_page_shows_figures_warnings_and_pictures(taught):

@@ -21,9 +21,9 @@ In their place `likelihood` decides by the probability of each point, which a ne
 from .detection import AdaptiveResult, Rules, find_outliers, find_probable_outliers
 from .isolated import TOUCH
 from .lesson import CommunityJudge, LessonJudge, unlike
-from .likelihood import Likelihood, Probabilities
+from .likelihood import UNDECIDED, Likelihood, Probabilities
 
 __all__ = [
-    'TOUCH', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood', 'Probabilities', 'Rules',
-    'find_outliers', 'find_probable_outliers', 'unlike',
+    'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood', 'Probabilities',
+    'Rules', 'find_outliers', 'find_probable_outliers', 'unlike',
 ]  # fmt: skip

@@ -15,7 +15,6 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings.lessons import TRAITS
 
 from .heights import RelativeHeights
-from .islands import Steepness
 
 _AROUND = 6
 """Width of the frame round a community whose kept points give the plane that its heights are measured from."""
@@ -28,6 +27,10 @@ _HIGHEST_STEP = 50.0  # spreads
 _TRAITS, _SIZE = len(TRAITS), TRAITS.index('size')
 _LENGTHS = [2, 3, 4, 8, 9, 10]
 """Columns of the traits that are in spreads."""
+
+Certainty = npt.NDArray[np.float32]
+"""(H, W) float32: by the rules the steepness of the steepest community that a point belongs to, 1 for an isolated
+point; by the network its probability."""
 
 _PointNumbers = npt.NDArray[np.int64]
 _CommunityNumbers = npt.NDArray[np.int64]
@@ -57,19 +60,19 @@ class Communities:
         return np.bincount(self.labels, minlength=len(self.traits))
 
 
-def communities_of(heights: RelativeHeights, found: Mask, steepness: Steepness, spread: float) -> Communities:
+def communities_of(heights: RelativeHeights, found: Mask, certainty: Certainty, spread: float) -> Communities:
     """Measure the communities of the found points; points that touch at a corner belong together.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
         found: (H, W) bool, measured points.
-        steepness: (H, W) float32, of the steepest community that a point belongs to; 1 for an isolated point.
+        certainty: how certainly each point is an outlier.
         spread: of the cloud, in its unit; above 0.
     """
     points, labels, number = label_communities(found)
     order = np.argsort(labels, kind='stable')
     starts = np.searchsorted(labels[order], np.arange(number + 1))
-    measures = _measure(heights, found, steepness, points[order], starts, spread)
+    measures = _measure(heights, found, certainty, points[order], starts, spread)
     traits = measures.copy()
     traits[:, _SIZE] = np.log(measures[:, _SIZE])
     traits[:, _LENGTHS] = np.log1p(measures[:, _LENGTHS])
@@ -118,7 +121,7 @@ def _label(points: _PointNumbers, found: Mask) -> tuple[_CommunityNumbers, int]:
 def _measure(
     heights: RelativeHeights,
     found: Mask,
-    steepness: Steepness,
+    certainty: Certainty,
     points: _PointNumbers,
     starts: _PointNumbers,
     spread: float,
@@ -138,7 +141,7 @@ def _measure(
         base = np.float64(heights[own[0] // width, own[0] % width])
         _fit_plane(heights, found, (top, bottom, left, right), base, plane)
         total, squares, sizes, highest = 0.0, 0.0, 0.0, 0.0
-        steep, steepest = 0.0, 0.0
+        certain, most_certain = 0.0, 0.0
         for point in own:
             row, column = point // width, point % width
             rise = (np.float64(heights[row, column]) - base) - (
@@ -149,8 +152,8 @@ def _measure(
             squares += rise * rise
             sizes += abs(rise)
             highest = max(highest, abs(rise))
-            steep += steepness[row, column]
-            steepest = max(steepest, np.float64(steepness[row, column]))
+            certain += certainty[row, column]
+            most_certain = max(most_certain, np.float64(certainty[row, column]))
         mean = total / size
         extent = max(bottom - top, right - left) + 1
         step, missing = _border(heights, found, own, spread)
@@ -159,8 +162,8 @@ def _measure(
         measures[community, 2] = sizes / size
         measures[community, 3] = highest
         measures[community, 4] = np.sqrt(max(squares / size - mean * mean, 0.0))
-        measures[community, 5] = steep / size
-        measures[community, 6] = steepest
+        measures[community, 5] = certain / size
+        measures[community, 6] = most_certain
         measures[community, 7] = size / (extent * extent)
         measures[community, 8] = plane[3] / spread
         measures[community, 9] = np.sqrt(plane[1] * plane[1] + plane[2] * plane[2]) / spread

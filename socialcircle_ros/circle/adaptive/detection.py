@@ -11,13 +11,13 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 
-from .communities import communities_of
+from .communities import Certainty, communities_of
 from .differences import Differences, Spread, normalised_differences
 from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
 from .lesson import CommunityJudge
-from .likelihood import Likelihood, probable_outliers
+from .likelihood import ONE, Likelihood, probable_outliers
 from .optics import beside_walls, beyond_tolerance
 from .pyramid import halved, mark_expanded, raise_expanded
 from .relief import relief_of
@@ -101,7 +101,7 @@ def find_outliers(
     """
     rules = rules or Rules()
     if judge is not None:
-        rules = replace(rules, steep=judge.steep)
+        rules = replace(rules, steep=judge.least)
     stopwatch = Stopwatch()
     relative = relative_heights(heights)
     search = _IslandSearch(relative)
@@ -127,7 +127,7 @@ def find_outliers(
         stopwatch.lap('texture')
     outliers = search.found & ~texture
     if judge is not None:
-        outliers = search.judged(judge, spread)
+        outliers = _judged(relative, search.found, search.steepness, spread, judge)
         stopwatch.lap('lesson')
 
     if depth_of_field is not None:
@@ -142,13 +142,17 @@ def find_outliers(
 
 
 def find_probable_outliers(
-    heights: npt.NDArray[np.float32] | npt.NDArray[np.float64], likelihood: Likelihood
+    heights: npt.NDArray[np.float32] | npt.NDArray[np.float64],
+    likelihood: Likelihood,
+    judge: CommunityJudge | None = None,
 ) -> AdaptiveResult:
     """Find the outliers of a height map by the probability of each point, without the rules.
 
     Args:
         heights: as for `find_outliers`.
         likelihood: gives the probabilities.
+        judge: decides about the communities of points that are more probable than its `least`. None: the
+            probabilities decide.
 
     Returns:
         A result without islands of one height that were kept.
@@ -160,10 +164,16 @@ def find_probable_outliers(
     stopwatch.lap('spread')
     probabilities = likelihood(relative)
     stopwatch.lap('network')
-    measured = np.isfinite(relative)
-    outliers, score, undecided = probable_outliers(probabilities, measured)
+    measured, mean_spread = np.isfinite(relative), float(spread.by_direction.mean())
+    if judge is None:
+        outliers, score, undecided = probable_outliers(probabilities, measured)
+    else:
+        score = np.divide(probabilities, ONE, dtype=np.float32)
+        found = probabilities > round(judge.least * ONE)
+        outliers = _judged(relative, found, score, mean_spread, judge)
+        undecided = _scale_scores(score, outliers, measured)
     stopwatch.lap('communities')
-    mean_spread, nearly = float(spread.by_direction.mean()), undecided / int(np.count_nonzero(measured))
+    nearly = undecided / int(np.count_nonzero(measured))
     return AdaptiveResult(outliers, score, mean_spread, 0, nearly, stopwatch.times_ms)
 
 
@@ -237,17 +247,6 @@ class _IslandSearch:
             return np.zeros(self.found.shape, np.bool_), 0
         return islands_of_one_height(self._given, self.found)
 
-    def judged(self, judge: CommunityJudge, spread: float) -> Mask:
-        """The outliers among the communities found; `steepness` becomes that from which the score is made."""
-        communities = communities_of(self._given, self.found, self.steepness, spread)
-        chances, least = judge.chances(communities), judge.threshold
-        are_outliers = chances >= least
-        sure = np.where(are_outliers, (chances - least) / (1 - least), chances / least)
-        self.steepness.flat[communities.points] = sure[communities.labels]
-        outliers: Mask = np.zeros(self.found.shape, np.bool_)
-        outliers.flat[communities.points] = are_outliers[communities.labels]
-        return outliers
-
     def _normalised_differences(self, *, may_predict: bool) -> tuple[Spread, Differences]:
         spread = estimate_spread(self.heights, _TILE_SIDE, may_predict=may_predict)
         return spread, normalised_differences(self.heights, spread)
@@ -255,6 +254,20 @@ class _IslandSearch:
     def _remove(self, outliers: Mask) -> None:
         self.found |= outliers
         self.heights = with_holes_filled(self.heights, outliers)
+
+
+def _judged(
+    heights: RelativeHeights, found: Mask, certainty: Certainty, spread: float, judge: CommunityJudge
+) -> Mask:
+    """The outliers among the communities found; `certainty` becomes that from which the score is made."""
+    communities = communities_of(heights, found, certainty, spread)
+    chances, least = judge.chances(communities), judge.threshold
+    are_outliers = chances >= least
+    sure = np.where(are_outliers, (chances - least) / (1 - least), chances / least)
+    certainty.flat[communities.points] = sure[communities.labels]
+    outliers: Mask = np.zeros(found.shape, np.bool_)
+    outliers.flat[communities.points] = are_outliers[communities.labels]
+    return outliers
 
 
 def _required_steepness(isolated: float, depth_of_field: float | None, rules: Rules) -> dict[int, float]:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a lesson judges: the communities that the rules find, by their traits.
+"""How a lesson judges: the communities that the rules or the network find, by their traits.
 
 The probability that a community is an outlier is a logistic function of its traits and their products. Where the
-texture of a part has islands as steep as outliers, size, height and surroundings still tell them apart.
+texture of a part has islands that look like outliers, size, height and surroundings still tell them apart.
 """
 
 from dataclasses import dataclass
@@ -26,15 +26,15 @@ _UNLIKE = 2.0
 
 
 class CommunityJudge(Protocol):
-    """Decides about the communities that the rules find.
+    """Decides about the communities that the rules or the network find.
 
     Attributes:
-        steep: the rules find communities that are steeper than this.
+        least: communities are found that are steeper than this, or whose points are more probable.
         threshold: a community is an outlier if its chance is at least this; above 0, below 1.
     """
 
     @property
-    def steep(self) -> float: ...  # noqa: D102 - above
+    def least(self) -> float: ...  # noqa: D102 - above
 
     @property
     def threshold(self) -> float: ...  # noqa: D102 - above
@@ -51,9 +51,9 @@ class LessonJudge:
     lesson: Lesson
 
     @property
-    def steep(self) -> float:
+    def least(self) -> float:
         """As in `CommunityJudge`."""
-        return self.lesson.steep
+        return self.lesson.least
 
     @property
     def threshold(self) -> float:

@@ -32,7 +32,7 @@ CERTAIN, CERTAIN_AMONG_MANY = 0.8, 0.5
 FEW, MANY = 0.1, 0.2
 """Shares of the measured points, by the mean probability of all points."""
 UNDECIDED = 0.2
-"""A kept point above this probability may be an outlier or not."""
+"""A kept point above this probability may be an outlier or not; a lesson decides about communities of such."""
 
 
 class Decided(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from socialcircle_ros import CircleSettings, remove_outliers
-from socialcircle_ros.circle.adaptive import LessonJudge, find_outliers, unlike
+from socialcircle_ros.circle.adaptive import LessonJudge, find_outliers, find_probable_outliers, unlike
 from socialcircle_ros.circle.adaptive.lesson import logistic, terms
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
@@ -15,15 +15,22 @@ from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
 ALL = Lesson(
     taught_on=('good.npz',),
     spread=(0.5, 2.0),
-    steep=0.955,
+    judge='rules',
+    least=0.955,
     mean=(0.0,) * len(TRAITS),
     scale=(1.0,) * len(TRAITS),
     weights=(5.0, *(0.0,) * (WEIGHTS - 1)),
     threshold=0.7,
     check={},
 )
-"""Takes whatever the rules find for an outlier."""
+"""Takes whatever is found for an outlier."""
 NONE = replace(ALL, weights=(-5.0, *ALL.weights[1:]))
+SUSPICIOUS = 0.2
+
+
+def weighing_probable(name, weight, constant):
+    """A lesson on what the network finds, which weighs one trait."""
+    return replace(weighing(name, weight, constant), judge='network', least=SUSPICIOUS)
 
 
 def weighing(name, weight, constant):
@@ -77,6 +84,39 @@ def test_the_score_is_above_half_exactly_for_outliers(surface, lesson):
     assert np.nanmax(result.score) <= 1
 
 
+def likelihood_of(surface):
+    """Probabilities of 0.3 for the outliers, and for a row of good points."""
+
+    def likelihood(heights):
+        probable = surface.single | surface.cluster
+        probable[0] = True
+        return np.where(probable & np.isfinite(heights), 77, 40).astype(np.uint8)
+
+    return likelihood
+
+
+@pytest.mark.parametrize(
+    ('lesson', 'single', 'cluster', 'row'),
+    [
+        (weighing_probable('size', 0.0, 5.0), True, True, True),
+        (weighing_probable('size', 0.0, -5.0), False, False, False),
+        (weighing_probable('size', 3.0, -4.0), False, True, True),
+        (weighing_probable('height', 3.0, -8.0), True, True, False),
+        (weighing_probable('greatest certainty', 9.0, 0.0), True, True, True),
+        (weighing_probable('greatest certainty', 9.0, -9.0), False, False, False),
+    ],
+)
+def test_a_lesson_decides_about_communities_of_probable_points(surface, lesson, single, cluster, row):
+    heights = surface.heights.copy()
+    heights[5, 7:30] = np.nan
+    result = find_probable_outliers(heights, likelihood_of(surface), LessonJudge(lesson))
+    expected = np.zeros(heights.shape, bool)
+    expected[surface.single], expected[surface.cluster], expected[0] = single, cluster, row
+    np.testing.assert_array_equal(result.outliers, expected)
+    np.testing.assert_array_equal(result.score > 0.5, result.outliers)
+    np.testing.assert_array_equal(np.isnan(result.score), np.isnan(heights))
+
+
 def test_another_unit_changes_no_point_with_a_lesson(surface):
     judge = LessonJudge(weighing('height', -1.0, 3.0))
     one = find_outliers(surface.heights, judge=judge)
@@ -105,6 +145,28 @@ def test_a_cloud_of_another_surface_scale_is_told(spread, told):
     warnings = unlike(ALL, spread)
     assert bool(warnings) == (told is not None)
     assert all(told in warning for warning in warnings)
+
+
+@pytest.mark.parametrize(
+    ('judge', 'settings', 'told'),
+    [
+        ('network', {}, []),
+        ('network', {'judge': 'network'}, []),
+        ('network', {'depth_of_field': 3.0}, ['the depth of field has no effect']),
+        ('rules', {}, []),
+        ('rules', {'judge': 'network'}, ['circle.judge has no effect']),
+        ('rules', {'depth_of_field': 3.0}, []),
+    ],
+)
+def test_a_lesson_uses_what_it_was_taught_with(surface, tmp_path, judge, settings, told):
+    path = tmp_path / 'part.teach'
+    path.write_text(replace(ALL, judge=judge).to_text())
+    result = remove_outliers(surface.heights, CircleSettings(lesson=str(path), **settings), pitch=(1.0, 2.0))
+    assert ('network' in result.times_ms) == (judge == 'network')
+    assert result.outliers[surface.cluster].any()
+    assert len(result.warnings) == len(told)
+    for warning, start in zip(result.warnings, told, strict=True):
+        assert warning.startswith(start)
 
 
 def test_settings_name_the_lesson_by_its_path(surface, tmp_path):
