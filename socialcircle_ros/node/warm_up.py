@@ -101,9 +101,7 @@ class WarmUp:
         unmap_code('libllvmlite')  # 50 MB, which only compiling and loading need
 
 
-def _compile_common(
-    mode: Mode, judge: Judge = 'rules', provider: str = CPU_PROVIDER, *, cold: bool = False
-) -> None:
+def _compile_common(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER, *, cold: bool = False) -> None:
     """Clouds of both types under default settings, and a stack of 8 bits.
 
     If the cache is `cold`, two helper processes fill it: Numba compiles one kernel at a time, and compiling leaves
@@ -115,7 +113,7 @@ def _compile_common(
     _measure(np.uint8)
 
 
-def _filter(mode: Mode, judge: Judge = 'rules', provider: str = CPU_PROVIDER) -> None:
+def _filter(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER) -> None:
     """Filter clouds of both types: with a depth of field by the rules, and by the network if it judges."""
     circle = CircleSettings(mode=mode, judge=judge, provider=provider)
     for kind in (np.float32, np.float64):
@@ -125,7 +123,8 @@ def _filter(mode: Mode, judge: Judge = 'rules', provider: str = CPU_PROVIDER) ->
 
 def steps() -> Iterator[Callable[[], object]]:
     """Calls that compile all kernels of the node, the default mode's first; none of them is guarded."""
-    yield lambda: _compile_common(CircleSettings().mode, cold=_is_cold())
+    circle = CircleSettings()
+    yield lambda: _compile_common(circle.mode, circle.judge, cold=_is_cold())
     yield from _rare()
 
 
@@ -187,7 +186,8 @@ def _help(part: 'Mode | _HelperPart') -> None:
         elif part == 'rare':
             _compile_rare()
         else:
-            _filter(part)
+            _filter(part, 'rules')
+            _see()
     os._exit(0)
 
 
@@ -207,7 +207,7 @@ def _compile_rare(*, cold: bool = False) -> None:
 def _rare() -> Iterator[Callable[[], object]]:
     """Calls that compile rare kernels, each apart from the others."""
     for other in get_args(Mode):
-        settings = PipelineSettings(circle=CircleSettings(mode=other))
+        settings = PipelineSettings(circle=CircleSettings(mode=other, judge='rules'))
         yield partial(filter_cloud, _cloud(np.float32), settings, depth_of_field=1.0)
     # The length of the frame name decides where the points begin; float64 may lie at half of its size.
     for kind, frame in ((np.float32, ''), (np.float64, ''), (np.float64, 'four')):
@@ -216,7 +216,8 @@ def _rare() -> Iterator[Callable[[], object]]:
         for method in ('biharmonic', 'spline'):
             repair = RepairSettings(method=method)
             output = OutputSettings(repaired=True)
-            yield partial(filter_cloud, cloud, PipelineSettings(output=output, repair=repair))
+            settings = PipelineSettings(circle=CircleSettings(judge='rules'), output=output, repair=repair)
+            yield partial(filter_cloud, cloud, settings)
     yield _see
     yield partial(_measure, np.uint16)
     yield partial(_measure, np.uint8, in_colour=True)
@@ -237,7 +238,7 @@ def _cloud(kind: type[np.floating], frame: str = '') -> bytes:
 
 
 def _see() -> None:
-    """All kernels round the network, which itself is read only where it is wanted, since that takes memory."""
+    """All kernels round the network, without reading it, which takes memory."""
     heights = np.ones((6, 8), np.float32)
     heights[2, 3] = np.nan
     whole, measured = Part(0, 6, 0, 8), np.isfinite(heights)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a result says of itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,13 +100,13 @@ def islands(height):
 
 def test_a_texture_that_resembles_outliers_is_named_with_the_cure():
     sentence = 'nearly as steep as outliers: good points may be among the removed ones; teach this texture'
-    rich = islands(10.0)
-    result = remove_outliers(rich, pitch=(1.0, 2.0))
+    rich, rules = islands(10.0), CircleSettings(judge='rules')
+    result = remove_outliers(rich, rules, pitch=(1.0, 2.0))
     assert result.outliers.mean() > 0.005
     assert any(sentence in warning for warning in result.warnings)
-    optics = remove_outliers(rich, CircleSettings(depth_of_field=1.0), pitch=(1.0, 2.0))
+    optics = remove_outliers(rich, replace(rules, depth_of_field=1.0), pitch=(1.0, 2.0))
     assert not any(sentence in warning for warning in optics.warnings)
-    assert remove_outliers(islands(0.0), pitch=(1.0, 2.0)).warnings == ()
+    assert remove_outliers(islands(0.0), rules, pitch=(1.0, 2.0)).warnings == ()
 
 
 @pytest.mark.parametrize(

@@ -382,12 +382,13 @@ def test_islands_of_one_height_are_kept_with_a_warning():
         for left in range(10, 190, 20):
             heights[top : top + 6, left : left + 6] += 20
 
-    result = remove_outliers(grid(heights), ADAPTIVE)
+    rules = CircleSettings(judge='rules')
+    result = remove_outliers(grid(heights), rules)
 
     (warning,) = result.warnings
     assert 'islands of one height were kept' in warning
     assert result.outliers.mean() < 0.005
-    assert remove_outliers(grid(rough()), ADAPTIVE).warnings == ()
+    assert remove_outliers(grid(rough()), rules).warnings == ()
 
 
 def test_the_paper_s_mode_has_no_score_and_warns_of_nothing_on_a_plane():

@@ -101,7 +101,7 @@ def test_a_flat_cluster_of_outliers_is_measured():
     xyz = surface(offset=0.0)
     xyz[20:35, 30:50, 2] = 8e-4  # 1.6 % of the points, 20 times as high as the surface is rough
     assert recognise(xyz, 'auto') == (None, '', '')
-    assert remove_outliers(xyz, CircleSettings(mode='adaptive')).outliers[20:35, 30:50].all()
+    assert remove_outliers(xyz, CircleSettings(judge='rules')).outliers[20:35, 30:50].all()
 
 
 def test_a_large_flat_part_that_stands_apart_is_doubtful():

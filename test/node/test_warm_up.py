@@ -21,6 +21,7 @@ from socialcircle_ros.messages import gray
 from socialcircle_ros.node import warm_up
 
 warm_up._filter = lambda *settings: compiled._nothing()
+warm_up._see = lambda: None
 warm_up._measure = lambda kind: gray.gray_of_mosaic(np.zeros((6, 8), kind))
 """
 
@@ -29,7 +30,7 @@ import subprocess
 {FEW_KERNELS}
 start = subprocess.Popen
 subprocess.Popen = lambda line, **options: start([*line[:2], {FEW_KERNELS!r} + line[2]], **options)
-warm_up._compile_common('paper', cold=warm_up._is_cold())
+warm_up._compile_common('paper', 'rules', cold=warm_up._is_cold())
 for kernel in (compiled._nothing, gray.gray_of_mosaic):
     print(sum(kernel.stats.cache_misses.values()), sum(kernel.stats.cache_hits.values()))
 """
@@ -131,7 +132,7 @@ def test_without_a_helper_process_this_one_compiles_everything(monkeypatch):
     monkeypatch.setattr(warm_up, '_measure', measured.append)
     monkeypatch.setattr(subprocess, 'Popen', refuse)
 
-    warm_up._compile_common('paper', cold=True)
+    warm_up._compile_common('paper', 'rules', cold=True)
 
     assert measured == [np.uint8]
 

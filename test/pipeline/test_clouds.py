@@ -233,12 +233,12 @@ def test_a_score_that_is_not_wanted_is_not_made_nor_one_in_the_paper_s_mode():
 
 
 def test_what_the_method_could_not_decide_is_a_warning_of_the_measurement():
-    xyz = rough()
-    assert outputs(xyz, ADAPTIVE).measurement.level == diagnostics.OK
+    xyz, rules = rough(), CircleSettings(judge='rules')
+    assert outputs(xyz, rules).measurement.level == diagnostics.OK
     for top in range(10, 150, 20):
         for left in range(10, 190, 20):
             xyz[top : top + 6, left : left + 6, 2] += 20
-    measurement = outputs(xyz, ADAPTIVE).measurement
+    measurement = outputs(xyz, rules).measurement
     assert measurement.level == diagnostics.WARN
     assert 'islands of one height were kept as the texture of the surface' in measurement.message
 

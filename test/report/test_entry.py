@@ -44,7 +44,7 @@ def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
 
 
 def test_a_setting_of_a_judge_that_does_not_judge_is_not_shown():
-    shown = texts(entry(circle=CircleSettings(mode='adaptive')))
+    shown = texts(entry(circle=CircleSettings(judge='rules')))
     assert shown['circle.judge'] == ['rules']
     assert 'circle.provider' not in shown
 

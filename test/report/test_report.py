@@ -103,9 +103,10 @@ def test_settings_with_an_effect_are_shown_and_changed_ones_marked():
     assert rows['limits.sq_max'] == ['2', 'none', 'changed']
     assert not any(name.startswith(('focus.', 'stack.', 'repair.', 'output.')) for name in rows)
     assert 'circle.depth_of_field' not in rows
-    adaptive = settings_table(PipelineSettings(circle=CircleSettings(mode='adaptive')), [])
-    shown = ['circle.mode', 'circle.judge', 'circle.depth_of_field', 'circle.lesson', 'circle.not_measured']
-    assert [row[0] for row in adaptive.rows] == shown
+    for judge, provider in (('rules', []), ('network', ['circle.provider'])):
+        adaptive = settings_table(PipelineSettings(circle=CircleSettings(judge=judge)), [])
+        shown = ['circle.depth_of_field', 'circle.lesson', 'circle.not_measured']
+        assert [row[0] for row in adaptive.rows] == ['circle.mode', 'circle.judge', *provider, *shown]
 
 
 def test_the_verdict_counts_what_failed_and_names_it():
