@@ -26,6 +26,7 @@ from socialcircle_ros.studies.timing import repeated_ms
 from socialcircle_ros.studies.workload import DETECTION, DRAWING, INSERTION, NETWORK, million_points
 
 from . import drawings
+from .scenes import HEIGHTS, SCENES, SIDES, scenes, squares
 from .surfaces import DEVELOPMENT, HELD_OUT, SurfaceFile, read_surface, surface_files
 
 PICTURES = 10
@@ -89,6 +90,9 @@ def learned(study: Study, folder: Path, judge: NetworkJudge, *, quick: bool = Fa
     files = surface_files(folder)[: 1 if quick else None]
     masks = len(CHECKS) * len(study.plan.seeds) + 1
     per_point = masks * (DETECTION + NETWORK + INSERTION)
+    find = partial(_found, judge=judge)
+    seeds = len(study.plan.seeds)
+    small = million_points(study.plan.small_size) * (DETECTION + NETWORK)
     timing = 2 * study.plan.repeats * million_points(_TIMED) * (DETECTION + NETWORK)
     return [
         *(
@@ -99,6 +103,8 @@ def learned(study: Study, folder: Path, judge: NetworkJudge, *, quick: bool = Fa
             )
             for file in files
         ),
+        Step('learned_scenes', 3 * len(SCENES) * seeds * small, lambda _: scenes(study, find)),
+        Step('learned_squares', 2 * len(SIDES) * len(HEIGHTS) * seeds * small, lambda _: squares(study, find)),
         Step('learned_goals', timing, partial(_conclusion, study, judge)),
         Step('learned_worst', PICTURES * DRAWING, partial(_worst, study, files, judge)),
     ]

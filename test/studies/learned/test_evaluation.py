@@ -10,6 +10,7 @@ from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.studies.comparison.study import Plan, Study
 from socialcircle_ros.studies.experiments import learned_steps
 from socialcircle_ros.studies.learned import evaluation
+from socialcircle_ros.studies.learned.scenes import HEIGHTS, SCENES, SIDES
 from socialcircle_ros.studies.learned.surfaces import DEVELOPMENT, HELD_OUT, read_surfaces
 from socialcircle_ros.studies.steps import merged
 
@@ -49,6 +50,16 @@ def test_every_surface_is_judged_by_rules_and_network(sections):
 def test_isolated_outliers_of_a_flat_surface_are_found_by_this_stand_in(sections):
     (surfaces,) = sections['Surfaces'].tables
     assert surfaces.rows[0][3] > 0.8
+
+
+def test_scenes_and_squares_are_judged_by_rules_and_network(sections):
+    (scenes,), (squares,) = sections['Simulated scenes'].tables, sections['Squares'].tables
+    assert [row[0] for row in scenes.rows] == list(SCENES)
+    assert len(squares.rows) == 2 * len(SIDES) * len(HEIGHTS)
+    # The rules find what stands far off noise; the stand-in for the network finds whatever is far off.
+    assert all(
+        row[3] == row[4] == 1 for row in squares.rows if row[0] == 'as rough as the surface' and row[2] > 20
+    )
 
 
 def test_goals_and_pictures_are_made(sections):
