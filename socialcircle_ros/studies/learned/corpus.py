@@ -28,6 +28,8 @@ HEIGHT_CHANNELS = 5
 """Channels that change their sign with the heights; the last one says what is measured."""
 PLANES = CHANNELS + 1
 """Planes of a patch: the features, and the label: 0 does not count, 1 good, 2 outlier."""
+_WHOLE, _SMALLEST = 0.8, 0.3
+"""Share of patches with the whole side, and the least part of it for others: a small cloud shows less texture."""
 _MOST_TRIES = 50
 
 Patch = NDArray[np.float16]
@@ -37,12 +39,13 @@ Patch = NDArray[np.float16]
 def make_patch(surfaces: Sequence[TrainingSurface], random: np.random.Generator) -> tuple[Patch, float]:
     """One patch, real or simulated, with outliers or without; and the grain of its cloud."""
     for _ in range(_MOST_TRIES):
+        side = SIDE if random.random() < _WHOLE else int(random.uniform(_SMALLEST, 1) * SIDE)
         if surfaces and random.random() < REAL_SHARE:
             weights = np.array([surface.weight for surface in surfaces])
             chosen = surfaces[random.choice(len(surfaces), p=weights / weights.sum())]
-            heights, plausible = varied(chosen, SIDE, random)
+            heights, plausible = varied(chosen, side, random)
         else:
-            heights = simulated_surface(SIDE, random)
+            heights = simulated_surface(side, random)
             plausible = np.isfinite(heights)
         if plausible.mean() < 0.3:
             continue

@@ -20,7 +20,7 @@ Displacements = NDArray[np.float64]
 
 OUTLIER_FROM, GOOD_BELOW = 6.0, 4.0
 """Displacements of at least the first are outliers, below the second good; those between do not count."""
-SHARES = (0.0, 0.0, 0.0002, 0.0005, 0.002, 0.005, 0.01, 0.02, 0.05, 0.05, 0.1, 0.15, 0.3)
+SHARES = (0.0, 0.0, 0.0002, 0.0005, 0.002, 0.005, 0.01, 0.02, 0.05, 0.05, 0.1, 0.15, 0.3, 0.45)
 """Shares of outliers of a patch, one drawn at random. Without the least ones a network learns that few outliers
 are none, and keeps a single point that stands out."""
 _MARGIN = 4
@@ -90,7 +90,7 @@ def blobs(heights: Displacements, share: float, random: np.random.Generator) -> 
     """Ellipses and irregular shapes: sharp, blurred, conical or domed, smooth or rough inside."""
     height, width = heights.shape
     displaced = np.zeros(heights.shape)
-    largest = random.choice([2.5, 4.0, 6.0, 9.0, 14.0, 18.0, 30.0], p=[0.08, 0.14, 0.22, 0.22, 0.18, 0.12, 0.04])
+    largest = random.choice([2.5, 4.0, 6.0, 9.0, 14.0, 18.0, 30.0], p=[0.08, 0.13, 0.20, 0.21, 0.18, 0.12, 0.08])
     inside = random.choice([0.0, 0.7, 1.0, 3.0])
     uneven = random.choice([0.0, 0.0, 0.1, 0.25])
     irregular = random.choice([0.0, 0.5, 1.0])

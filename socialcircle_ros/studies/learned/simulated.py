@@ -72,6 +72,11 @@ def _turned(grid: SurfaceGrid, random: np.random.Generator) -> NDArray[np.float6
     return np.asarray(grid[1] * np.cos(turn) + grid[0] * np.sin(turn))
 
 
+def _flat(grid: SurfaceGrid, _: float, __: np.random.Generator) -> RandomField:
+    """Nothing but noise: a polished or lapped part."""
+    return np.zeros(grid[0].shape)
+
+
 def _rough(grid: SurfaceGrid, amplitude: float, random: np.random.Generator) -> RandomField:
     return amplitude * fractal(grid[0].shape, random.uniform(0.05, 1.3), random)
 
@@ -232,6 +237,7 @@ def _wrinkles(grid: SurfaceGrid, amplitude: float, random: np.random.Generator) 
 
 
 KINDS: tuple[Callable[[SurfaceGrid, float, np.random.Generator], RandomField], ...] = (
-    _rough, _rough, _brushed, _milled, _sine, _profile_drawn, _peaks, _dome, _islands, _islands, _terraces,
-    _grains, _grains, _beads, _scratches, _array, _steps, _heavy, _heavy, _one_sided, _woven, _shapes, _wrinkles,
+    _flat, _flat, _rough, _rough, _brushed, _milled, _sine, _profile_drawn, _peaks, _dome, _islands, _islands,
+    _terraces, _grains, _grains, _beads, _scratches, _array, _steps, _heavy, _heavy, _one_sided, _woven, _shapes,
+    _wrinkles,
 )  # fmt: skip
