@@ -37,6 +37,7 @@ def lesson_page(teaching: Teaching) -> str:
     introduction = [
         f'Taught on: {names}.',
         'Outliers were put into some parts of the good clouds. The lesson learnt to tell them from the texture.',
+        f'It decides about the points that the {teaching.lesson.judge} of the adaptive mode suspected.',
         'The figures below are of the parts that were kept back.',
     ]
     verdict = teaching.refusal or 'The lesson helps on the fields kept back.'
@@ -55,8 +56,9 @@ def _figures(teaching: Teaching) -> Table:
         )
         rows.append([name, kind.share, before.false_positive_rate, after.false_positive_rate, before.f1, after.f1])
     columns = [
-        Column('outliers put in'), Column('share', '.0%'), Column('good points removed, without', '.3%'),
-        Column('with the lesson', '.3%'), Column('F1, without', '.3f'), Column('F1, with the lesson', '.3f'),
+        Column('outliers put in'), Column('share', '.0%'),
+        Column('good points removed, without a lesson', '.3%'), Column('with the lesson', '.3%'),
+        Column('F1, without a lesson', '.3f'), Column('F1, with the lesson', '.3f'),
     ]  # fmt: skip
     note = 'σ is the robust standard deviation of the residuals to a 5×5 median.'
     return Table('check', 'Fields kept back', columns, rows, note)
