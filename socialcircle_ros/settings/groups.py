@@ -48,7 +48,7 @@ class CircleSettings(Settings):
         'rules',
         "What decides in the adaptive mode. 'rules': the steepness of borders. 'network': a network that has seen"
         ' many surfaces: on unknown textures far fewer good points are removed, and more irregular outliers are'
-        ' found; it needs ONNX Runtime.'
+        ' found, but large patches far off a plain surface stay; it needs ONNX Runtime.'
         ' Where the depth of field is known, as from a stack, the rules decide.',
         choices=('rules', 'network'),
     )
