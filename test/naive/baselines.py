@@ -38,11 +38,19 @@ def radius_outliers(xyz, window, radius, min_neighbours):
     return outliers
 
 
+def added(values):
+    """The sum in this order. Python's own sum is more exact from 3.12 on, and has other last digits."""
+    total = 0.0
+    for value in values:
+        total += value
+    return total
+
+
 def mean_distances(xyz, window, count):
     mean = np.full(xyz.shape[:2], np.nan, xyz.dtype)
     for row, column in np.argwhere(measured(xyz)):
         nearest = sorted(squared_distances(xyz, row, column, window))[:count]
-        mean[row, column] = sum(float(np.sqrt(d)) for d in nearest) / len(nearest) if nearest else np.inf
+        mean[row, column] = added(float(np.sqrt(d)) for d in nearest) / len(nearest) if nearest else np.inf
     return mean
 
 
@@ -50,7 +58,7 @@ def statistical_threshold(mean, std_factor):
     values = [float(value) for value in mean.ravel() if np.isfinite(value)]
     if not values:
         return math.inf
-    n, total, squares = len(values), sum(values), sum(value * value for value in values)
+    n, total, squares = len(values), added(values), added(value * value for value in values)
     variance = max(squares - total * total / n, 0.0) / max(n - 1, 1)
     return total / n + std_factor * math.sqrt(variance)
 
