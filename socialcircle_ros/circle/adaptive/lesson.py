@@ -29,7 +29,7 @@ class CommunityJudge(Protocol):
     """Decides about the communities that the rules or the network find.
 
     Attributes:
-        least: communities are found that are steeper than this, or whose points are more probable.
+        least: communities are found that are steeper than this, or have points that are more probable.
         threshold: a community is an outlier if its chance is at least this; above 0, below 1.
     """
 
