@@ -149,14 +149,19 @@ class CircleSettings(Settings):
                 f"circle.not_measured is {self.not_measured!r}; use 'auto', 'nan', or the height that stands for"
                 " not measured, such as '0' or '-9999'."
             )
-        if self.judge == 'network' and importlib.util.find_spec('onnxruntime') is None:
-            raise SettingError(f'circle.judge: network needs ONNX Runtime: {install_command("network")}.')
+        if self.judge == 'network':
+            _require_runtime('circle.judge: network')
         if self.judge == 'network' and self.provider != CPU_PROVIDER:
             _check_offered(self.provider)
-        if self.lesson:
-            read_lesson(self.lesson)
+        if self.lesson and read_lesson(self.lesson).judge == 'network':
+            _require_runtime('circle.lesson: it was taught with the network, which')
         if self.depth_of_field == 0.0:
             raise SettingError('circle.depth_of_field must be above 0; use None if it is unknown.')
+
+
+def _require_runtime(what: str) -> None:
+    if importlib.util.find_spec('onnxruntime') is None:
+        raise SettingError(f'{what} needs ONNX Runtime: {install_command("network")}.')
 
 
 def _check_offered(provider: str) -> None:

@@ -20,6 +20,7 @@ from socialcircle_ros.settings import (
     sentence_and_unit,
     yaml_text,
 )
+from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
 
 
 def test_the_parameters_that_users_rely_on_exist():
@@ -75,11 +76,17 @@ def test_a_value_that_is_not_allowed_is_refused_with_what_is(values, sentence):
         CircleSettings(**values)
 
 
-def test_the_network_is_refused_without_its_runtime(monkeypatch):
+def test_the_network_is_refused_without_its_runtime(monkeypatch, tmp_path):
+    numbers = (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), (0.0,) * WEIGHTS
+    for judge in ('network', 'rules'):
+        lesson = Lesson(('a',), (1.0, 2.0), judge, 0.2, *numbers, 0.5, {})
+        (tmp_path / f'{judge}.teach').write_text(lesson.to_text())
     monkeypatch.setattr('importlib.util.find_spec', lambda name: None)
     with pytest.raises(SocialCircleError, match=r'circle\.judge: network needs ONNX Runtime: pip install'):
         CircleSettings(judge='network')
-    assert CircleSettings().judge == 'rules'
+    with pytest.raises(SocialCircleError, match=r'circle\.lesson: it was taught with the network.*pip install'):
+        CircleSettings(lesson=str(tmp_path / 'network.teach'))
+    assert CircleSettings(lesson=str(tmp_path / 'rules.teach')).judge == 'rules'
 
 
 def test_limits_that_nothing_meets_are_refused():
