@@ -21,11 +21,11 @@ def taught(request):
     return teach([part(pitted())], lambda done, number: told.append((done, number)), settings), told
 
 
-def removed_with(heights, lesson, folder, **settings):
+def removed_with(heights, lesson, folder):
     """The mask of what a lesson removes."""
     path = folder / 'part.teach'
     path.write_text(lesson.to_text())
-    return remove_outliers(heights, CircleSettings(lesson=str(path), **settings), pitch=(1.0, 2.0)).outliers
+    return remove_outliers(heights, CircleSettings(lesson=str(path)), pitch=(1.0, 2.0)).outliers
 
 
 def test_a_lesson_keeps_the_texture_of_the_part_and_finds_more(taught):

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from socialcircle_ros import CircleSettings, remove_outliers
-from socialcircle_ros.circle.adaptive import LessonJudge, find_outliers, find_probable_outliers, unlike
+from socialcircle_ros.circle.adaptive import (
+    UNDECIDED,
+    LessonJudge,
+    find_outliers,
+    find_probable_outliers,
+    unlike,
+)
 from socialcircle_ros.circle.adaptive.lesson import logistic, terms
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
@@ -25,12 +31,11 @@ ALL = Lesson(
 )
 """Takes whatever is found for an outlier."""
 NONE = replace(ALL, weights=(-5.0, *ALL.weights[1:]))
-SUSPICIOUS = 0.2
 
 
 def weighing_probable(name, weight, constant):
     """A lesson on what the network finds, which weighs one trait."""
-    return replace(weighing(name, weight, constant), judge='network', least=SUSPICIOUS)
+    return replace(weighing(name, weight, constant), judge='network', least=UNDECIDED)
 
 
 def weighing(name, weight, constant):
