@@ -82,7 +82,7 @@ def sweep_page(result: SweepResult, made_by: str) -> str:
     )
     introduction = [
         f'Varied: {"; ".join(described(result.search_space))}.',
-        f'Each setting filtered the same {len(result.clouds)} clouds of {result.recording}.',
+        f'Clouds of {result.recording} that each setting filtered: {len(result.clouds)}.',
         _TRUTH if result.has_truth else _CRITERION,
         f'Made by: {made_by}',
     ]

@@ -212,7 +212,8 @@ def _suspicions(taught: Sequence[GoodField], kept_back: Sequence[GoodField]) -> 
         return []
     names = ', '.join(f'{name}: {count}' for name, count in found[:_TOLD]) + (', …' if len(found) > _TOLD else '')
     points = sum(count for _, count in found)
-    sentence = f'The good clouds seem to have outliers of their own: {points} points stand out ({names}).'
+    stand_out = '1 point stands out' if points == 1 else f'{points} points stand out'
+    sentence = f'The good clouds seem to have outliers of their own: {stand_out} ({names}).'
     return [f'{sentence} They do not count in the check; if they are outliers, teach on clouds without them.']
 
 
