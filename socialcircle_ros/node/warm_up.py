@@ -12,7 +12,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from socialcircle_ros.circle.adaptive.far import far_islands
 from socialcircle_ros.circle.adaptive.likelihood import probable_outliers
+from socialcircle_ros.circle.adaptive.spread import estimate_spread
 from socialcircle_ros.circle.network.features import Part, planes_of, scales_of
 from socialcircle_ros.circle.network.inference import write_probabilities
 from socialcircle_ros.cloud import load_row, measured_points
@@ -116,8 +118,11 @@ def _compile_common(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER, *, c
 def _filter(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER) -> None:
     """Filter clouds of both types: with a depth of field by the rules, and by the network if it judges."""
     circle = CircleSettings(mode=mode, judge=judge, provider=provider)
+    by_network = mode == 'adaptive' and judge == 'network'
+    if by_network:
+        _see()
     for kind in (np.float32, np.float64):
-        for depth_of_field in (1.0, None) if judge == 'network' else (1.0,):
+        for depth_of_field in (1.0, None) if by_network else (1.0,):
             filter_cloud(_cloud(kind), PipelineSettings(circle=circle), depth_of_field=depth_of_field)
 
 
@@ -239,13 +244,14 @@ def _cloud(kind: type[np.floating], frame: str = '') -> bytes:
 
 def _see() -> None:
     """All kernels round the network, without reading it, which takes memory."""
-    heights = np.ones((6, 8), np.float32)
-    heights[2, 3] = np.nan
-    whole, measured = Part(0, 6, 0, 8), np.isfinite(heights)
-    planes = planes_of(heights, scales_of(heights), whole, 3, 4)
+    heights = np.random.default_rng(0).normal(size=(40, 36)).astype(np.float32)
+    heights[2, 3], heights[20, 30] = np.nan, 99.0  # the spike is far off
+    whole, measured = Part(0, 40, 0, 36), np.isfinite(heights)
+    planes = planes_of(heights, scales_of(heights), whole, 20, 18)
     probabilities = np.empty(heights.shape, np.uint8)
     write_probabilities(planes[:4], 0, 0, whole, heights, probabilities)
     probable_outliers(probabilities, measured)
+    far_islands(heights, estimate_spread(heights, 16, may_predict=False), ~measured)
 
 
 def _measure(kind: type[np.unsignedinteger], *, in_colour: bool = False) -> None:

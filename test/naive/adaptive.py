@@ -336,14 +336,14 @@ def surroundings(relief):
     )
 
 
-def one_sided_islands(relief, around, differences, measured, sign, clip, steep, reduction):
+def one_sided_islands(relief, around, differences, measured, sign, clip, steep, reduction, rise):
     shape, largest = relief.shape, LARGEST
     if reduction > 1:
         largest = max(min(LARGEST // reduction**2, relief.size // 50), 4)
     level = {
         place: int(np.clip(np.rint(sign * STEPS_PER_SPREAD * relief[place]), -32767, 32767))
         for place in places(shape)
-        if measured[place] and sign * relief[place] - sign * around[place] > 1
+        if measured[place] and sign * relief[place] - sign * around[place] > rise
     }
     communities = {}
     for height in sorted(set(level.values())):
@@ -377,15 +377,72 @@ def one_sided_islands(relief, around, differences, measured, sign, clip, steep, 
     return found, best
 
 
-def find_islands(relief, differences, measured, clip, steep, reduction):
+def find_islands(relief, differences, measured, clip, steep, reduction, rise=1.0):
     around = surroundings(relief)
     up, down = (
         one_sided_islands(
-            relief, around, differences, measured, sign, round(clip * STEPS_PER_SPREAD), steep, reduction
+            relief, around, differences, measured, sign, round(clip * STEPS_PER_SPREAD), steep, reduction, rise
         )
         for sign in (1, -1)
     )
     return up[0] | down[0], np.maximum(up[1], down[1])
+
+
+# Islands far off
+
+
+def steps_of(differences, outliers, least):
+    """Pairs of kept neighbours that differ by `least` units, the first of which is not near an outlier."""
+    found = []
+    for direction, (row, column) in itertools.product(range(4), places(outliers.shape)):
+        other = row + DIRECTIONS[direction][0], column + DIRECTIONS[direction][1]
+        difference = int(differences[direction, row, column])
+        if difference == MISSING or abs(difference) < least or outliers[row, column] or outliers[other]:
+            continue
+        if not outliers[max(0, row - 2) : row + 3, max(0, column - 2) : column + 3].any():
+            found.append(((row, column), other))
+    return found
+
+
+def long_edges(steps, shape):
+    """Components of points at steps that are long and narrow."""
+    points = {point for pair in steps for point in pair}
+    edges = np.zeros(shape, bool)
+    for part in {component(place, points) for place in points}:
+        rows, columns = zip(*part, strict=True)
+        extent = max(max(rows) - min(rows), max(columns) - min(columns)) + 1
+        if extent >= 48 and len(part) <= 8 * extent:
+            for place in part:
+                edges[place] = True
+    return edges
+
+
+def far_islands(heights, outliers, differences, find):
+    """The islands by `find` far off a plain surface; differences are in 1/8 spread."""
+    pairs = 4 * np.isfinite(with_holes_filled(heights, outliers)).sum()
+
+    def steps(without, spreads):
+        return len(steps_of(differences, without, 8 * spreads))
+
+    none = np.zeros(heights.shape, bool)
+    noticed = any(abs(int(difference)) >= 48 for difference in differences.ravel() if difference != MISSING)
+    if not noticed or steps(outliers, 12) > 0.02 * pairs:
+        return none
+    islands = find(10, 0.95, 4) & np.isfinite(heights)
+    known = outliers | long_edges(steps_of(differences, outliers | islands, 96), heights.shape)
+    if steps(known | islands, 12) > 0.002 * pairs:
+        return none
+    if steps(known | islands, 4) > 0.005 * pairs:
+        return islands
+    lower = find(4, 0.955, 2) & np.isfinite(heights)
+    if steps(known | lower, 4) > 0.0002 * pairs:
+        return islands
+    points = {tuple(map(int, place)) for place in np.argwhere(lower)}
+    for part in {component(place, points) for place in points}:
+        if sum(outliers[place] for place in part) < 0.7 * len(part):
+            for place in part:
+                islands[place] = True
+    return islands
 
 
 # Texture

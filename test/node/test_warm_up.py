@@ -41,6 +41,8 @@ import sys
 
 import numpy as np
 
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.node import warm_up
 from socialcircle_ros.pipeline.clouds import process_cloud
 from socialcircle_ros.settings import CircleSettings, PipelineSettings
@@ -53,13 +55,21 @@ def signatures():
     return {kernel.__module__ + '.' + kernel.__name__: len(kernel.signatures) for kernel in kernels}
 
 
+def far_off(kind):
+    rows, columns = np.mgrid[:120, :160]
+    heights = np.random.default_rng(1).normal(size=rows.shape)
+    heights[40:56, 60:76] += 1000
+    return encode_point_cloud(Header(), np.dstack([columns, rows, heights]).astype(kind))
+
+
 for mode, judge in ((CircleSettings().mode, 'rules'), ('paper', 'rules'), ('adaptive', sys.argv[1])):
     warm_up._compile_common(mode, judge)
     before = signatures()
     settings = PipelineSettings(circle=CircleSettings(mode=mode, judge=judge))
     for kind in (np.float32, np.float64):
-        message = memoryview(bytearray(warm_up._cloud(kind)))  # writable, as the node takes it from the middleware
-        process_cloud(message, lambda topic, output: None, settings, lend=True)
+        for cloud in (warm_up._cloud(kind), far_off(kind)):
+            message = memoryview(bytearray(cloud))  # writable, as the node takes it from the middleware
+            process_cloud(message, lambda topic, output: None, settings, lend=True)
     print({name: count for name, count in signatures().items() if count != before.get(name, 0)})
 """
 

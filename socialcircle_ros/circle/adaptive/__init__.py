@@ -13,7 +13,8 @@ Its steps, in order:
 - `pyramid`: the same at reduced resolution.
 - `optics`: for focus stacks, the tolerance that the depth of field gives, and walls.
 
-In their place `likelihood` decides by the probability of each point, which a network gives.
+In their place `likelihood` decides by the probability of each point, which a network gives. `far` finds the
+islands far off a plain surface that the network takes for parts of it.
 
 `detection` composes them. `docs/adaptive.md` has the equations.
 """

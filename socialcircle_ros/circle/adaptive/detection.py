@@ -13,6 +13,7 @@ from socialcircle_ros.kernels.stopwatch import Stopwatch
 
 from .communities import Certainty, communities_of
 from .differences import Differences, Spread, normalised_differences
+from .far import far_islands
 from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
@@ -146,16 +147,16 @@ def find_probable_outliers(
     likelihood: Likelihood,
     judge: CommunityJudge | None = None,
 ) -> AdaptiveResult:
-    """Find the outliers of a height map by the probability of each point, without the rules.
+    """Find the outliers of a height map by the probability of each point.
+
+    Islands far off a plain surface are outliers whatever their probability, and islands that belong to the
+    surface are not.
 
     Args:
         heights: as for `find_outliers`.
         likelihood: gives the probabilities.
         judge: decides about the communities of points that are more probable than its `least`. None: the
             probabilities decide.
-
-    Returns:
-        A result without islands of one height that were kept.
     """
     stopwatch = Stopwatch()
     relative = relative_heights(heights)
@@ -165,16 +166,32 @@ def find_probable_outliers(
     probabilities = likelihood(relative)
     stopwatch.lap('network')
     measured, mean_spread = np.isfinite(relative), float(spread.by_direction.mean())
+    islands_kept = 0
     if judge is None:
-        outliers, score, undecided = probable_outliers(probabilities, measured)
+        decided = probable_outliers(probabilities, measured)
+        stopwatch.lap('communities')
+        far = far_islands(relative, spread, decided.outliers)
+        stopwatch.lap('far islands')
+        if far.any():
+            probabilities[far] = ONE
+            decided = probable_outliers(probabilities, measured)
+        texture, islands_kept = islands_of_one_height(relative, decided.outliers)
+        stopwatch.lap('texture')
+        if islands_kept:
+            probabilities[texture] = 0
+            decided = probable_outliers(probabilities, measured)
+        outliers, score, undecided = decided
     else:
-        score = np.divide(probabilities, ONE, dtype=np.float32)
         found = probabilities > round(judge.least * ONE)
-        outliers = _judged(relative, found, score, mean_spread, judge)
+        far = far_islands(relative, spread, found)
+        stopwatch.lap('far islands')
+        probabilities[far] = ONE
+        score = np.divide(probabilities, ONE, dtype=np.float32)
+        outliers = _judged(relative, found | far, score, mean_spread, judge)
         undecided = _scale_scores(score, outliers, measured)
     stopwatch.lap('communities')
     nearly = undecided / int(np.count_nonzero(measured))
-    return AdaptiveResult(outliers, score, mean_spread, 0, nearly, stopwatch.times_ms)
+    return AdaptiveResult(outliers, score, mean_spread, islands_kept, nearly, stopwatch.times_ms)
 
 
 class _IslandSearch:

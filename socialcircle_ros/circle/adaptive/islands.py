@@ -32,6 +32,8 @@ LARGEST = 640
 LARGEST_SHARE = 50
 """At reduced resolution an island is at most one of so many parts of the cloud: on a small cloud, its hills are no
 larger than blurred outliers."""
+LEAST_RISE = 1.0
+"""Only points that rise further above their surroundings belong to communities, in spreads."""
 FLANK = 0.1
 """A larger community around an island is its flank, and belongs to it, if it is less steep by this at most."""
 
@@ -39,8 +41,6 @@ _GROWTH = 2.5
 """Greatest ratio of the points of an island with its flank to those without."""
 _SURROUNDINGS = 16
 """Side of the blocks of the surroundings, in points: the mean relief of a block is their height."""
-_LEAST_HEIGHT = 1.0
-"""Only points that rise further above their surroundings belong to communities, in spreads."""
 _SMALL = 8
 """A community of at most this many points remains an island on the tip of one that is too large."""
 
@@ -61,6 +61,7 @@ class _Criteria(NamedTuple):
         narrow: a community that is no wider than this has no shape, in points.
         fill: least share of the square of its extent that a wider community fills; else it is a scratch or a
             ridge.
+        rise: its points rise further above their surroundings, in spreads.
     """
 
     clip: int
@@ -69,6 +70,7 @@ class _Criteria(NamedTuple):
     largest: int
     narrow: int
     fill: float
+    rise: float
 
 
 class _Tree(NamedTuple):
@@ -93,7 +95,13 @@ class _Tree(NamedTuple):
 
 
 def find_islands(
-    relief: Relief, differences: Differences, measured: Mask, clip: float, steep: float, reduction: int
+    relief: Relief,
+    differences: Differences,
+    measured: Mask,
+    clip: float,
+    steep: float,
+    reduction: int,
+    rise: float = LEAST_RISE,
 ) -> tuple[Mask, Steepness]:
     """Find the communities that are islands.
 
@@ -104,6 +112,7 @@ def find_islands(
         clip: a larger normalised difference counts as this one, in spreads.
         steep: the steepness of an island is above this.
         reduction: factor by which the rows and columns of the cloud are reduced: 1, 2 or 4.
+        rise: the points of an island rise further above their surroundings, in spreads.
 
     Returns:
         (H, W) bool, the points of islands, and (H, W) float32, the steepness, 0 to 1, of the steepest community
@@ -119,6 +128,7 @@ def find_islands(
         largest=max(largest, 4),
         narrow=4 if full else 2,
         fill=0.3 if full else 0.45,
+        rise=rise,
     )
 
     def find(sides: slice) -> list[tuple[Mask, Steepness]]:
@@ -144,7 +154,7 @@ def _one_sided(
     relief: Relief, around: Relief, differences: Differences, measured: Mask, sign: int, criteria: _Criteria
 ) -> tuple[Mask, Steepness]:
     """Find the islands that rise (`sign` 1) or sink (-1); otherwise as `find_islands`."""
-    points, level = _risen(relief, around, measured, sign)
+    points, level = _risen(relief, around, measured, sign, criteria.rise)
     order = np.argsort(-level, kind='stable')
     rank = np.empty(order.size, np.int32)
     rank[order] = np.arange(order.size, dtype=np.int32)
@@ -186,15 +196,15 @@ def _interpolate(wide: BlockRows, first: int, end: int, around: Relief) -> None:
 
 
 @kernel
-def _risen(relief: Relief, around: Relief, measured: Mask, sign: int) -> tuple[_Labels, _Levels]:
-    """Points that rise from their surroundings (or sink, where `sign` is -1) in row order, and their levels."""
+def _risen(relief: Relief, around: Relief, measured: Mask, sign: int, least: float) -> tuple[_Labels, _Levels]:
+    """Points that rise more than `least` (or sink, where `sign` is -1) in row order, and their levels."""
     height, width = relief.shape
     points, level = np.empty(relief.size, np.int32), np.empty(relief.size, np.int16)
     count = 0
     for row in range(height):
         for column in range(width):
             rise = sign * (relief[row, column] - around[row, column])
-            if rise > _LEAST_HEIGHT and measured[row, column]:
+            if rise > least and measured[row, column]:
                 points[count] = row * width + column
                 rounded = np.rint(np.float32(sign * STEPS_PER_SPREAD) * relief[row, column])
                 level[count] = np.int16(min(max(rounded, np.float32(-32767)), np.float32(32767)))

@@ -20,7 +20,8 @@ from .heights import RelativeHeights
 Probabilities = npt.NDArray[np.uint8]
 """(H, W) uint8, in 255ths: the probability of each point to be an outlier; 0 where not measured."""
 Likelihood = Callable[[RelativeHeights], Probabilities]
-"""Computes the probability of each point from the heights, at least one of which is measured."""
+"""Computes the probability of each point from the heights, at least one of which is measured; the result may be
+changed."""
 
 ONE = 255
 """What a probability of 1 is in `Probabilities`. A byte a point is enough for the thresholds below."""

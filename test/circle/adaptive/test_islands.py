@@ -57,8 +57,9 @@ HILLS = st.builds(
     st.sampled_from([(4.0, 0.93), (3.0, 0.91), (4.0, 0.96)]),
     st.sampled_from([0.0, 0.5, 3.0]),
     st.booleans(),
+    st.sampled_from([1.0, 2.0, 4.0]),
 )
-def test_islands_and_steepness_equal_the_reference_bit_for_bit(hills, reduction, steep, noise, known):
+def test_islands_and_steepness_equal_the_reference_bit_for_bit(hills, reduction, steep, noise, known, rise):
     measured = ~np.isnan(hills)
     differences = differences_between(hills)
     relief = np.where(measured, hills, 0)
@@ -66,9 +67,9 @@ def test_islands_and_steepness_equal_the_reference_bit_for_bit(hills, reduction,
     relief += np.random.default_rng(4).normal(0, noise, hills.shape).astype(np.float32)
     measured |= known
 
-    found, steepness = find_islands(relief, differences, measured, *steep, reduction)
+    found, steepness = find_islands(relief, differences, measured, *steep, reduction, rise)
 
-    expected, expected_steepness = naive.find_islands(relief, differences, measured, *steep, reduction)
+    expected, expected_steepness = naive.find_islands(relief, differences, measured, *steep, reduction, rise)
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(steepness, expected_steepness)
 

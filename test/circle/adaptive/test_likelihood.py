@@ -70,16 +70,14 @@ def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, he
     assert undecided == ((probabilities > UNDECIDED * ONE) & ~outliers & measured).sum()
 
 
-def two_patches():
-    heights = np.random.default_rng(3).normal(size=(90, 120)).astype(np.float32)
-    heights[20:25, 15:21] += 40
-    heights[40:46, 60:67] += 40
-    return heights
+def noise():
+    return np.random.default_rng(3).normal(size=(90, 120)).astype(np.float32)
 
 
-def test_the_probabilities_alone_decide():
-    heights = two_patches()
-    assert find_outliers(heights).outliers[20:25, 15:21].all()
+def test_the_probabilities_decide_where_nothing_is_far_off():
+    heights = noise()
+    heights[20:25, 15:21] += 6
+    assert find_outliers(heights).outliers[20:25, 15:21].any()
     probabilities = np.zeros_like(heights)
     probabilities[40:46, 60:67] = 0.7
     probabilities[70, 80] = 0.9
@@ -93,7 +91,7 @@ def test_the_probabilities_alone_decide():
 
 @pytest.mark.parametrize(('elsewhere', 'falls'), [(0.0, False), (0.19, True)])
 def test_among_many_outliers_a_community_needs_less(elsewhere, falls):
-    heights = two_patches()
+    heights = noise()
     probabilities = np.full_like(heights, elsewhere)
     probabilities[40:46, 60:67] = 0.6
     result = find_probable_outliers(heights, lambda given: in_255ths(probabilities))
@@ -102,7 +100,7 @@ def test_among_many_outliers_a_community_needs_less(elsewhere, falls):
 
 
 def test_the_network_sees_the_heights_as_they_came():
-    heights = two_patches()
+    heights = noise()
     heights[3, 4] = np.nan
     seen = []
 
@@ -127,6 +125,23 @@ def test_one_measured_point_is_kept_or_falls(measured):
 
 
 def test_the_spread_is_that_of_the_rules_where_few_points_are_outliers():
-    heights = two_patches()
+    heights = noise()
+    heights[20:25, 15:21] += 40
+    heights[40:46, 60:67] += 40
     result = find_probable_outliers(heights, lambda given: np.zeros(given.shape, np.uint8))
     assert result.spread == pytest.approx(find_outliers(heights).spread, rel=0.02)
+
+
+def test_islands_of_one_height_are_kept_whatever_their_probability():
+    heights, discs = noise(), np.zeros((90, 120), bool)
+    for top in range(5, 85, 16):
+        for left in range(5, 115, 16):
+            discs[top : top + 5, left : left + 6] = True
+    heights[discs] += 30
+    heights[60, 22] += 60
+    single = np.zeros(discs.shape, bool)
+    single[60, 22] = True
+    result = find_probable_outliers(heights, lambda given: np.where(discs | single, 255, 0).astype(np.uint8))
+    np.testing.assert_array_equal(result.outliers, single)
+    np.testing.assert_array_equal(result.score > 0.5, single)
+    assert result.islands_kept == 35
