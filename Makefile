@@ -44,7 +44,7 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
 
 $(DEMO): setup.py | $(BIN)/python
-	@echo "Installing what the demo needs in $(VENV) (once; downloads about 150 MB) ..."
+	@echo "Installing what the demo needs in $(VENV) (once; downloads about 180 MB) ..."
 	@$(BIN)/python $(PIP) --editable '.[$(ROS)pictures]'
 	@touch $@
 

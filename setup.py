@@ -26,9 +26,8 @@ TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
 MEASUREMENTS = ['pyarrow>=14', 'duckdb>=1.1']
 BATCH = ['dask>=2024.1', 'distributed>=2024.1', 'fsspec>=2024.1', 'bokeh>=3.4', *MEASUREMENTS, *PICTURES]
-NETWORK = ['onnxruntime>=1.17']  # circle.judge: network
 # The training of the network that judges touch.
-TRAIN = ['torch>=2.2', 'onnx>=1.15', 'scipy>=1.11', *NETWORK, *PICTURES]
+TRAIN = ['torch>=2.2', 'onnx>=1.15', 'scipy>=1.11', *PICTURES]
 PANEL = ['viser>=1.1,<2', 'websockets>=13', *PICTURES]
 BASE_TEST = [
     'pytest>=7.4',
@@ -89,6 +88,7 @@ setup(
         'setuptools',
         'numpy>=1.26',
         'numba>=0.58',
+        'onnxruntime>=1.17',  # the network that decides in the adaptive mode
         'mcap>=1.2.1',
         'lz4>=4',
         'zstandard>=0.21',
@@ -103,14 +103,13 @@ setup(
         'tuning': [*TUNING, *PICTURES],
         'panel': PANEL,
         'formats': FORMATS,
-        'network': NETWORK,
         'train': TRAIN,
         'measurements': MEASUREMENTS,
         'batch': BATCH,
         'site': SITE,
         'base-test': BASE_TEST,  # for tests of the base install
-        'test': [*TEST, *PANEL, *TUNING, *BATCH, *NETWORK],
-        'dev': [*TEST, *PANEL, *TUNING, *BATCH, *NETWORK, *SITE, *LINT],
+        'test': [*TEST, *PANEL, *TUNING, *BATCH],
+        'dev': [*TEST, *PANEL, *TUNING, *BATCH, *SITE, *LINT],
     },
     zip_safe=True,
     entry_points={

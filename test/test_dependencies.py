@@ -51,13 +51,12 @@ def imported(tree, *, at_the_top):
 
 ON_DEMAND = {
     PACKAGE / 'panel' / 'server.py',
-    PACKAGE / 'onnx_runtime.py',
     *(
         PACKAGE / 'studies' / 'learned' / f'{name}.py'
         for name in ('network', 'training', 'export', 'integers', 'run', 'teacher')
     ),
 }
-"""Modules that need an extra at their import: for the tuning page, the network and its training."""
+"""Modules that need an extra at their import: for the tuning page, and the training of the network."""
 
 
 def distributions(*, at_the_top):

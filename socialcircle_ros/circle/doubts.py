@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.settings import CircleSettings
-from socialcircle_ros.settings.lessons import Lesson, known_lesson
+from socialcircle_ros.settings.lessons import known_lesson
 
 _TOO_MANY = 0.3
 """Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
@@ -59,8 +59,8 @@ def doubts_of(
         f'{name} has no effect in the adaptive mode; set circle.mode to paper to use it.'
         for name in settings.without_effect()
     ]
-    if adaptive and settings.lesson:
-        doubts += _without_effect_on_a_lesson(settings, known_lesson(settings.lesson))
+    if adaptive and settings.lesson and known_lesson(settings.lesson).judge == 'network':
+        doubts += _without_effect_on_a_lesson(settings)
     if removed > kept:
         doubts.append(
             'the outliers are more than half of the points: '
@@ -85,12 +85,12 @@ def doubts_of(
     return tuple(doubts)
 
 
-def _without_effect_on_a_lesson(settings: CircleSettings, lesson: Lesson) -> list[str]:
-    """Warn of settings that a lesson does not use."""
+def _without_effect_on_a_lesson(settings: CircleSettings) -> list[str]:
+    """Warn of settings that a lesson on what the network finds does not use."""
     doubts = []
-    if settings.judge == 'network' and lesson.judge == 'rules':
-        doubts.append('circle.judge has no effect: circle.lesson was taught with the rules, and uses them.')
-    if settings.depth_of_field is not None and lesson.judge == 'network':
+    if settings.judge == 'rules':
+        doubts.append('circle.judge has no effect: circle.lesson was taught with the network, which it uses.')
+    if settings.depth_of_field is not None:
         doubts.append(
             'the depth of field has no effect: circle.lesson was taught on clouds without one; teach on stacks to'
             ' use it.'

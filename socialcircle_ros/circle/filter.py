@@ -10,8 +10,8 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organized_from
 from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
-from socialcircle_ros.settings import CircleSettings, Judge
-from socialcircle_ros.settings.lessons import Lesson, known_lesson
+from socialcircle_ros.settings import CircleSettings
+from socialcircle_ros.settings.lessons import known_lesson
 
 from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, unlike
 from .doubts import doubts_of, texture_doubts, unknown_texture
@@ -153,8 +153,8 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     judge = None if lesson is None else LessonJudge(lesson)
     heights = np.where(measured, cloud[..., 2], np.nan)
     warnings = []
-    if _judge_of(settings, lesson) == 'network':
-        from .network import packaged_network  # noqa: PLC0415 - needs an extra
+    if settings.finds_by == 'network':
+        from .network import packaged_network  # noqa: PLC0415 - slow to load
 
         found = find_probable_outliers(heights, packaged_network(settings.provider).probabilities, judge)
         if lesson is None:
@@ -179,14 +179,6 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         score=found.score,
         warnings=tuple(warnings),
     )
-
-
-def _judge_of(settings: CircleSettings, lesson: Lesson | None) -> Judge:
-    """What finds the outliers: a lesson judges what it was taught on."""
-    if lesson is not None:
-        return lesson.judge
-    # Optics make outliers that look like a smooth surface: the depth of field shows them, the network does not.
-    return settings.judge if settings.depth_of_field is None else 'rules'
 
 
 def _nearest_to_middle(points: Mask) -> tuple[int, int]:

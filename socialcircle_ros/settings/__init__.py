@@ -25,6 +25,7 @@ from .groups import (
     PipelineSettings,
     RepairMethod,
     RepairSettings,
+    require_runtime,
 )
 from .lessons import Judge
 from .schema import (
@@ -66,6 +67,7 @@ __all__ = [
     'markdown_table',
     'parameter_table',
     'quoted_yaml',
+    'require_runtime',
     'sentence_and_unit',
     'setting',
     'yaml_text',

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeVar
 
-from socialcircle_ros.errors import SettingError, install_command
+from socialcircle_ros.errors import SettingError
 
-from .lessons import Judge, read_lesson
+from .lessons import Judge, known_lesson, read_lesson
 from .schema import Parameter, RosValue, Settings, setting
 from .stack_groups import FocusSettings, StackSettings
 
@@ -28,6 +28,8 @@ CPU_PROVIDER = 'CPUExecutionProvider'
 """The execution provider that every ONNX Runtime offers."""
 PAPER_ONLY = ('window', 'vote_region', 'radius', 'radius_scale')
 """Parameters of the circle that only the mode 'paper' uses."""
+
+AnyCircleSettings = TypeVar('AnyCircleSettings', bound='CircleSettings')
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,11 @@ class CircleSettings(Settings):
         choices=('paper', 'adaptive'),
     )
     judge: Judge = setting(
-        'rules',
-        "What decides in the adaptive mode. 'rules': the steepness of borders. 'network': a network that has seen"
-        ' many surfaces: on unknown textures far fewer good points are removed, and more irregular outliers are'
-        ' found, but large patches far off a plain surface stay; it needs ONNX Runtime.'
+        'network',
+        "What decides in the adaptive mode. 'network': a network that has seen many surfaces. 'rules': how steep"
+        ' borders are; on unknown textures they remove more good points, and find fewer irregular outliers.'
         ' Where the depth of field is known, as from a stack, the rules decide.',
-        choices=('rules', 'network'),
+        choices=('network', 'rules'),
     )
     provider: str = setting(
         CPU_PROVIDER,
@@ -107,14 +108,37 @@ class CircleSettings(Settings):
         " or one exact height far from all others; 'nan': none; a number: points of exactly this height.",
     )
 
+    @classmethod
+    def from_ros(cls: type[AnyCircleSettings], values: Mapping[str, object]) -> AnyCircleSettings:  # noqa: PYI019 - not in Python 3.10
+        """Make settings from values under full ROS names, which are to be used on this machine.
+
+        Raises:
+            SettingError: A value is not allowed, or they need ONNX Runtime and it is not installed.
+        """
+        settings = super().from_ros(values)
+        if settings.uses_network:
+            require_runtime()
+        return settings
+
+    @property
+    def finds_by(self) -> Judge:
+        """What finds the outliers in the adaptive mode: a lesson uses what it was taught with."""
+        if self.lesson:
+            return known_lesson(self.lesson).judge
+        # Outliers that optics make look like a smooth surface: the network does not see them, the rules do.
+        return self.judge if self.depth_of_field is None else 'rules'
+
+    @property
+    def uses_network(self) -> bool:
+        """Whether the network is used for clouds that are not from a stack."""
+        return self.mode == 'adaptive' and self.finds_by == 'network'
+
     def without_effect(self) -> tuple[str, ...]:
         """Full names of the parameters that are not at their defaults, but that the mode does not use."""
         if self.mode != 'adaptive':
             return ()
-        defaults = CircleSettings()
-        return tuple(
-            f'{self.group}.{name}' for name in PAPER_ONLY if getattr(self, name) != getattr(defaults, name)
-        )
+        defaults = {each.name: each.default for each in dataclasses.fields(self)}
+        return tuple(f'{self.group}.{name}' for name in PAPER_ONLY if getattr(self, name) != defaults[name])
 
     def of_a_stack(self, depth_of_field: float | None) -> 'CircleSettings':
         """These settings for the cloud of a focus stack: its depth of field is used if none is set.
@@ -149,23 +173,30 @@ class CircleSettings(Settings):
                 f"circle.not_measured is {self.not_measured!r}; use 'auto', 'nan', or the height that stands for"
                 " not measured, such as '0' or '-9999'."
             )
-        if self.judge == 'network':
-            _require_runtime('circle.judge: network')
-        if self.judge == 'network' and self.provider != CPU_PROVIDER:
+        if self.lesson:
+            read_lesson(self.lesson)
+        if self.uses_network and self.provider != CPU_PROVIDER:
             _check_offered(self.provider)
-        if self.lesson and read_lesson(self.lesson).judge == 'network':
-            _require_runtime('circle.lesson: it was taught with the network, which')
         if self.depth_of_field == 0.0:
             raise SettingError('circle.depth_of_field must be above 0; use None if it is unknown.')
 
 
-def _require_runtime(what: str) -> None:
+def require_runtime() -> None:
+    """Fail if ONNX Runtime is not installed.
+
+    Raises:
+        SettingError: It is not; the message says what to do.
+    """
     if importlib.util.find_spec('onnxruntime') is None:
-        raise SettingError(f'{what} needs ONNX Runtime: {install_command("network")}.')
+        raise SettingError(
+            'The network needs ONNX Runtime, which is not installed: pip install onnxruntime. Or do without it:'
+            ' circle.judge: rules, and no circle.lesson that was taught with the network.'
+        )
 
 
 def _check_offered(provider: str) -> None:
-    from socialcircle_ros.onnx_runtime import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
+    require_runtime()
+    from socialcircle_ros.onnx_runtime import onnxruntime  # noqa: PLC0415 - slow to load
 
     offered = onnxruntime.get_available_providers()
     if provider not in offered:

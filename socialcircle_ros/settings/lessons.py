@@ -13,7 +13,7 @@ from typing import Literal, cast, get_args
 
 from socialcircle_ros.errors import SettingError
 
-Judge = Literal['rules', 'network']
+Judge = Literal['network', 'rules']
 
 TRAITS = (
     'size',

@@ -15,7 +15,7 @@ BAGS = Path(__file__).resolve().parents[2] / 'bags'
 
 
 def recorded(path, *, seed=0, clouds=2, namespace='/cell1', metadata=None, message=None):
-    """A recording of clouds with 26 outliers each."""
+    """A recording of clouds with 26 outliers each, and at most one more that is removed with them."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with RecordingWriter(path) as writer:
         if metadata is not None:

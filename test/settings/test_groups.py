@@ -82,11 +82,22 @@ def test_the_network_is_refused_without_its_runtime(monkeypatch, tmp_path):
         lesson = Lesson(('a',), (1.0, 2.0), judge, 0.2, *numbers, 0.5, {})
         (tmp_path / f'{judge}.teach').write_text(lesson.to_text())
     monkeypatch.setattr('importlib.util.find_spec', lambda name: None)
-    with pytest.raises(SocialCircleError, match=r'circle\.judge: network needs ONNX Runtime: pip install'):
-        CircleSettings(judge='network')
-    with pytest.raises(SocialCircleError, match=r'circle\.lesson: it was taught with the network.*pip install'):
-        CircleSettings(lesson=str(tmp_path / 'network.teach'))
-    assert CircleSettings(lesson=str(tmp_path / 'rules.teach')).judge == 'rules'
+    needed = 'network needs ONNX Runtime, .* pip install onnxruntime. .* circle.judge: rules, and no circle.lesson'
+    for values in (
+        {},
+        {'circle.judge': 'rules', 'circle.lesson': str(tmp_path / 'network.teach')},
+        {'circle.provider': 'CUDAExecutionProvider'},
+    ):
+        with pytest.raises(SocialCircleError, match=needed):
+            CircleSettings.from_ros(values)
+    for values in (
+        {'circle.mode': 'paper'},
+        {'circle.mode': 'paper', 'circle.provider': 'CUDAExecutionProvider'},
+        {'circle.judge': 'rules'},
+        {'circle.depth_of_field': 3.0},
+        {'circle.lesson': str(tmp_path / 'rules.teach')},
+    ):
+        assert not CircleSettings.from_ros(values).uses_network
 
 
 def test_limits_that_nothing_meets_are_refused():

@@ -13,11 +13,11 @@ import numpy as np
 from socialcircle_ros.circle.adaptive import Probabilities
 from socialcircle_ros.circle.adaptive.heights import RelativeHeights
 from socialcircle_ros.circle.adaptive.likelihood import ONE
-from socialcircle_ros.errors import SocialCircleError, install_command
+from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.machine import usable_cores
-from socialcircle_ros.settings import CPU_PROVIDER
+from socialcircle_ros.settings import CPU_PROVIDER, require_runtime
 
 from .features import Part, Planes, planes_of, scales_of
 
@@ -54,10 +54,9 @@ class NetworkJudge:
         Raises:
             SocialCircleError: ONNX Runtime is not installed, cannot read the file, or cannot use the provider.
         """
-        try:
-            from socialcircle_ros.onnx_runtime import onnxruntime  # noqa: PLC0415 - an extra, and slow to load
-        except ImportError:
-            raise SocialCircleError(f'The network needs ONNX Runtime: {install_command("network")}.') from None
+        require_runtime()
+        from socialcircle_ros.onnx_runtime import onnxruntime  # noqa: PLC0415 - slow to load
+
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         options.inter_op_num_threads = 1

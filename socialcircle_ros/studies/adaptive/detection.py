@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The adaptive mode as the experiments call it: one setting for all clouds."""
+"""The rules of the adaptive mode as the experiments call them: one setting for all clouds."""
 
 from socialcircle_ros.circle import CircleResult, remove_outliers
 from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.settings import CircleSettings
 
-_ADAPTIVE = CircleSettings(mode='adaptive')
+_ADAPTIVE = CircleSettings(mode='adaptive', judge='rules')
 
 
 def detect(points: Cloud, depth_of_field: float | None = None) -> CircleResult:
-    """Filter a cloud (H, W, 3) with the adaptive mode.
+    """Filter a cloud (H, W, 3) with the rules of the adaptive mode.
 
     Args:
         points: the cloud.

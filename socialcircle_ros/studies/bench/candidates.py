@@ -41,7 +41,7 @@ SHARE = 0.1
 EXPANSION = 'expansion'
 """Includes the radius, which takes negligible time."""
 VOTE, LARGE_VOTE = 'vote 60×60', 'vote 200×200'
-EXACT, ADAPTIVE = 'exact mode', 'adaptive mode'
+EXACT, ADAPTIVE, RULES = 'exact mode', 'adaptive mode', 'adaptive mode, rules'
 RADIUS, STATISTICAL = 'radius baseline', 'statistical baseline'
 COPY, FILTER = 'recording copied', 'recording filtered'
 NUMPY, OPENCV, SCIPY = 'NumPy vote 60×60', 'OpenCV components', 'SciPy label'
@@ -118,6 +118,7 @@ def _filter_runs(xyz: Cloud) -> dict[str, Callable[[], float]]:
             for window in (5, 7)
         },
         ADAPTIVE: partial(remove_outliers, xyz, CircleSettings(mode='adaptive')),
+        RULES: partial(remove_outliers, xyz, CircleSettings(mode='adaptive', judge='rules')),
         RADIUS: partial(radius_filter, xyz),
         STATISTICAL: partial(statistical_filter, xyz),
     }

@@ -152,14 +152,26 @@ def test_a_cloud_of_another_surface_scale_is_told(spread, told):
     assert all(told in warning for warning in warnings)
 
 
+@pytest.mark.parametrize(('lesson', 'falls'), [(ALL, True), (NONE, False)])
+def test_a_lesson_decides_about_islands_far_off_that_the_network_misses(lesson, falls):
+    heights = np.random.default_rng(3).normal(size=(60, 70)).astype(np.float32)
+    heights[20:26, 30:37] += 100
+    judge = LessonJudge(replace(lesson, judge='network', least=UNDECIDED))
+    result = find_probable_outliers(heights, lambda given: np.zeros(given.shape, np.uint8), judge)
+    expected = np.zeros(heights.shape, bool)
+    expected[20:26, 30:37] = falls
+    np.testing.assert_array_equal(result.outliers, expected)
+    np.testing.assert_array_equal(result.score > 0.5, expected)
+
+
 @pytest.mark.parametrize(
     ('judge', 'settings', 'told'),
     [
         ('network', {}, []),
-        ('network', {'judge': 'network'}, []),
+        ('network', {'judge': 'rules'}, ['circle.judge has no effect']),
         ('network', {'depth_of_field': 3.0}, ['the depth of field has no effect']),
         ('rules', {}, []),
-        ('rules', {'judge': 'network'}, ['circle.judge has no effect']),
+        ('rules', {'judge': 'rules'}, []),
         ('rules', {'depth_of_field': 3.0}, []),
     ],
 )
