@@ -366,6 +366,8 @@ def test_a_cloud_of_a_recording_is_sent_when_the_node_becomes_active(tuning):
     assert link.published == []
     link.update(presence=Presence.ACTIVE, sentence='Here it is.')
     assert visitor.no_longer_sees('It will be sent when the node is active.')
+    with link.changed:  # the page says what it does before it is done
+        assert link.changed.wait_for(lambda: link.published, 60)
     with RecordedClouds(BAGS / 'parts.mcap') as clouds:
         assert link.published == [clouds.message(1).data]
 
