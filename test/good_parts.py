@@ -7,12 +7,12 @@ from socialcircle_ros.teaching.clouds import GoodCloud
 
 
 def pitted(rows=240, columns=300, seed=1, pits=60):
-    """Heights of noise with round pits of one texture: outliers to the rules, but not to a lesson."""
+    """Heights of noise with round pits, shallow and deep: outliers without a lesson, and texture with one."""
     generator = np.random.default_rng(seed)
     heights = generator.normal(size=(rows, columns))
     y, x = np.mgrid[:rows, :columns]
-    for row, column in generator.uniform((0, 0), (rows, columns), (pits, 2)):
-        heights -= 12 * (np.hypot(y - row, x - column) < 2.6)
+    for row, column, depth in generator.uniform((0, 0, 8), (rows, columns, 20), (pits, 3)):
+        heights -= depth * (np.hypot(y - row, x - column) < 2.6)
     return heights
 
 
