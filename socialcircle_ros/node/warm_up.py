@@ -12,6 +12,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from socialcircle_ros.circle.adaptive.communities import communities_of
 from socialcircle_ros.circle.adaptive.far import far_islands
 from socialcircle_ros.circle.adaptive.likelihood import probable_outliers
 from socialcircle_ros.circle.adaptive.spread import estimate_spread
@@ -224,6 +225,7 @@ def _rare() -> Iterator[Callable[[], object]]:
             settings = PipelineSettings(circle=CircleSettings(judge='rules'), output=output, repair=repair)
             yield partial(filter_cloud, cloud, settings)
     yield _see
+    yield _measure_communities
     yield partial(_measure, np.uint16)
     yield partial(_measure, np.uint8, in_colour=True)
     yield partial(_register, np.uint8)
@@ -252,6 +254,12 @@ def _see() -> None:
     write_probabilities(planes[:4], 0, 0, whole, heights, probabilities)
     probable_outliers(probabilities, measured)
     far_islands(heights, estimate_spread(heights, 16, may_predict=False), ~measured)
+
+
+def _measure_communities() -> None:
+    """The kernels of a lesson."""
+    heights = np.random.default_rng(0).normal(size=(40, 36)).astype(np.float32)
+    communities_of(heights, heights > 2, np.abs(heights), 1.0)
 
 
 def _measure(kind: type[np.unsignedinteger], *, in_colour: bool = False) -> None:

@@ -80,6 +80,30 @@ def test_the_first_cloud_of_a_node_compiles_nothing():
     assert done.stdout.split() == ['{}', '{}', '{}']
 
 
+LESSON = """
+import numpy as np
+
+from socialcircle_ros.circle.adaptive import LessonJudge, communities, find_outliers
+from socialcircle_ros.node import warm_up
+from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
+
+warm_up._compile_common('adaptive', 'rules')
+list(call() for call in warm_up._rare())
+before = len(communities._measure.signatures)
+scales = (0.0,) * len(TRAITS), (1.0,) * len(TRAITS)
+lesson = Lesson(('a',), (0.0, 9.0), 'rules', 0.955, *scales, (1.0,) * WEIGHTS, 0.5, {})
+heights = np.random.default_rng(1).normal(size=(60, 70)).astype(np.float32)
+heights[20:24, 30:35] += 30
+find_outliers(heights, judge=LessonJudge(lesson))
+print(before, len(communities._measure.signatures))
+"""
+
+
+def test_the_first_cloud_with_a_lesson_compiles_nothing():
+    done = subprocess.run([sys.executable, '-c', LESSON], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ['1', '1']
+
+
 def test_the_network_is_read_and_its_provider_tried_before_the_first_cloud(monkeypatch):
     pytest.importorskip('onnxruntime')
     read = []
