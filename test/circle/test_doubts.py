@@ -125,8 +125,6 @@ def test_a_texture_that_the_network_does_not_know_is_named_with_the_cure(undecid
 
 @pytest.mark.parametrize(('probability', 'warns'), [(0, False), (100, True)])
 def test_the_result_warns_where_the_network_is_undecided(probability, warns, monkeypatch):
-    pytest.importorskip('onnxruntime')
-
     class Undecided:
         def probabilities(self, heights):
             found = np.zeros(heights.shape, np.uint8)

@@ -62,7 +62,7 @@ def far_off(kind):
     return encode_point_cloud(Header(), np.dstack([columns, rows, heights]).astype(kind))
 
 
-for mode, judge in ((CircleSettings().mode, 'rules'), ('paper', 'rules'), ('adaptive', sys.argv[1])):
+for mode, judge in ((CircleSettings().mode, 'rules'), ('paper', 'rules'), ('adaptive', 'network')):
     warm_up._compile_common(mode, judge)
     before = signatures()
     settings = PipelineSettings(circle=CircleSettings(mode=mode, judge=judge))
@@ -75,8 +75,7 @@ for mode, judge in ((CircleSettings().mode, 'rules'), ('paper', 'rules'), ('adap
 
 
 def test_the_first_cloud_of_a_node_compiles_nothing():
-    judge = 'rules' if importlib.util.find_spec('onnxruntime') is None else 'network'
-    done = subprocess.run([sys.executable, '-c', NODE_PATH, judge], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, '-c', NODE_PATH], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ['{}', '{}', '{}']
 
 
@@ -105,7 +104,6 @@ def test_the_first_cloud_with_a_lesson_compiles_nothing():
 
 
 def test_the_network_is_read_and_its_provider_tried_before_the_first_cloud(monkeypatch):
-    pytest.importorskip('onnxruntime')
     read = []
 
     class Nothing:

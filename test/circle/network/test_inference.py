@@ -9,7 +9,6 @@ import textwrap
 import numpy as np
 import pytest
 
-pytest.importorskip('onnxruntime')
 from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.circle.adaptive.likelihood import ONE
 from socialcircle_ros.circle.network import inference

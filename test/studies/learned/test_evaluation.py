@@ -70,7 +70,6 @@ def test_goals_and_pictures_are_made(sections):
 
 
 def test_a_network_that_is_not_there_is_named(tmp_path):
-    pytest.importorskip('onnxruntime')
     with pytest.raises(SocialCircleError, match=r'none\.onnx cannot be read as a network'):
         learned_steps(Study(Plan((1,)), print), tmp_path, tmp_path / 'none.onnx')
 
