@@ -41,8 +41,8 @@ class _Plain(NamedTuple):
     """How plain a surface is, and the islands that stand out from it.
 
     Attributes:
-        share: at most this share of the pairs of neighbours differ by `large` spreads, without the outliers.
-        hopeless: with a larger share before they are found, the surface is not plain, whatever the islands are.
+        share: at most this share of the pairs of neighbours differ by `large` spreads, without outliers and edges.
+        hopeless: with a larger share before islands are found, the surface is not plain, whatever they are.
         large: in spreads.
         clip: a larger difference across the border of an island counts as this one, in spreads.
         steep: the steepness of an island is above this.
