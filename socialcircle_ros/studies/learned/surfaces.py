@@ -27,6 +27,37 @@ DEVELOPMENT = (
 )  # fmt: skip
 """Surfaces on which the rules and the thresholds were chosen."""
 
+INSTRUMENTS = {
+    'afm_anasys': 'Anasys AFM',
+    'afm_cells_mi': 'Agilent AFM',
+    'afm_cypher': 'Asylum AFM',
+    'afm_d3100': 'Bruker AFM',
+    'afm_dimv': 'Bruker AFM',
+    'afm_driveafm': 'Nanosurf AFM',
+    'afm_icon': 'Bruker AFM',
+    'afm_nsf': 'Nanosurf AFM',
+    'afm_slippy': 'AFM of an unknown maker',
+    'afm_stp': 'Agilent AFM',
+    'afm_uncd': 'Bruker AFM',
+    'alicona': 'Alicona focus variation',
+    'frt': 'FRT confocal sensor',
+    'gelsight': 'GelSight photometric',
+    'nanofocus': 'NanoFocus confocal',
+    'nanovea': 'Nanovea confocal sensor',
+    'sick': 'SICK line profiler',
+    'stm': 'Createc STM',
+    'wli': 'white-light profiler',
+    'wyko': 'Wyko interferometer',
+    'zygo': 'Zygo interferometer',
+}
+"""Instruments by the beginning of a surface's name. The models of a maker are one instrument here, so that none of
+them helps with another; Molecular Imaging belonged to Agilent."""
+
+
+def instrument_of(name: str) -> str:
+    """The instrument of a surface; for a surface that is not known, its name."""
+    return next((instrument for start, instrument in INSTRUMENTS.items() if name.startswith(start)), name)
+
 
 class SurfaceFile(NamedTuple):
     """A file of a measured surface, and its number of points."""

@@ -68,29 +68,36 @@ class Batch(NamedTuple):
 class Corpus:
     """The files of a corpus, from which crops are drawn at random."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, *folders: Path, taught: bool = True) -> None:
         """Open the files that are there.
+
+        Args:
+            folders: of the files.
+            taught: whether the teacher's probabilities are used; without, they are 0, for `Training.trust` of 0.
 
         Raises:
             FileNotFoundError: there are none.
         """
-        self.folder = folder
+        self.folders, self.taught = folders, taught
         self.files: list[NDArray[np.float16]] = []
         self.opinions: list[NDArray[np.uint8]] = []
         self.grains: list[list[float]] = []
         self._known: set[Path] = set()
         self.look_for_files()
         if not self.files:
-            raise FileNotFoundError(f'{folder} holds no file that has the probabilities of the teacher.')
+            lacking = ' that has the probabilities of the teacher' if taught else ''
+            raise FileNotFoundError(f'{", ".join(map(str, folders))}: no file of a corpus{lacking}.')
 
     def look_for_files(self) -> None:
         """Open the files that were added since."""
-        for path in files_of(self.folder):
+        for path in (path for folder in self.folders for path in files_of(folder)):
             opinions = opinions_beside(path)
-            if path not in self._known and opinions.exists():
+            if path not in self._known and (opinions.exists() or not self.taught):
                 self._known.add(path)
-                self.files.append(np.load(path, mmap_mode='r'))
-                self.opinions.append(np.load(opinions, mmap_mode='r'))
+                patches = np.load(path, mmap_mode='r')
+                self.files.append(patches)
+                unknown = np.broadcast_to(np.uint8(0), (len(patches), *patches.shape[2:]))
+                self.opinions.append(np.load(opinions, mmap_mode='r') if self.taught else unknown)
                 self.grains.append(json.loads(path.with_suffix('.json').read_text(encoding='utf-8'))['grain'])
 
     def batch(self, size: int, random: np.random.Generator) -> Batch:

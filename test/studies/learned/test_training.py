@@ -97,7 +97,7 @@ def test_a_corpus_is_made_once(tiny_corpus):
 
 def test_a_corpus_without_the_teacher_is_refused(tmp_path):
     np.save(tmp_path / '000001.npy', np.zeros(3))
-    with pytest.raises(FileNotFoundError, match='holds no file that has the probabilities of the teacher'):
+    with pytest.raises(FileNotFoundError, match='no file of a corpus that has the probabilities of the teacher'):
         Corpus(tmp_path)
 
 

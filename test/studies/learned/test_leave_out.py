@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each instrument is left out once, and judged by the training that never saw it."""
+
+import csv
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip('scipy')
+torch = pytest.importorskip('torch')
+pytest.importorskip('onnx')
+pytest.importorskip('matplotlib')
+
+from socialcircle_ros.studies.learned import corpus, leave_out, training  # noqa: E402 the others need PyTorch
+
+NAMES = ('afm_icon_a', 'afm_dimv_b', 'gelsight_c', 'training/zygo_d', 'training/unheard_of')
+
+
+@pytest.fixture
+def data(tmp_path, monkeypatch):
+    torch.set_num_threads(1)
+    for module, name, value in (
+        (corpus, 'SHARD', 2), (training, 'SHARD', 2), (training, '_SIDE', 32), (training, '_EVERY', 1)
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, value)
+    folder = tmp_path / 'data'
+    (folder / 'training').mkdir(parents=True)
+    for seed, name in enumerate(NAMES):
+        heights = np.random.default_rng(seed).normal(size=(90, 110)).astype(np.float32)
+        np.savez(folder / f'{name}.npz', z=heights, dx=1.0, dy=2.0)
+    return folder
+
+
+def test_each_surface_is_judged_by_a_training_that_did_not_see_its_instrument(data, tmp_path, monkeypatch):
+    trained = {}
+
+    def train(folder, corpora, *_):
+        trained[folder.name] = {path.name for path in corpora}
+        return folder
+
+    monkeypatch.setattr(leave_out, '_train', train)
+    monkeypatch.setattr(leave_out, 'NetworkJudge', lambda network, threads: network.name)
+    monkeypatch.setattr(
+        leave_out, '_score', lambda surface, judge, seed: leave_out.Scored([float(judge != 'all')] * 4, 0.25)
+    )
+    out = tmp_path / 'folds.csv'
+    options = ['--data', data, '--work', tmp_path / 'work', '-o', out, '--folds', 3, '--simulated', 1]
+    done = CliRunner().invoke(leave_out.command, [str(each) for each in options], catch_exceptions=False)
+    assert '5 surfaces: instrument known / left out' in done.output
+    assert 'untouched: removed 25.000% / 25.000% (median)' in done.output
+    every = {'simulated', *(f'instrument-{place}' for place in range(4))}
+    assert trained['simulated'] == {'simulated'}
+    assert trained['all'] == every
+    left_out = [every - trained[f'without-{place}'] for place in range(3)]
+    assert sorted(len(each) for each in left_out) == [1, 1, 2]
+    assert set().union(*left_out) == every - {'simulated'}
+    with out.open() as file:
+        rows = {row['surface']: row for row in csv.DictReader(file)}
+    assert rows['afm_icon_a']['instrument'] == rows['afm_dimv_b']['instrument'] == 'Bruker AFM'
+    assert rows['unheard_of']['instrument'] == 'unheard_of'
+    for row in rows.values():
+        assert (row['F1, ellipses 5 %: known'], row['F1, ellipses 5 %: left out']) == ('0.000', '1.000')
+
+
+def test_the_command_trains_on_the_truth_alone_and_can_go_on(data, tmp_path):
+    for name in NAMES[2:]:
+        (data / f'{name}.npz').unlink()
+    out = tmp_path / 'folds.csv'
+    options = ['--data', data, '--work', tmp_path / 'work', '-o', out, '--folds', 1, '--simulated', 1]
+    arguments = [str(each) for each in (*options, '--first', 2, '--steps', 1)]
+    first = CliRunner().invoke(leave_out.command, arguments, catch_exceptions=False)
+    content = out.read_bytes()
+    again = CliRunner().invoke(leave_out.command, arguments, catch_exceptions=False)
+    assert 'simulated: step 2 of 2' in first.output
+    assert 'step' not in again.output  # what was trained is used again
+    assert out.read_bytes() == content
+    assert not list(tmp_path.rglob('*.teacher.npy'))
