@@ -16,7 +16,7 @@ from socialcircle_ros.circle.adaptive.communities import communities_of
 from socialcircle_ros.circle.adaptive.far import far_islands
 from socialcircle_ros.circle.adaptive.likelihood import probable_outliers
 from socialcircle_ros.circle.adaptive.spread import estimate_spread
-from socialcircle_ros.circle.network.features import Part, planes_of, scales_of
+from socialcircle_ros.circle.network.features import Part, Rounding, scales_of, squares_of
 from socialcircle_ros.circle.network.inference import write_probabilities
 from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SocialCircleError
@@ -249,9 +249,10 @@ def _see() -> None:
     heights = np.random.default_rng(0).normal(size=(40, 36)).astype(np.float32)
     heights[2, 3], heights[20, 30] = np.nan, 99.0  # the spike is far off
     whole, measured = Part(0, 40, 0, 36), np.isfinite(heights)
-    planes = planes_of(heights, scales_of(heights), whole, 20, 18)
+    squares = squares_of(heights, scales_of(heights), whole, 20, 18, Rounding(0.1, 128))
     probabilities = np.empty(heights.shape, np.uint8)
-    write_probabilities(planes[:4], 0, 0, whole, heights, probabilities)
+    all_bytes = np.arange(256, dtype=np.uint8)
+    write_probabilities(np.ascontiguousarray(squares[..., :4]), all_bytes, whole, whole, heights, probabilities)
     probable_outliers(probabilities, measured)
     far_islands(heights, estimate_spread(heights, 16, may_predict=False), ~measured)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the network sees of a height map: six channels for each point, and one number for the cloud.
+"""What the network sees of a height map: six channels for each point, and one number for the cloud, the grain.
 
 Every channel is a difference of heights relative to the spread s of the cloud, so that unit, offset and tilt of
 the heights do not matter:
@@ -9,6 +9,9 @@ the heights do not matter:
 - whether the point is measured.
 
 All but the last pass through L(v) = sign(v) · log2(1 + |v|), linear between powers of two.
+
+The network works at half the resolution and with 8 bits: `squares_of` gives it what it takes. The training rounds
+later, and begins with `channels_of`.
 """
 
 from typing import NamedTuple
@@ -22,9 +25,9 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.order_statistics import median_of_five
 
 CHANNELS = 6
-PLANES = 4 * (CHANNELS + 1)
-"""One for each channel and point of the 2×2 squares, and four for the number of the cloud: ONNX Runtime convolves
-28 planes of 8 bits in less time than 25."""
+INPUTS = 4 * (CHANNELS + 1)
+"""One for each channel and point of a square, and four for the grain: ONNX Runtime convolves 28 planes of 8 bits
+in less time than 25."""
 MARGIN = 36
 """Points around a part of the cloud that its features depend on: half of the wide window, median and rings."""
 
@@ -47,8 +50,11 @@ _ONE = np.int32(0x3F800000)
 """The bits of 1 in float32."""
 _PER_STEP = np.float32(2.0**-23)
 
-Planes = npt.NDArray[np.float32]
-"""(28, h, w) float32: plane 4·channel + 2·(row & 1) + (column & 1) holds the channel at half the resolution."""
+Channels = npt.NDArray[np.float32]
+"""(6, H, W) float32, 0 where not measured."""
+Squares = npt.NDArray[np.uint8]
+"""(h, w, 28) uint8: squares of 2×2 points. Number 4·channel + 2·(row & 1) + (column & 1) is a channel of one of
+its points, rounded; the last four are the grain."""
 _Level = npt.NDArray[np.float32]
 _Values = npt.NDArray[np.float32]
 
@@ -80,6 +86,46 @@ class Part(NamedTuple):
     right: int
 
 
+class Rounding(NamedTuple):
+    """How numbers are rounded to 8 bits.
+
+    Attributes:
+        step: difference between two neighbouring numbers.
+        zero: the byte of 0.
+    """
+
+    step: float
+    zero: int
+
+
+class _Surroundings(NamedTuple):
+    """The heights of a part of the cloud and of those around it.
+
+    Attributes:
+        level: (h, w) float32, heights less the plane, in units of s, with the rings of holes filled.
+        smooth: (h, w) float32, medians of `level`.
+        measured: (h, w) bool.
+        inner: the part.
+    """
+
+    level: npt.NDArray[np.float32]
+    smooth: npt.NDArray[np.float32]
+    measured: npt.NDArray[np.bool_]
+    inner: Part
+
+
+class _Windows(NamedTuple):
+    """Sums over the rows of both windows around a row: (2, w), the narrow window first.
+
+    Attributes:
+        sums: float64, of the measured heights in whole steps, by column.
+        counts: int32, number of measured points, by column.
+    """
+
+    sums: npt.NDArray[np.float64]
+    counts: npt.NDArray[np.int32]
+
+
 def scales_of(heights: RelativeHeights) -> Scales:
     """Measure the scales of a cloud on a sample of its points.
 
@@ -104,19 +150,51 @@ def scales_of(heights: RelativeHeights) -> Scales:
     return Scales(offset, along, down, spread, grain)
 
 
-def planes_of(heights: RelativeHeights, scales: Scales, part: Part, height: int, width: int) -> Planes:
-    """Compute the planes of a part of a cloud.
+def channels_of(heights: RelativeHeights) -> tuple[Channels, float]:
+    """Compute the channels of a cloud, and its grain.
+
+    Args:
+        heights: (H, W) float32, NaN where not measured; at least one point is measured.
+    """
+    scales = scales_of(heights)
+    around = _surroundings(heights, scales, Part(0, heights.shape[0], 0, heights.shape[1]))
+    channels = np.empty((CHANNELS, *heights.shape), np.float32)
+    in_bands(lambda band: _write_channels(around, band.start, band.stop, channels), *heights.shape)
+    return channels, scales.grain
+
+
+def squares_of(
+    heights: RelativeHeights, scales: Scales, part: Part, height: int, width: int, rounding: Rounding
+) -> Squares:
+    """Compute the squares of a part of a cloud.
 
     Args:
         heights: (H, W) float32, the whole cloud.
         scales: of the cloud.
-        part: the part to compute the planes of; `top` and `left` are even.
-        height: rows of the planes, at least half of those of the part.
-        width: columns of the planes.
+        part: the part to compute the squares of; `top` and `left` are even.
+        height: rows of squares, at least half of those of the part.
+        width: columns of squares.
+        rounding: of the channels and of the grain.
 
     Returns:
-        (28, height, width) float32; 0 beyond the part, but for the last four planes.
+        (height, width, 28) uint8; beyond the part only the last four are not 0.
     """
+    around = _surroundings(heights, scales, part)
+    squares = np.full((height, width, INPUTS), rounding.zero, np.uint8)
+    grain, line = np.empty(4, np.uint8), np.full(4, scales.grain, np.float32)
+    _round(line, rounding, grain)
+    squares.view(np.uint32)[..., -1] = grain.view(np.uint32)[0]
+    pairs = squares.view(np.uint16)  # two neighbouring points of a row
+    rows = (around.inner.bottom - around.inner.top + 1) // 2
+    in_bands(
+        lambda band: _write_squares(around, rounding, band.start, band.stop, pairs),
+        rows,
+        2 * around.level.shape[1],
+    )
+    return squares
+
+
+def _surroundings(heights: RelativeHeights, scales: Scales, part: Part) -> _Surroundings:
     rows, columns = heights.shape
     top, left = max(0, part.top - MARGIN), max(0, part.left - MARGIN)
     around = heights[top : part.bottom + MARGIN, left : part.right + MARGIN]
@@ -130,14 +208,8 @@ def planes_of(heights: RelativeHeights, scales: Scales, part: Part, height: int,
         in_bands(lambda band: _second_ring(ring, band.start, band.stop, level), *shape)
     smooth = np.empty(shape, np.float32)
     in_bands(lambda band: _smooth(level, band.start, band.stop, smooth), *shape)
-    planes = np.zeros((PLANES, height, width), np.float32)
-    planes[4 * CHANNELS :] = scales.grain
     inner = Part(part.top - top, min(part.bottom, rows) - top, part.left - left, min(part.right, columns) - left)
-    pairs = (inner.bottom - inner.top + 1) // 2
-    in_bands(
-        lambda band: _write(level, smooth, measured, inner, band.start, band.stop, planes), pairs, 2 * shape[1]
-    )
-    return planes
+    return _Surroundings(level, smooth, measured, inner)
 
 
 @kernel
@@ -318,58 +390,90 @@ def _median_along(line: _Values, out: _Values) -> None:
 
 
 @kernel
-def _write(
-    level: _Level,
-    smooth: _Level,
-    measured: npt.NDArray[np.bool_],
-    inner: Part,
-    first: int,
-    end: int,
-    planes: Planes,
+def _write_channels(around: _Surroundings, first: int, end: int, channels: Channels) -> None:
+    """Write the channels of some rows of the inner part."""
+    inner = around.inner
+    windows = _windows_before(around, inner.top + first)
+    lines = np.empty((CHANNELS, inner.right - inner.left), np.float32)
+    for row in range(first, end):
+        _channels_of_row(around, inner.top + row, windows, lines)
+        channels[:, row] = lines
+
+
+@kernel
+def _write_squares(
+    around: _Surroundings, rounding: Rounding, first: int, end: int, pairs: npt.NDArray[np.uint16]
 ) -> None:
-    """Write the channels of some pairs of rows of the inner part."""
-    height, width = level.shape
-    size = inner.right - inner.left
-    values, out = np.empty(size, np.float32), np.empty(size, np.float32)
-    narrow, wide = np.empty(size, np.float32), np.empty(size, np.float32)
-    sums, counts = np.zeros((2, width)), np.zeros((2, width), np.int32)
+    """Write some rows of squares, of two rows of points each; `pairs` (h, w, 14) holds two points in a number."""
+    inner = around.inner
     start = inner.top + 2 * first
+    windows = _windows_before(around, start)
+    size = inner.right - inner.left
+    lines = np.empty((CHANNELS, size), np.float32)
+    bytes_ = np.full(size + size % 2, rounding.zero, np.uint8)  # of an odd number of points the last pair has one
+    for row in range(start, min(inner.top + 2 * end, inner.bottom)):
+        _channels_of_row(around, row, windows, lines)
+        down = row - inner.top
+        line = pairs[down // 2]
+        for channel in range(CHANNELS):
+            _round(lines[channel], rounding, bytes_)
+            both = bytes_.view(np.uint16)
+            for place in range(both.size):
+                line[place, 2 * channel + (down & 1)] = both[place]
+
+
+@kernel
+def _round(line: _Values, rounding: Rounding, rounded: npt.NDArray[np.uint8]) -> None:
+    """Round a line to bytes as ONNX's QuantizeLinear does: halves to even, and what is beyond 8 bits clipped."""
+    step, zero = np.float32(rounding.step), np.float32(rounding.zero)
+    for column in range(line.size):
+        # A plain `/` would test for 0, and that test would prevent vectorisation.
+        value = np.rint(np.divide(line[column], step)) + zero
+        rounded[column] = np.uint8(min(max(value, np.float32(0)), np.float32(255)))
+
+
+@kernel
+def _windows_before(around: _Surroundings, row: int) -> _Windows:
+    """The windows around the row before this one."""
+    height, width = around.smooth.shape
+    windows = _Windows(np.zeros((2, width)), np.zeros((2, width), np.int32))
     for window in range(2):
         half = _WIDE if window else _NARROW
-        for row in range(max(0, start - 1 - half), min(height, start + half)):
-            _add(smooth[row], measured[row], 1, sums[window], counts[window])
-    for row in range(start, min(inner.top + 2 * end, inner.bottom)):
-        for window in range(2):
-            half = _WIDE if window else _NARROW
-            if row + half < height:
-                _add(smooth[row + half], measured[row + half], 1, sums[window], counts[window])
-            if row - half - 1 >= 0:
-                _add(smooth[row - half - 1], measured[row - half - 1], -1, sums[window], counts[window])
-            _means(sums[window], counts[window], half, inner, wide if window else narrow)
-        here, mask = level[row, inner.left : inner.right], measured[row, inner.left : inner.right]
-        above = level[max(row - 1, 0), inner.left : inner.right]
-        below = level[min(row + 1, height - 1), inner.left : inner.right]
-        median = smooth[row, inner.left : inner.right]
-        for channel in range(5):
-            if channel == 0:
-                for column in range(size):
-                    values[column] = here[column] - median[column]
-            elif channel == 1:
-                for column in range(size):
-                    values[column] = here[column] - narrow[column]
-            elif channel == 2:
-                for column in range(size):
-                    values[column] = here[column] - wide[column]
-            elif channel == 3:
-                _second_difference(level[row], inner, values)
-            else:
-                for column in range(size):
-                    values[column] = below[column] - np.float32(2) * here[column] + above[column]
-            _compress(values, mask, out)
-            _store(out, channel, row - inner.top, planes)
-        for column in range(size):
-            out[column] = np.float32(mask[column])
-        _store(out, 5, row - inner.top, planes)
+        for other in range(max(0, row - 1 - half), min(height, row + half)):
+            _add(around.smooth[other], around.measured[other], 1, windows.sums[window], windows.counts[window])
+    return windows
+
+
+@kernel
+def _channels_of_row(around: _Surroundings, row: int, windows: _Windows, lines: Channels) -> None:
+    """Write the channels of one row of the inner part to `lines`, (6, w), and move the windows on to it."""
+    level, smooth, measured, inner = around.level, around.smooth, around.measured, around.inner
+    height = level.shape[0]
+    columns = slice(inner.left, inner.right)
+    here, mask, median = level[row, columns], measured[row, columns], smooth[row, columns]
+    above, below = level[max(row - 1, 0), columns], level[min(row + 1, height - 1), columns]
+    values = np.empty(here.size, np.float32)
+    for column in range(here.size):
+        values[column] = here[column] - median[column]
+    _compress(values, mask, lines[0])
+    for window in range(2):
+        half = _WIDE if window else _NARROW
+        sums, counts = windows.sums[window], windows.counts[window]
+        if row + half < height:
+            _add(smooth[row + half], measured[row + half], 1, sums, counts)
+        if row - half - 1 >= 0:
+            _add(smooth[row - half - 1], measured[row - half - 1], -1, sums, counts)
+        _means(sums, counts, half, inner, values)
+        for column in range(here.size):
+            values[column] = here[column] - values[column]
+        _compress(values, mask, lines[1 + window])
+    _second_difference(level[row], inner, values)
+    _compress(values, mask, lines[3])
+    for column in range(here.size):
+        values[column] = below[column] - np.float32(2) * here[column] + above[column]
+    _compress(values, mask, lines[4])
+    for column in range(here.size):
+        lines[5, column] = np.float32(mask[column])
 
 
 @kernel
@@ -427,14 +531,3 @@ def _compress(values: _Values, measured: npt.NDArray[np.bool_], out: _Values) ->
         logarithm = np.float32(bits[column] - _ONE) * _PER_STEP
         signed = -logarithm if values[column] < 0 else logarithm
         out[column] = signed if measured[column] else np.float32(0)
-
-
-@kernel
-def _store(values: _Values, channel: int, row: int, planes: Planes) -> None:
-    even, odd = planes[4 * channel + 2 * (row & 1), row // 2], planes[4 * channel + 2 * (row & 1) + 1, row // 2]
-    pairs = values.size // 2
-    for place in range(pairs):
-        even[place] = values[2 * place]
-        odd[place] = values[2 * place + 1]
-    if values.size % 2:
-        even[pairs] = values[-1]

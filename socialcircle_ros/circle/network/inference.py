@@ -9,17 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from socialcircle_ros.circle.adaptive import Probabilities
 from socialcircle_ros.circle.adaptive.heights import RelativeHeights
 from socialcircle_ros.circle.adaptive.likelihood import ONE
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.kernels import bands
+from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.machine import usable_cores
 from socialcircle_ros.settings import CPU_PROVIDER, require_runtime
 
-from .features import Part, Planes, planes_of, scales_of
+from .features import Part, Rounding, scales_of, squares_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,11 +31,15 @@ WEIGHTS = Path(__file__).with_name('network.onnx')
 WHOLE = 1_400_000
 """Largest cloud, in points, that is one tile."""
 TILE = 640
-"""Side of the tiles of a larger cloud, in points; even, as `features.planes_of` needs it. With its surroundings a
+"""Side of the tiles of a larger cloud, in points; even, as `features.squares_of` needs it. With its surroundings a
 tile takes about 100 MB."""
 
 _FEATURES, _LOGITS = 'features', 'logits'
-_VERSION = '2'
+_VERSION = '3'
+
+
+Logits = npt.NDArray[np.uint8]
+"""(h, w, 4) uint8: of the points of squares, in the order of `features.Squares`."""
 
 
 class NetworkJudge:
@@ -79,6 +85,8 @@ class NetworkJudge:
         if self.card.get('features') != _VERSION:
             raise SocialCircleError(f'{path} is no network that the training of this version wrote.')
         self._halo, self._multiple = int(self.card['halo']), int(self.card['multiple'])
+        self._rounding = Rounding(float(self.card['features_step']), int(self.card['features_zero']))
+        self._bytes = bytes_of(Rounding(float(self.card['logits_step']), int(self.card['logits_zero'])))
 
     def probabilities(self, heights: RelativeHeights) -> Probabilities:
         """Compute the probability of each point to be an outlier.
@@ -103,9 +111,9 @@ class NetworkJudge:
                     min(width, core.right + self._halo),
                 )
                 rows, columns = self._half(part.bottom - part.top), self._half(part.right - part.left)
-                planes = planes_of(heights, scales, part, rows, columns)
-                (logits,) = self._session.run([_LOGITS], {_FEATURES: planes[None]})
-                write_probabilities(logits[0], part.top, part.left, core, heights, found)
+                squares = squares_of(heights, scales, part, rows, columns, self._rounding)
+                (logits,) = self._session.run([_LOGITS], {_FEATURES: squares[None]})
+                write_probabilities(logits[0], self._bytes, part, core, heights, found)
         return found
 
     def _half(self, size: int) -> int:
@@ -143,16 +151,52 @@ def _close_before_a_fork() -> None:
 os.register_at_fork(before=_close_before_a_fork, after_in_parent=_loading.release, after_in_child=_loading.release)
 
 
-@kernel
+def bytes_of(rounding: Rounding) -> Probabilities:
+    """The probability of each byte that a logit can be, (256,) uint8."""
+    logits = np.float32(rounding.step) * (np.arange(256, dtype=np.float32) - np.float32(rounding.zero))
+    return (ONE / (1 + np.exp(-logits.astype(np.float64))) + 0.5).astype(np.uint8)
+
+
 def write_probabilities(
-    logits: Planes, top: int, left: int, core: Part, heights: RelativeHeights, found: Probabilities
+    logits: Logits,
+    probabilities: Probabilities,
+    part: Part,
+    core: Part,
+    heights: RelativeHeights,
+    found: Probabilities,
 ) -> None:
-    """Write the probabilities of a tile, 0 where not measured; `top` and `left` are those of the logits."""
-    for row in range(core.top, core.bottom):
-        down = row - top
+    """Write the probabilities of a tile, 0 where not measured.
+
+    Args:
+        logits: (h, w, 4) uint8, of the part in squares.
+        probabilities: (256,) uint8, of each logit.
+        part: that the network saw.
+        core: what of it is written.
+        heights: (H, W) float32, the whole cloud.
+        found: (H, W) uint8, receives the probabilities.
+    """
+
+    def write(band: slice) -> None:
+        _write(logits, probabilities, part, core, core.top + band.start, core.top + band.stop, heights, found)
+
+    in_bands(write, core.bottom - core.top, core.right - core.left)
+
+
+@kernel
+def _write(
+    logits: Logits,
+    probabilities: Probabilities,
+    part: Part,
+    core: Part,
+    first: int,
+    end: int,
+    heights: RelativeHeights,
+    found: Probabilities,
+) -> None:
+    for row in range(first, end):
+        down = row - part.top
+        line = logits[down // 2]
         for column in range(core.left, core.right):
-            right = column - left
-            logit = logits[2 * (down & 1) + (right & 1), down // 2, right // 2]
-            probability = np.float32(1) / (np.float32(1) + np.exp(-logit))
-            known = math.isfinite(heights[row, column])
-            found[row, column] = np.uint8(ONE * probability + np.float32(0.5)) if known else np.uint8(0)
+            right = column - part.left
+            probability = probabilities[line[right // 2, 2 * (down & 1) + (right & 1)]]
+            found[row, column] = probability if math.isfinite(heights[row, column]) else np.uint8(0)

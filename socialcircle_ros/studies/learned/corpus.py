@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.circle.adaptive.heights import RelativeHeights
-from socialcircle_ros.circle.network.features import CHANNELS, Part, planes_of, scales_of
+from socialcircle_ros.circle.network.features import CHANNELS, channels_of
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import write_file
 
@@ -60,16 +59,6 @@ def make_patch(surfaces: Sequence[TrainingSurface], random: np.random.Generator)
         patch[CHANNELS, :height, :width] = np.where(counts, 1 + placed.outlier, 0)
         return patch, grain
     raise RuntimeError('no surface has enough measured points')
-
-
-def channels_of(heights: RelativeHeights) -> tuple[NDArray[np.float32], float]:
-    """The features of a height map at its full resolution, (6, H, W), and its grain."""
-    height, width = heights.shape
-    scales = scales_of(heights)
-    rows, columns = (height + 1) // 2, (width + 1) // 2
-    planes = planes_of(heights, scales, Part(0, height, 0, width), rows, columns)
-    squares = planes[: 4 * CHANNELS].reshape(CHANNELS, 2, 2, rows, columns).transpose(0, 3, 1, 4, 2)
-    return squares.reshape(CHANNELS, 2 * rows, 2 * columns)[:, :height, :width], scales.grain
 
 
 def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> Path:

@@ -14,10 +14,11 @@ import torch
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
+from socialcircle_ros.circle.network.features import INPUTS
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import write_file
 
-from .network import HALO, INPUTS, MULTIPLE, Network
+from .network import HALO, MULTIPLE, Network
 
 INPUT, LOGITS = 'features', 'logits'
 """Names of the input and of the output."""
@@ -71,7 +72,7 @@ def to_onnx(network: Network, card: Mapping[str, str]) -> onnx.ModelProto:
         helper.make_graph(graph.nodes, 'touch', [planes], [logits], graph.stored),
         opset_imports=[helper.make_opsetid('', _OPSET)], ir_version=_IR, producer_name='socialcircle_ros',
     )  # fmt: skip
-    helper.set_model_props(model, {'features': '2', 'multiple': str(MULTIPLE), 'halo': str(HALO), **card})
+    helper.set_model_props(model, {'multiple': str(MULTIPLE), 'halo': str(HALO), **card})
     onnx.checker.check_model(model, full_check=True)
     return model
 

@@ -9,10 +9,8 @@ import itertools
 import torch
 from torch import Tensor, nn
 
-from socialcircle_ros.circle.network.features import PLANES
+from socialcircle_ros.circle.network.features import INPUTS
 
-INPUTS = PLANES
-"""Planes of the input: four for each channel, one for each point of a 2×2 square, and four for the grain."""
 WIDTHS = (32, 32, 64, 96, 96)
 """Channels at 1/2, 1/4, … of the resolution."""
 DOWNWARD = (1, 2, 2, 2, 2)

@@ -7,22 +7,38 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.network_features import compressed, features_of
 
-from socialcircle_ros.circle.network.features import CHANNELS, Part, planes_of, scales_of
+from socialcircle_ros.circle.network.features import Part, Rounding, channels_of, scales_of, squares_of
 from socialcircle_ros.kernels import bands
+
+ROUNDING = Rounding(0.083, 120)
 
 
 def seen(heights):
-    """The channels at full resolution, and the scales."""
-    height, width = heights.shape
+    """The channels, and the scales."""
+    channels, grain = channels_of(heights)
     scales = scales_of(heights)
-    rows, columns = (height + 1) // 2, (width + 1) // 2
-    planes = planes_of(heights, scales, Part(0, height, 0, width), rows, columns)
-    assert (planes[-4:] == np.float32(scales.grain)).all()
-    channels = np.zeros((CHANNELS, 2 * rows, 2 * columns), np.float32)
-    for y in range(2):
-        for x in range(2):
-            channels[:, y::2, x::2] = planes[2 * y + x : -4 : 4]
-    return channels[:, :height, :width], scales
+    assert grain == scales.grain
+    return channels, scales
+
+
+def rounded(values):
+    """Bytes as ONNX defines QuantizeLinear."""
+    steps = np.rint(np.asarray(values, np.float32) / np.float32(ROUNDING.step)) + ROUNDING.zero
+    return np.clip(steps, 0, 255).astype(np.uint8)
+
+
+def squares_of_channels(channels, grain):
+    """The squares by their definition; a square at the border of a cloud of odd size is filled with 0."""
+    _, height, width = channels.shape
+    padded = np.pad(channels, [(0, 0), (0, height % 2), (0, width % 2)])
+    return [
+        [
+            [*(padded[c, 2 * y + down, 2 * x + right] for c in range(6) for down in (0, 1) for right in (0, 1))]
+            + 4 * [grain]
+            for x in range(padded.shape[2] // 2)
+        ]
+        for y in range(padded.shape[1] // 2)
+    ]
 
 
 def surface(shape=(50, 70), seed=4, holes=True):
@@ -60,14 +76,29 @@ def test_the_kernels_equal_the_definition_closely_without_an_offset():
     np.testing.assert_allclose(channels, expected.channels, atol=2e-3)
 
 
+@pytest.mark.parametrize('shape', [(1, 1), (1, 40), (33, 2), (26, 31)])
+def test_squares_are_the_rounded_channels_of_four_points(shape):
+    heights = 300 * surface(shape)  # some channels are beyond 8 bits
+    heights.flat[0] = 2e6
+    channels, scales = seen(heights)
+    squares = squares_of(heights, scales, Part(0, shape[0], 0, shape[1]), 20, 24, ROUNDING)
+    expected = rounded(squares_of_channels(channels, scales.grain))
+    rows, columns, _ = expected.shape
+    np.testing.assert_array_equal(squares[:rows, :columns], expected)
+    beyond = np.ones(squares.shape[:2], bool)
+    beyond[:rows, :columns] = False
+    assert (squares[beyond][:, :-4] == ROUNDING.zero).all()
+    assert (squares[beyond][:, -4:] == rounded(scales.grain)).all()
+
+
 @pytest.mark.parametrize('holes', [False, True])
-def test_a_part_of_a_cloud_has_the_same_planes(holes):
+def test_a_part_of_a_cloud_has_the_same_squares(holes):
     heights = surface((130, 171), holes=holes)
     scales = scales_of(heights)
-    whole = planes_of(heights, scales, Part(0, 130, 0, 171), 65, 86)
-    part = planes_of(heights, scales, Part(38, 99, 52, 171), 40, 60)
-    np.testing.assert_array_equal(part[:, :30, :60], whole[:, 19:49, 26:])
-    assert not part[:-4, 31:].any()
+    whole = squares_of(heights, scales, Part(0, 130, 0, 171), 65, 86, ROUNDING)
+    part = squares_of(heights, scales, Part(38, 99, 52, 171), 40, 60, ROUNDING)
+    np.testing.assert_array_equal(part[:30], whole[19:49, 26:])
+    assert (part[31:, :, :-4] == ROUNDING.zero).all()
 
 
 @pytest.mark.parametrize('holes', [False, True])
@@ -80,6 +111,8 @@ def test_bands_change_nothing(monkeypatch, holes):
     several, others = seen(heights)
     np.testing.assert_array_equal(one, several)
     assert scales == others
+    squares = squares_of(heights, scales, Part(0, 130, 0, 171), 65, 86, ROUNDING)
+    np.testing.assert_array_equal(squares, rounded(squares_of_channels(several, scales.grain)))
 
 
 @pytest.mark.parametrize('power', [-60, -3, 1, 40])

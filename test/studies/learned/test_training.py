@@ -9,12 +9,11 @@ torch = pytest.importorskip('torch')
 pytest.importorskip('onnx')
 runtime = pytest.importorskip('onnxruntime')
 
-from socialcircle_ros.circle.network import NetworkJudge  # noqa: E402 the others need PyTorch
-from socialcircle_ros.circle.network.features import scales_of  # noqa: E402
+from socialcircle_ros.circle.network.features import INPUTS, channels_of, scales_of  # noqa: E402 the others need PyTorch
 from socialcircle_ros.errors import SocialCircleError  # noqa: E402
 from socialcircle_ros.studies.learned import corpus, teacher, training  # noqa: E402
 from socialcircle_ros.studies.learned.export import network_from, write_onnx  # noqa: E402
-from socialcircle_ros.studies.learned.network import HALO, INPUTS, Network  # noqa: E402
+from socialcircle_ros.studies.learned.network import HALO, Network  # noqa: E402
 from socialcircle_ros.studies.learned.teacher import Teacher, ask_teacher, inputs_of  # noqa: E402
 from socialcircle_ros.studies.learned.training import Batch, Corpus, Trainer, Training, loss_of  # noqa: E402
 
@@ -142,7 +141,7 @@ def test_what_is_learned_lies_between_the_truth_and_the_teacher(trust, best):
 
 def test_the_teacher_gets_natural_logarithms_of_what_the_network_gets():
     heights = np.random.default_rng(2).normal(size=(40, 56)).astype(np.float32)
-    channels, grain = corpus.channels_of(heights)
+    channels, grain = channels_of(heights)
     planes = inputs_of(channels, grain)
     scales = scales_of(heights)
     second = np.zeros(heights.shape)
@@ -157,7 +156,7 @@ def test_the_teacher_finds_a_point_that_stands_out():
     heights = np.random.default_rng(4).normal(size=(64, 80)).astype(np.float32)
     heights[20, 33] += 40
     with torch.no_grad():
-        logits = Teacher()(torch.from_numpy(inputs_of(*corpus.channels_of(heights)))[None])[0, 0]
+        logits = Teacher()(torch.from_numpy(inputs_of(*channels_of(heights)))[None])[0, 0]
     assert (logits > 0).nonzero().tolist() == [[20, 33]]
 
 
@@ -215,19 +214,3 @@ def test_no_point_beyond_the_halo_matters(network):
     network(planes)[0, 0, 128, 8].backward()
     rows = torch.nonzero(planes.grad[0].abs().sum((0, 2))).flatten()
     assert 2 * max(128 - int(rows.min()), int(rows.max()) - 128) <= HALO
-
-
-@pytest.mark.parametrize('shape', [(1, 1), (37, 70)])
-def test_the_product_gives_each_point_the_probability_of_the_trained_network(file, shape):
-    heights = np.random.default_rng(3).normal(size=shape).astype(np.float32)
-    probabilities = NetworkJudge(file, threads=1).probabilities(heights) / 255
-    assert probabilities.shape == shape
-    channels, grain = corpus.channels_of(heights)
-    rows, columns = (-(-size // 32) * 32 for size in shape)
-    planes = torch.zeros(1, INPUTS, rows // 2, columns // 2)
-    padded = np.pad(channels, [(0, 0), (0, rows - shape[0]), (0, columns - shape[1])])
-    planes[:, :-4] = torch.nn.functional.pixel_unshuffle(torch.from_numpy(padded)[None], 2)
-    planes[:, -4:] = grain
-    with torch.no_grad():
-        expected = torch.sigmoid(torch.nn.functional.pixel_shuffle(network_from(file).eval()(planes), 2)[0, 0])
-    assert np.allclose(probabilities, expected.numpy()[: shape[0], : shape[1]], atol=0.5 / 255 + 1e-4)
