@@ -6,12 +6,14 @@ cloud, and numbers without a unit, so that neither the unit of the heights nor a
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.union_find import root_of
 from socialcircle_ros.settings.lessons import TRAITS
 
 from .heights import RelativeHeights
@@ -38,6 +40,20 @@ Traits = npt.NDArray[np.float64]
 """(n, 12) float64: a row for each community, the columns as in `settings.lessons.TRAITS`.
 
 Sizes are logarithms, and so are lengths in spreads, to which 1 is added before."""
+
+
+class Labelled(NamedTuple):
+    """Points with the numbers of their communities.
+
+    Attributes:
+        points: (m,) numbered in row order.
+        labels: (m,) the community of each, 0 to n - 1.
+        number: n; a community may have no point.
+    """
+
+    points: _PointNumbers
+    labels: _CommunityNumbers
+    number: int
 
 
 @dataclass(frozen=True)
@@ -79,42 +95,49 @@ def communities_of(heights: RelativeHeights, found: Mask, certainty: Certainty, 
     return Communities(points, labels, traits)
 
 
-def label_communities(found: Mask) -> tuple[_PointNumbers, _CommunityNumbers, int]:
-    """Number the connected sets of the found points; points that touch at a corner belong together.
-
-    Returns:
-        (m,) the found points in row order, (m,) the number of the community of each, and how many there are.
-    """
+def label_communities(found: Mask) -> Labelled:
+    """Number the connected sets of the found points; points that touch at a corner belong together."""
     points = np.flatnonzero(found)
-    return points, *_label(points, found)
+    return Labelled(points, *_label(points, found.shape[1]))
 
 
 @kernel
-def _label(points: _PointNumbers, found: Mask) -> tuple[_CommunityNumbers, int]:
-    """Number the connected sets of points, in the order of their first points."""
-    height, width = found.shape
-    place = np.full(height * width, -1, np.int32)
+def _label(points: _PointNumbers, width: int) -> tuple[_CommunityNumbers, int]:
+    """Number the connected sets of points, (m,) in row order, in the order of their first points."""
+    parent = np.empty(points.size, np.int32)
+    above = 0  # the first point that may touch from the row above
     for index in range(points.size):
-        place[points[index]] = index
-    labels, waiting = np.full(points.size, -1, np.int64), np.empty(points.size, np.int64)
-    number = 0
-    for start in range(points.size):
-        if labels[start] >= 0:
-            continue
-        labels[start], waiting[0], count, done = number, start, 1, 0
-        while done < count:
-            point = points[waiting[done]]
-            done += 1
-            row, column = point // width, point % width
-            for y in range(max(0, row - 1), min(height, row + 2)):
-                for x in range(max(0, column - 1), min(width, column + 2)):
-                    there = place[y * width + x]
-                    if there >= 0 and labels[there] < 0:
-                        labels[there] = number
-                        waiting[count] = there
-                        count += 1
-        number += 1
+        point = points[index]
+        column = point % width
+        root = index
+        first = point - width - (1 if column > 0 else 0)
+        last = point - width + (1 if column + 1 < width else 0)
+        while points[above] < first:
+            above += 1
+        other = above
+        parent[index] = index
+        while points[other] <= last:
+            root = _joined(parent, root, other)
+            other += 1
+        if column > 0 and index > 0 and points[index - 1] == point - 1:
+            root = _joined(parent, root, index - 1)
+    labels, number = np.empty(points.size, np.int64), 0
+    for index in range(points.size):
+        if parent[index] == index:
+            labels[index] = number
+            number += 1
+        else:
+            labels[index] = labels[parent[index]]
     return labels, number
+
+
+@kernel
+def _joined(parent: npt.NDArray[np.int32], root: int, other: int) -> int:
+    """Join the set of `root` and that of another item; the root of the result is its first item."""
+    there = root_of(parent, other)
+    first, last = min(root, there), max(root, there)
+    parent[last] = first
+    return first
 
 
 @kernel

@@ -11,7 +11,7 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 
-from .communities import Certainty, communities_of
+from .communities import Certainty, communities_of, label_communities
 from .differences import Differences, Spread, normalised_differences
 from .far import far_islands
 from .heights import RelativeHeights, relative_heights, with_holes_filled
@@ -175,12 +175,12 @@ def find_probable_outliers(
         if far.any():
             probabilities[far] = ONE
             decided = probable_outliers(probabilities, measured)
-        texture, islands_kept = islands_of_one_height(relative, decided.outliers)
+        texture, islands_kept = islands_of_one_height(relative, decided.outliers, decided.communities)
         stopwatch.lap('texture')
         if islands_kept:
             probabilities[texture] = 0
             decided = probable_outliers(probabilities, measured)
-        outliers, score, undecided = decided
+        outliers, score, undecided, _ = decided
     else:
         found = probabilities > round(judge.least * ONE)
         far = far_islands(relative, spread, found)
@@ -262,7 +262,7 @@ class _IslandSearch:
         """Find the islands that belong to the surface, and their number; none unless the rule decides that."""
         if not by_rule:
             return np.zeros(self.found.shape, np.bool_), 0
-        return islands_of_one_height(self._given, self.found)
+        return islands_of_one_height(self._given, self.found, label_communities(self.found))
 
     def _normalised_differences(self, *, may_predict: bool) -> tuple[Spread, Differences]:
         spread = estimate_spread(self.heights, _TILE_SIDE, may_predict=may_predict)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask
+from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
 from .communities import label_communities
@@ -85,7 +86,11 @@ def far_islands(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mas
     def steps(plain: _Plain, without: Mask) -> tuple[Mask, float]:
         """The points at large steps, and the share of the pairs of neighbours that have one."""
         points: Mask = np.zeros(heights.shape, np.bool_)
-        return points, _mark_steps(differences, _in_units(plain.large), without, points) / max(pairs, 1)
+        least = _in_units(plain.large)
+        counts = in_bands(
+            lambda rows: _mark_steps(differences, least, without, rows.start, rows.stop, points), *heights.shape
+        )
+        return points, sum(counts) / max(pairs, 1)
 
     if not _has_step(differences.ravel(), _in_units(NOTICED)) or steps(_PLAIN, outliers)[1] > _PLAIN.hopeless:
         return found
@@ -139,13 +144,18 @@ def _in_units(spreads: float) -> int:
 
 
 @kernel
-def _mark_steps(differences: Differences, least: int, outliers: Mask, points: Mask) -> int:
-    """Mark the kept points at differences of at least `least`, not near an outlier, and count the differences."""
+def _mark_steps(
+    differences: Differences, least: int, outliers: Mask, first_row: int, end: int, points: Mask
+) -> int:
+    """Mark the kept points at differences of at least `least`, not near an outlier, and count the differences.
+
+    The differences are those of the rows from `first_row` to before `end`; points of the next row are marked, too.
+    """
     _, height, width = differences.shape
     count = 0
     for direction in range(4):
         down, right = DOWN[direction], RIGHT[direction]
-        for row in range(height - down):
+        for row in range(first_row, min(end, height - down)):
             line = differences[direction, row]
             for first in range(0, width, _BLOCK):
                 if not _has_step(line[first : first + _BLOCK], least):

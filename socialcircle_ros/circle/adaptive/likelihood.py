@@ -14,7 +14,7 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 
-from .communities import label_communities
+from .communities import Labelled, label_communities
 from .heights import RelativeHeights
 
 Probabilities = npt.NDArray[np.uint8]
@@ -43,11 +43,13 @@ class Decided(NamedTuple):
         outliers: (H, W) bool.
         score: (H, W) float32, as in `AdaptiveResult`.
         undecided: number of kept points with a probability above `UNDECIDED`.
+        communities: of the outliers.
     """
 
     outliers: Mask
     score: npt.NDArray[np.float32]
     undecided: int
+    communities: Labelled
 
 
 def probable_outliers(probabilities: Probabilities, measured: Mask) -> Decided:
@@ -62,11 +64,13 @@ def probable_outliers(probabilities: Probabilities, measured: Mask) -> Decided:
     certain = float(np.interp(share, (FEW, MANY), (CERTAIN, CERTAIN_AMONG_MANY)))
     points, labels, number = label_communities(probabilities > round(probable * ONE))
     sure = np.bincount(labels[probabilities.flat[points] > round(certain * ONE)], minlength=number) > 0
+    are_sure = sure[labels]
+    communities = Labelled(points[are_sure], labels[are_sure], number)
     outliers: Mask = np.zeros(probabilities.shape, np.bool_)
-    outliers.flat[points[sure[labels]]] = True
+    outliers.flat[communities.points] = True
     score = np.empty(probabilities.shape, np.float32)
     undecided = _write_scores(probabilities, outliers, measured, round(certain * ONE), score)
-    return Decided(outliers, score, undecided)
+    return Decided(outliers, score, undecided, communities)
 
 
 @kernel

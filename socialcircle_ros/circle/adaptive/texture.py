@@ -10,6 +10,7 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.kernels.compiled import kernel
 
+from .communities import Labelled
 from .heights import RelativeHeights
 
 LEAST_COVER = 0.015
@@ -26,19 +27,20 @@ _LEAST_SHARE = 0.5
 """Share of the points of all such islands that those of one height must have."""
 
 
-def islands_of_one_height(heights: RelativeHeights, islands: Mask) -> tuple[Mask, int]:
+def islands_of_one_height(heights: RelativeHeights, islands: Mask, communities: Labelled) -> tuple[Mask, int]:
     """Find the islands that share a height above or below their surroundings.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
         islands: (H, W) bool, points of islands and isolated points.
+        communities: of these points.
 
     Returns:
         (H, W) bool, the points to keep after all, and the number of their islands.
     """
     texture: Mask = np.zeros(islands.shape, np.bool_)
-    points = np.flatnonzero(islands)
-    label, sizes, rises = _measure_islands(heights, islands, points)
+    points, labels, count = communities
+    sizes, rises = np.bincount(labels, minlength=count), _rises(heights, islands, communities)
     candidates = np.flatnonzero((sizes >= _LEAST_SIZE) & (rises != 0))
     if candidates.size < _LEAST_NUMBER:
         return texture, 0
@@ -54,51 +56,30 @@ def islands_of_one_height(heights: RelativeHeights, islands: Mask) -> tuple[Mask
     of_one_height = sizes[candidates[first : first + number]].astype(np.float64)
     if of_one_height.sum() ** 2 < _LEAST_NUMBER * (of_one_height**2).sum() or alike[first] < least:
         return texture, 0
-    texture.flat[points[np.isin(label, candidates[first : first + number])]] = True
+    texture.flat[points[np.isin(labels, candidates[first : first + number])]] = True
     return texture, number
 
 
 @kernel
-def _measure_islands(
-    heights: RelativeHeights, islands: Mask, points: npt.NDArray[np.intp]
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Label the connected `points`, (n,) in row order.
-
-    Returns:
-        The label of each point, (n,), the number of points of each island, and the mean height of each island
-        above the kept points that touch it, 0 where it is unknown.
-    """
+def _rises(heights: RelativeHeights, islands: Mask, communities: Labelled) -> npt.NDArray[np.float64]:
+    """(n,) mean height of each island above the kept points that touch it, 0 where it is unknown."""
     height, width = islands.shape
-    place = np.full(height * width, -1, np.int32)
-    for index in range(points.size):
-        place[points[index]] = index
-    label, waiting = np.full(points.size, -1, np.int32), np.empty(points.size, np.int32)
-    sizes, rises = np.zeros(points.size, np.int64), np.zeros(points.size, np.float64)
-    number = 0
-    for start in range(points.size):
-        if label[start] >= 0:
-            continue
-        label[start], waiting[0], count, done = number, start, 1, 0
-        inside, inside_count, outside, outside_count = 0.0, 0, 0.0, 0
-        while done < count:
-            point = points[waiting[done]]
-            done += 1
-            row, column = point // width, point % width
-            if not np.isnan(heights[row, column]):
-                inside += heights[row, column]
-                inside_count += 1
-            for y in range(max(0, row - 1), min(height, row + 2)):
-                for x in range(max(0, column - 1), min(width, column + 2)):
-                    there = place[y * width + x]
-                    if there >= 0 and label[there] < 0:
-                        label[there] = number
-                        waiting[count] = there
-                        count += 1
-                    elif there < 0 and not np.isnan(heights[y, x]):
-                        outside += heights[y, x]
-                        outside_count += 1
-        sizes[number] = count
-        if inside_count and outside_count:
-            rises[number] = inside / inside_count - outside / outside_count
-        number += 1
-    return label, sizes[:number], rises[:number]
+    number = communities.number
+    inside, inside_count = np.zeros(number), np.zeros(number, np.int64)
+    outside, outside_count = np.zeros(number), np.zeros(number, np.int64)
+    for index in range(communities.points.size):
+        point, label = communities.points[index], communities.labels[index]
+        row, column = point // width, point % width
+        if not np.isnan(heights[row, column]):
+            inside[label] += heights[row, column]
+            inside_count[label] += 1
+        for y in range(max(0, row - 1), min(height, row + 2)):
+            for x in range(max(0, column - 1), min(width, column + 2)):
+                if not islands[y, x] and not np.isnan(heights[y, x]):
+                    outside[label] += heights[y, x]
+                    outside_count[label] += 1
+    rises = np.zeros(number)
+    for label in range(number):
+        if inside_count[label] and outside_count[label]:
+            rises[label] = inside[label] / inside_count[label] - outside[label] / outside_count[label]
+    return rises

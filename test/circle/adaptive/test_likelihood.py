@@ -61,8 +61,14 @@ def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, he
     measured = random.random((height, width)) < 0.9
     measured[0, 0] = True
     probabilities = in_255ths(random.random((height, width)) ** random.choice([1, 4, 30]) * measured)
-    outliers, score, undecided = probable_outliers(probabilities, measured)
+    outliers, score, undecided, communities = probable_outliers(probabilities, measured)
     np.testing.assert_array_equal(outliers, naively_found(probabilities, measured))
+    labelled = {}
+    for point, label in zip(communities.points.tolist(), communities.labels.tolist(), strict=True):
+        labelled.setdefault(label, set()).add(divmod(point, width))
+    members = {frozenset(map(tuple, each)) for each in naive_communities(outliers)}
+    assert {frozenset(each) for each in labelled.values()} == members
+    assert all(0 <= label < communities.number for label in labelled)
     np.testing.assert_array_equal(score > 0.5, outliers)
     np.testing.assert_array_equal(np.isnan(score), ~measured)
     assert np.nanmin(score) >= 0

@@ -7,7 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import adaptive as naive
 
+from socialcircle_ros.circle.adaptive.communities import label_communities
 from socialcircle_ros.circle.adaptive.texture import islands_of_one_height
+
+
+def kept(heights, islands):
+    return islands_of_one_height(heights, islands, label_communities(islands))
 
 
 def dotted(rows, columns, random, heights_of_dots, share):
@@ -38,7 +43,7 @@ DOTS = st.builds(
 @settings(max_examples=200)
 @given(DOTS)
 def test_texture_equals_the_reference(dots):
-    texture, number = islands_of_one_height(*dots)
+    texture, number = kept(*dots)
 
     expected, expected_number = naive.islands_of_one_height(*dots)
     np.testing.assert_array_equal(texture, expected)
@@ -48,7 +53,7 @@ def test_texture_equals_the_reference(dots):
 @settings(max_examples=100)
 @given(DOTS)
 def test_only_islands_are_texture(dots):
-    texture, _ = islands_of_one_height(*dots)
+    texture, _ = kept(*dots)
 
     assert not texture[~dots[1]].any()
 
@@ -65,7 +70,7 @@ def lattice(count, rises):
 def test_many_islands_of_one_height_are_kept_and_counted(rise):
     heights = lattice(12, [rise])
 
-    texture, number = islands_of_one_height(heights, heights != 0)
+    texture, number = kept(heights, heights != 0)
 
     np.testing.assert_array_equal(texture, heights != 0)
     assert number == 12
@@ -73,7 +78,7 @@ def test_many_islands_of_one_height_are_kept_and_counted(rise):
 
 def test_few_islands_or_islands_of_many_heights_are_not_kept():
     for heights in (lattice(7, [5.0]), lattice(12, [1.0, 2.0, 4.0, 8.0, 16.0])):
-        assert not islands_of_one_height(heights, heights != 0)[0].any()
+        assert not kept(heights, heights != 0)[0].any()
 
 
 def test_a_large_outlier_and_small_ones_of_its_height_are_no_texture():
@@ -82,11 +87,11 @@ def test_a_large_outlier_and_small_ones_of_its_height_are_no_texture():
     heights[24:38, 2:58] = 5.0
     islands[24:38, 2:58] = True
 
-    assert not islands_of_one_height(heights, islands)[0].any()
+    assert not kept(heights, islands)[0].any()
 
 
 def test_islands_that_cover_little_of_the_cloud_are_not_kept():
     heights = np.zeros((200, 200), np.float32)
     heights[:40, :60] = lattice(12, [5.0])
 
-    assert not islands_of_one_height(heights, heights != 0)[0].any()
+    assert not kept(heights, heights != 0)[0].any()
