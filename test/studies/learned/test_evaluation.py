@@ -29,7 +29,7 @@ def sections(tmp_path_factory):
         np.savez(folder / f'{name}.npz', z=np.random.default_rng(3).normal(size=(60, 80)), dx=1.0, dy=1.5)
     np.savez(folder / 'stack.npz', frames=np.zeros((3, 4, 5), np.uint8), z=np.arange(3))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(evaluation, '_TIMED', (40, 50))
+        patch.setattr(evaluation, '_TIMED', (130, 50))  # longer and narrower than the surfaces
         told, made = [], []
         for step in evaluation.learned(Study(Plan((1,), repeats=1), told.append), folder, Residual()):
             made = merged([*made, *step.make(made)])
@@ -39,7 +39,7 @@ def sections(tmp_path_factory):
 
 def test_every_surface_is_judged_by_rules_and_network(sections):
     (surfaces,) = sections['Surfaces'].tables
-    (summary,) = sections['All surfaces'].tables
+    summary, _ = sections['All surfaces'].tables
     assert {row[0]: row[1] for row in surfaces.rows} == {
         DEVELOPMENT[0]: 'development', next(iter(HELD_OUT)): 'left out', 'other': 'training',
     }  # fmt: skip
@@ -60,6 +60,16 @@ def test_scenes_and_squares_are_judged_by_rules_and_network(sections):
     assert all(
         row[3] == row[4] == 1 for row in squares.rows if row[0] == 'as rough as the surface' and row[2] > 20
     )
+
+
+def test_times_are_those_of_whole_clouds_of_the_development_surfaces_and_of_noise(sections):
+    _, times = sections['All surfaces'].tables
+    assert [row[0] for row in times.rows] == [DEVELOPMENT[0], 'white noise']
+    for _, rules, network, ratio in times.rows:
+        assert ratio == network / rules
+    (goals,) = sections['Goals'].tables
+    (goal,) = [row for row in goals.rows if str(row[0]).startswith('Time')]
+    assert f'{times.rows[0][3]:.2f}' in goal
 
 
 def test_goals_and_pictures_are_made(sections):
