@@ -16,9 +16,10 @@ def command() -> None:
     The cache lies beside the package, or in NUMBA_CACHE_DIR. It may be read-only afterwards. Another processor, or
     another version of Numba, compiles anew: build images on the kind of processor that they run on.
     """
-    from socialcircle_ros.errors import SocialCircleError
+    from socialcircle_ros.errors import SettingError, SocialCircleError
     from socialcircle_ros.kernels.compiled import cache_folder
     from socialcircle_ros.node.warm_up import steps
+    from socialcircle_ros.settings import require_runtime
 
     if cache_folder() is None:
         raise SocialCircleError(
@@ -29,3 +30,7 @@ def command() -> None:
         for compile_some in bar:
             compile_some()
     click.echo(f'The kernels are compiled ({time.monotonic() - began_s:.1f} s); they lie in {cache_folder()}.')
+    try:
+        require_runtime()
+    except SettingError as error:
+        click.echo(error, err=True)

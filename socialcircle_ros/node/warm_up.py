@@ -19,7 +19,7 @@ from socialcircle_ros.circle.adaptive.spread import estimate_spread
 from socialcircle_ros.circle.network.features import Part, Rounding, scales_of, squares_of
 from socialcircle_ros.circle.network.inference import write_probabilities
 from socialcircle_ros.cloud import load_row, measured_points
-from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.focus import FocusStack
 from socialcircle_ros.kernels.compiled import cache_folder
 from socialcircle_ros.kernels.memory import unmap_code
@@ -39,6 +39,7 @@ from socialcircle_ros.settings import (
     PipelineSettings,
     RepairSettings,
     StackSettings,
+    require_runtime,
 )
 
 _HelperPart = Literal['stack', 'rare']  # what a helper process compiles, apart from clouds in a mode
@@ -116,6 +117,15 @@ def _compile_common(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER, *, c
     _measure(np.uint8)
 
 
+def _read_network(circle: CircleSettings) -> None:
+    """Try the network, if ONNX Runtime is installed; the command says so if it is not."""
+    try:
+        require_runtime()
+    except SettingError:
+        return
+    _filter(circle.mode, circle.judge)
+
+
 def _filter(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER) -> None:
     """Filter clouds of both types: with a depth of field by the rules, and by the network if it judges."""
     circle = CircleSettings(mode=mode, judge=judge, provider=provider)
@@ -128,9 +138,12 @@ def _filter(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER) -> None:
 
 
 def steps() -> Iterator[Callable[[], object]]:
-    """Calls that compile all kernels of the node, the default mode's first; none of them is guarded."""
-    circle = CircleSettings()
-    yield lambda: _compile_common(circle.mode, circle.judge, cold=_is_cold())
+    """Calls that compile all kernels of the node, the default mode's first; none of them is guarded.
+
+    The network has no kernels: those round it are compiled without ONNX Runtime, too.
+    """
+    yield lambda: _compile_common(CircleSettings().mode, 'rules', cold=_is_cold())
+    yield partial(_read_network, CircleSettings())
     yield from _rare()
 
 

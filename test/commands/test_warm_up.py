@@ -23,6 +23,16 @@ def test_every_step_runs_and_the_folder_is_told(monkeypatch):
     assert f'they lie in {compiled.cache_folder()}.' in result.output
 
 
+def test_without_onnx_runtime_all_is_compiled_and_a_sentence_says_what_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'onnxruntime', None)
+    first, network, *_ = node_warm_up.steps()
+    monkeypatch.setattr(node_warm_up, 'steps', lambda: iter([first, network]))
+    result = CliRunner().invoke(warm_up.command)
+    assert result.exit_code == 0, result.output
+    assert 'The kernels are compiled' in result.output
+    assert 'The network needs ONNX Runtime, which is not installed: pip install onnxruntime.' in result.output
+
+
 def test_the_folder_is_where_numba_is_told_to_write(tmp_path):
     program = 'from socialcircle_ros.kernels.compiled import cache_folder; print(cache_folder())'
     environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)}
