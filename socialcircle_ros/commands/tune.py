@@ -59,7 +59,7 @@ def command(
 
     def serving(name: str, waiting: str, address: str) -> None:
         begin = f'Tuning {name} at' if name else 'The tuning page is at'
-        click.echo(f'{begin} {address}; press Ctrl-C to stop.')
+        click.echo(f'{begin} {address} (Ctrl-C stops it)')
         if not name:
             click.echo(waiting)
         if host not in ('127.0.0.1', 'localhost', '::1'):

@@ -36,7 +36,7 @@ class Tuning:
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         self.greeting = self.process.stdout.readline()
-        self.address = re.search(r'http://\S+(?=;)', self.greeting)[0]
+        self.address = re.search(r'http://\S+', self.greeting)[0]  # as a terminal marks it
 
     def listening(self):
         """Addresses on which the process accepts TCP connections, from /proc."""
