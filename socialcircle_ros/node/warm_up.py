@@ -16,8 +16,9 @@ from socialcircle_ros.circle.adaptive.communities import communities_of
 from socialcircle_ros.circle.adaptive.far import far_islands
 from socialcircle_ros.circle.adaptive.likelihood import probable_outliers
 from socialcircle_ros.circle.adaptive.spread import estimate_spread
-from socialcircle_ros.circle.network.features import Part, Rounding, scales_of, squares_of
+from socialcircle_ros.circle.network.features import Part, Rounding, squares_of
 from socialcircle_ros.circle.network.inference import write_probabilities
+from socialcircle_ros.circle.network.scales import scales_of
 from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.focus import FocusStack

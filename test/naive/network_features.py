@@ -37,18 +37,21 @@ def features_of(heights: NDArray[np.float32]) -> Features:
         heights: (H, W) float32, NaN where not measured; at least one point is measured.
     """
     measured = np.isfinite(heights)
-    sample = np.arange(0, heights.size, max(1, heights.size // _SAMPLES) | 1)
-    level = _without_tilt(heights, measured, sample)
+    sample = np.arange(0, heights.size, _stride(*heights.shape))
+    steps = _steps(heights, sample)
+    level = _without_tilt(heights, measured, sample, steps)
     filled = _with_rings_filled(level, measured)
     smooth = _median_of_five(_median_of_five(filled, 1), 0)
     sampled = sample[measured.ravel()[sample]]
     if not sampled.size:
         sampled = np.flatnonzero(measured)
     residual = filled - smooth
-    scale = _scale(np.abs(residual.ravel()[sampled]))
     along, down = _second_difference(filled, 1), _second_difference(filled, 0)
-    fine = float(np.median(np.abs(along.ravel()[sampled]))) / scale
-    grain = float(np.clip(np.log2(fine), -10, 10)) if fine > 0 else -10.0
+    fine = float(np.median(np.abs(along.ravel()[sampled])))
+    varying = [each - np.median(each) for each in steps if each.size]
+    least = max(0.75 * _storage_step(np.concatenate(varying)), fine / 4) if varying else fine / 4
+    scale = _scale(np.abs(residual.ravel()[sampled]), least)
+    grain = float(np.clip(np.log2(fine / scale), -10, 2)) if fine > 0 else -10.0
     narrow, wide = (_mean_of_measured(smooth, measured, radius) for radius in (_NARROW, _WIDE))
     parts = (residual, filled - narrow, filled - wide, along, down)
     channels = np.zeros((CHANNELS, *heights.shape), np.float32)
@@ -65,19 +68,45 @@ def compressed(values: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.copysign(logarithm, values))
 
 
-def _without_tilt(
-    heights: NDArray[np.float32], measured: NDArray[np.bool_], sample: NDArray[np.int64]
-) -> NDArray[np.float32]:
-    """Subtract a plane: the medians of a sample of the heights and of their differences to the next point."""
+def _stride(height: int, width: int) -> int:
+    """The least odd number that has no divisor in common with the width and gives about 65,536 samples."""
+    stride = max(1, height * width // _SAMPLES)
+    while stride % 2 == 0 or any(stride % each == width % each == 0 for each in range(2, stride + 1)):
+        stride += 1
+    return stride
+
+
+def _steps(heights: NDArray[np.float32], sample: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+    """Differences of a sample of the heights to the next point along x and along y, where both are measured."""
     rows, columns = np.divmod(sample, heights.shape[1])
     wide = heights.astype(np.float64)
-    here = wide[rows, columns]
-    slopes = []
+    found = []
     for down, right in ((0, 1), (1, 0)):
         inside = (rows + down < heights.shape[0]) & (columns + right < heights.shape[1])
-        steps = wide[rows[inside] + down, columns[inside] + right] - here[inside]
-        steps = steps[np.isfinite(steps)]
-        slopes.append(float(np.median(steps)) if steps.size else 0.0)
+        steps = wide[rows[inside] + down, columns[inside] + right] - wide[rows[inside], columns[inside]]
+        found.append(steps[np.isfinite(steps)])
+    return found
+
+
+def _storage_step(differences: NDArray[np.float64]) -> float:
+    """What at least half of the differing neighbours differ by, within 1 %; 0 if hardly any differ."""
+    sizes = sorted(abs(each) for each in differences.tolist() if each != 0)
+    if len(sizes) <= 0.01 * differences.size:
+        return 0.0
+    step = float(np.median(sizes))
+    return step if 2 * sum(abs(each - step) <= 0.01 * step for each in sizes) >= len(sizes) else 0.0
+
+
+def _without_tilt(
+    heights: NDArray[np.float32],
+    measured: NDArray[np.bool_],
+    sample: NDArray[np.int64],
+    steps: list[NDArray[np.float64]],
+) -> NDArray[np.float32]:
+    """Subtract a plane: the medians of a sample of the heights and of their differences to the next point."""
+    wide = heights.astype(np.float64)
+    here = wide.ravel()[sample]
+    slopes = [float(np.median(each)) if each.size else 0.0 for each in steps]
     here = here[np.isfinite(here)]
     offset = float(np.median(here if here.size else wide[measured]))
     y, x = np.ogrid[: heights.shape[0], : heights.shape[1]]
@@ -124,9 +153,9 @@ def _second_difference(values: NDArray[np.float32], axis: int) -> NDArray[np.flo
     return np.asarray(after - 2 * values + before)
 
 
-def _scale(residuals: NDArray[np.float32]) -> float:
+def _scale(residuals: NDArray[np.float32], least: float) -> float:
     robust, mean = _SIGMA * float(np.median(residuals)), float(residuals.mean(dtype=np.float64))
-    scale = robust if robust > 0.02 * mean else mean
+    scale = max(robust if robust > 0.02 * mean else mean, least)
     return max(scale, _LEAST_SCALE) if scale > 0 else 1.0
 
 

@@ -21,7 +21,8 @@ from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.machine import usable_cores
 from socialcircle_ros.settings import CPU_PROVIDER, require_runtime
 
-from .features import Part, Rounding, scales_of, squares_of
+from .features import Part, Rounding, squares_of
+from .scales import scales_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

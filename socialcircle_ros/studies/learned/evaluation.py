@@ -233,7 +233,7 @@ def _goals(judged: Sequence[_Row]) -> list[Goal]:
     return goals
 
 
-class _Times(NamedTuple):
+class _CloudTimes(NamedTuple):
     """Median times of the judges on one cloud, in the order of `JUDGES`.
 
     Attributes:
@@ -250,13 +250,13 @@ class _Times(NamedTuple):
         return self.ms[1] / self.ms[0]
 
 
-def _times(judge: NetworkJudge, name: str, heights: NDArray[np.float32], repeats: int) -> _Times:
+def _times(judge: NetworkJudge, name: str, heights: NDArray[np.float32], repeats: int) -> _CloudTimes:
     """Measure the judges in turns: on a shared machine a slow minute is then one of both."""
     calls = _calls(judge, heights)
     for call in calls:
         call()
     rounds = [[elapsed_ms(call) for call in calls] for _ in range(repeats)]
-    return _Times(name, [median(column) for column in zip(*rounds, strict=True)])
+    return _CloudTimes(name, [median(column) for column in zip(*rounds, strict=True)])
 
 
 def _timed_clouds(files: Sequence[SurfaceFile], seed: int) -> Iterator[tuple[str, NDArray[np.float32]]]:
@@ -272,14 +272,14 @@ def _timed_clouds(files: Sequence[SurfaceFile], seed: int) -> Iterator[tuple[str
     yield 'white noise', np.random.default_rng(1).normal(size=_TIMED).astype(np.float32)
 
 
-def _time_goal(times: Sequence[_Times]) -> Goal:
+def _time_goal(times: Sequence[_CloudTimes]) -> Goal:
     """Time of the network as a multiple of that of the rules: the median of the development surfaces."""
     developed = [each.ratio for each in times if each.name in DEVELOPMENT] or [times[-1].ratio]
     quantity = 'Time of the network as a multiple of that of the rules, 1280×960'
     return Goal(quantity, median(developed), 1.2, at_least=False, form='.2f')
 
 
-def _times_table(times: Sequence[_Times]) -> Table:
+def _times_table(times: Sequence[_CloudTimes]) -> Table:
     columns = [Column('cloud of 1280×960 points'), *(Column(f'{judge}, ms', '.0f') for judge in JUDGES)]
     rows: list[list[Cell]] = [[each.name, *each.ms, each.ratio] for each in times]
     return Table('learned_times', 'Wall time, medians in turns', [*columns, Column('ratio', '.2f')], rows)

@@ -30,8 +30,6 @@ _BATCH, _RATE = 16, 2e-3
 _LARGE = 5
 """An instrument of so many surfaces has two files of the corpus, another one."""
 
-Progress = Callable[[str], None]
-
 
 class Fold(NamedTuple):
     """Instruments that one training leaves out; none for the training on all.
@@ -128,7 +126,7 @@ def _make_corpora(
     instruments: Sequence[str],
     simulated: int,
     seed: int,
-    progress: Progress,
+    progress: Callable[[str], None],
 ) -> dict[str, Path]:
     """Make the corpus of each instrument, and that of simulated surfaces, whose name is ''."""
     from .corpus import make_corpus  # noqa: PLC0415 - needs SciPy
@@ -146,7 +144,12 @@ def _make_corpora(
 
 
 def _train(
-    folder: Path, corpora: Sequence[Path], start: Path | None, steps: int, seed: int, progress: Progress
+    folder: Path,
+    corpora: Sequence[Path],
+    start: Path | None,
+    steps: int,
+    seed: int,
+    progress: Callable[[str], None],
 ) -> Path:
     """Train on the truth alone: the teacher has seen some of the instruments.
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from socialcircle_ros.circle.network.features import scales_of
+from socialcircle_ros.circle.network.scales import scales_of
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.studies.adaptive.inserted_outliers import StudiedSurface
 

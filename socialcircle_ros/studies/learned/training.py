@@ -24,8 +24,6 @@ _LEAST_COUNTED = 0.2
 _EVERY = 100
 _NORM_BATCHES, _NORM_SEED = 120, 999_983
 """Batches that the norms of the averaged network are measured on."""
-_MOST_GRAIN = 2.9
-"""Patches of a larger grain are not used: slopes hide their noise from the spread, which is too small there."""
 
 
 @dataclass(frozen=True)
@@ -128,8 +126,6 @@ class Corpus:
         """
         while True:
             number, place = int(random.integers(len(self.files))), int(random.integers(SHARD))
-            if self.grains[number][place] > _MOST_GRAIN:
-                continue
             # Even corners: a flipped crop keeps the 2×2 squares.
             rows, columns = random.integers(0, (320 - _SIDE) // 2 + 1, 2) * 2
             area = (place, ..., slice(rows, rows + _SIDE), slice(columns, columns + _SIDE))

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive.network_features import compressed, features_of
 
-from socialcircle_ros.circle.network.features import Part, Rounding, channels_of, scales_of, squares_of
+from socialcircle_ros.circle.network.features import Part, Rounding, channels_of, squares_of
+from socialcircle_ros.circle.network.scales import scales_of
 from socialcircle_ros.kernels import bands
 
 ROUNDING = Rounding(0.083, 120)
@@ -61,6 +62,24 @@ def test_the_kernels_equal_the_definition(height, width, seed, missing, unit, of
     heights[random.random(heights.shape) < missing] = np.nan
     heights.flat[random.integers(heights.size)] = 40
     heights = ((heights + offset) * unit).astype(np.float32)
+    channels, scales = seen(heights)
+    expected = features_of(heights)
+    np.testing.assert_allclose(scales.spread, expected.scale, rtol=1e-2)
+    np.testing.assert_allclose(scales.grain, expected.grain, atol=2e-2)
+    np.testing.assert_allclose(channels, expected.channels, atol=2e-2)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.integers(1, 45), st.integers(1, 90), st.integers(0, 10**6), st.sampled_from([0.1, 0.2, 0.5, 0.9, 3.0]),
+    st.sampled_from([0, 0.003, 0.4]), st.sampled_from([1.0, 0.01]), st.sampled_from([0, 0.3]),
+)  # fmt: skip
+def test_the_kernels_equal_the_definition_of_heights_in_steps(height, width, seed, noise, tilt, unit, missing):
+    random = np.random.default_rng(seed)
+    heights = np.round(random.normal(0, noise, (height, width)) + tilt * np.arange(width)) * unit
+    heights[random.random(heights.shape) < missing] = np.nan
+    heights.flat[random.integers(heights.size)] = 40
+    heights = heights.astype(np.float32)
     channels, scales = seen(heights)
     expected = features_of(heights)
     np.testing.assert_allclose(scales.spread, expected.scale, rtol=1e-2)

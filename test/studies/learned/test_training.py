@@ -9,7 +9,8 @@ torch = pytest.importorskip('torch')
 pytest.importorskip('onnx')
 runtime = pytest.importorskip('onnxruntime')
 
-from socialcircle_ros.circle.network.features import INPUTS, channels_of, scales_of  # noqa: E402 the others need PyTorch
+from socialcircle_ros.circle.network.features import INPUTS, channels_of  # noqa: E402 the others need PyTorch
+from socialcircle_ros.circle.network.scales import scales_of  # noqa: E402
 from socialcircle_ros.errors import SocialCircleError  # noqa: E402
 from socialcircle_ros.studies.learned import corpus, teacher, training  # noqa: E402
 from socialcircle_ros.studies.learned.export import network_from, write_onnx  # noqa: E402

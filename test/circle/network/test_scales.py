@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The spread and the grain where their plain definition fails; test_features compares both with a reference."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros.circle.network.scales import scales_of
+
+
+@pytest.mark.parametrize('noise', [0.25, 0.4, 0.5, 0.7])
+@pytest.mark.parametrize(('unit', 'offset'), [(1.0, 0.0), (0.01, 123.0)])
+def test_less_noise_than_the_storage_step_leaves_a_spread_of_the_step(noise, unit, offset):
+    heights = np.round(np.random.default_rng(2).normal(0, noise, (200, 300)))
+    heights[np.random.default_rng(3).random(heights.shape) < 0.002] += 30  # outliers say nothing about the step
+    assert scales_of((unit * heights + offset).astype(np.float32)).spread == pytest.approx(0.75 * unit, rel=0.01)
+
+
+def test_rare_or_unlike_differences_are_no_storage_step():
+    flat = np.zeros((100, 100), np.float32)
+    flat[:, 50:] = 100
+    assert scales_of(flat).spread < 75
+    steep = 200.0 * np.arange(100) * np.ones((100, 1)) + np.random.default_rng(1).normal(size=(100, 100))
+    assert scales_of(steep.astype(np.float32)).spread == pytest.approx(0.9, abs=0.2)
+    spiky = np.where(np.random.default_rng(1).random((100, 100)) < 0.1, np.arange(100.0), 0).astype(np.float32)
+    assert scales_of(spiky).spread < 10
+
+
+@pytest.mark.parametrize('shape', [(40, 40), (24, 32), (300, 400)])
+def test_on_a_small_cloud_of_a_steep_form_the_spread_is_not_far_below_the_noise(shape):
+    y, x = (np.linspace(-1, 1, size) for size in shape)
+    noise = np.random.default_rng(1).normal(size=shape)
+    scales = scales_of((30 * (x**2 + y[:, None] ** 2) + noise).astype(np.float32))
+    assert 0.35 < scales.spread < 1.1
+    assert scales.grain <= 2
+
+
+@pytest.mark.parametrize('shape', [(480, 640), (600, 800), (1000, 1000), (1201, 900)])
+def test_the_sample_looks_at_every_column(shape):
+    spreads = []
+    for phase in range(5):
+        heights = 30.0 * (((np.arange(shape[1]) + phase) % 5) < 2) * np.ones((shape[0], 1))
+        spreads.append(
+            scales_of((heights + np.random.default_rng(1).normal(size=shape)).astype(np.float32)).spread
+        )
+    assert max(spreads) < 1.1 * min(spreads)
