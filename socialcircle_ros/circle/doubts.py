@@ -17,7 +17,7 @@ _RICH_TEXTURE = 0.04
 """Share of the points in shapes that are nearly islands above which the rules warn. Of 41 measured surfaces 15
 lose more than 0.5 % of their good points; 14 of these are above, and no other."""
 _MANY_UNDECIDED = 0.005
-"""Share of the points that the network is undecided about above which it warns, if it removed fewer."""
+"""Share of the points that the network is undecided about above which it warns, if it is certain of fewer."""
 _FAR_TOO_LARGE = 10.0
 """A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
 about 5 of them."""
@@ -111,16 +111,19 @@ def texture_doubts(nearly: float) -> list[str]:
     return [f'{shapes}: good points may be among the removed ones; {cure}.']
 
 
-def unknown_texture(undecided: float, removed: float) -> list[str]:
+def unknown_texture(undecided: float, certain: float, removed: int) -> list[str]:
     """Warn of a surface that the network can hardly tell from outliers: it is unlike those that it was trained on.
+
+    What became of the undecided points does not matter: where it removes most of them, that is as doubtful.
 
     Args:
         undecided: share of the measured points, as `AdaptiveResult.nearly`.
-        removed: share of the measured points that are outliers.
+        certain: as `AdaptiveResult.certain`.
+        removed: number of outliers.
     """
-    if undecided <= _MANY_UNDECIDED or undecided <= removed:
+    if undecided <= _MANY_UNDECIDED or undecided <= certain:
         return []
-    points = f'the network is undecided about {100 * undecided:.1f} % of the points, more than it removed'
+    points = f'the network is undecided about {100 * undecided:.1f} % of the points, more than it is certain of'
     risk = 'outliers may have stayed' + (', and good points may be among the removed ones' if removed else '')
     return [f'{points}: {risk}; teach this texture with `socialcircle teach`.']
 

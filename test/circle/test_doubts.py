@@ -110,11 +110,14 @@ def test_a_texture_that_resembles_outliers_is_named_with_the_cure():
 
 
 @pytest.mark.parametrize(
-    ('undecided', 'removed', 'warns'),
-    [(0.004, 0.0, False), (0.02, 0.0, True), (0.02, 0.01, True), (0.02, 0.03, False)],
-)
-def test_a_texture_that_the_network_does_not_know_is_named_with_the_cure(undecided, removed, warns):
-    found = unknown_texture(undecided, removed)
+    ('undecided', 'certain', 'removed', 'warns'),
+    [
+        (0.004, 0.0, 0, False), (0.02, 0.0, 0, True), (0.02, 0.01, 90, True), (0.02, 0.01, 0, True),
+        (0.02, 0.03, 90, False),
+    ],
+)  # fmt: skip
+def test_a_texture_that_the_network_does_not_know_is_named_with_the_cure(undecided, certain, removed, warns):
+    found = unknown_texture(undecided, certain, removed)
     assert bool(found) == warns
     for each in found:
         assert 'undecided about 2.0 % of the points' in each
@@ -134,6 +137,21 @@ def test_the_result_warns_where_the_network_is_undecided(probability, warns, mon
     monkeypatch.setattr(network, 'packaged_network', lambda provider: Undecided())
     result = remove_outliers(smooth(), CircleSettings(judge='network'), pitch=(1.0, 2.0))
     assert any('the network is undecided' in warning for warning in result.warnings) == warns
+
+
+@pytest.mark.parametrize(
+    'noise',
+    [
+        lambda random: random.exponential(1.0, (200, 300)),
+        lambda random: random.normal(size=(200, 300)) ** 2,
+        lambda random: np.exp(random.normal(0, 0.6, (200, 300))),
+    ],
+)
+def test_the_result_warns_of_skewed_noise_however_much_of_it_falls(noise):
+    heights = noise(np.random.default_rng(8)).astype(np.float32)
+    result = remove_outliers(heights, CircleSettings(judge='network'), pitch=(1.0, 2.0))
+    assert result.outliers.mean() > 0.05  # good points, as no other surface has lost
+    assert any('the network is undecided' in warning for warning in result.warnings)
 
 
 def test_outliers_on_a_plain_surface_are_no_texture():

@@ -69,8 +69,9 @@ class AdaptiveResult:
         spread: standard deviation of the differences between neighbours, the mean over the four directions, in the
             unit of the cloud.
         islands_kept: number of islands of one height that were kept as the texture of the surface.
-        nearly: share of the measured points that were kept but are nearly outliers: they belong to a shape that is
-            nearly an island, or their probability is above `likelihood.UNDECIDED`.
+        nearly: share of the measured points that are nearly outliers: by the rules, those that were kept but
+            belong to a shape that is nearly an island; by probability, those that are undecided, kept or not.
+        certain: share of the measured points with a probability above `likelihood.CERTAIN`; 0 by the rules.
         times_ms: time of each step in ms.
     """
 
@@ -79,6 +80,7 @@ class AdaptiveResult:
     spread: float
     islands_kept: int
     nearly: float
+    certain: float
     times_ms: dict[str, float]
 
 
@@ -139,7 +141,7 @@ def find_outliers(
     score = search.steepness
     nearly = _scale_scores(score, outliers, search.measured) / int(np.count_nonzero(search.measured))
     stopwatch.lap('score')
-    return AdaptiveResult(outliers, score, spread, islands_kept, nearly, stopwatch.times_ms)
+    return AdaptiveResult(outliers, score, spread, islands_kept, nearly, 0.0, stopwatch.times_ms)
 
 
 def find_probable_outliers(
@@ -180,7 +182,7 @@ def find_probable_outliers(
         if islands_kept:
             probabilities[texture] = 0
             decided = probable_outliers(probabilities, measured)
-        outliers, score, undecided, _ = decided
+        outliers, score, undecided, certain, _ = decided
     else:
         found = probabilities > round(judge.least * ONE)
         far = far_islands(relative, spread, found)
@@ -188,10 +190,11 @@ def find_probable_outliers(
         probabilities[far] = ONE
         score = np.divide(probabilities, ONE, dtype=np.float32)
         outliers = _judged(relative, found | far, score, mean_spread, judge)
-        undecided = _scale_scores(score, outliers, measured)
+        undecided, certain = _scale_scores(score, outliers, measured), 0
     stopwatch.lap('communities')
-    nearly = undecided / int(np.count_nonzero(measured))
-    return AdaptiveResult(outliers, score, mean_spread, islands_kept, nearly, stopwatch.times_ms)
+    number = int(np.count_nonzero(measured))
+    shares = undecided / number, certain / number
+    return AdaptiveResult(outliers, score, mean_spread, islands_kept, *shares, stopwatch.times_ms)
 
 
 class _IslandSearch:

@@ -33,7 +33,7 @@ CERTAIN, CERTAIN_AMONG_MANY = 0.8, 0.5
 FEW, MANY = 0.1, 0.2
 """Shares of the measured points, by the mean probability of all points."""
 UNDECIDED = 0.2
-"""A kept point above this probability may be an outlier or not; a lesson decides about communities of such."""
+"""A point between this probability and `CERTAIN` may be an outlier or not; a lesson decides about such."""
 
 
 class Decided(NamedTuple):
@@ -42,13 +42,15 @@ class Decided(NamedTuple):
     Attributes:
         outliers: (H, W) bool.
         score: (H, W) float32, as in `AdaptiveResult`.
-        undecided: number of kept points with a probability above `UNDECIDED`.
+        undecided: number of points with a probability above `UNDECIDED` and not above `CERTAIN`.
+        certain: number of points with a probability above `CERTAIN`.
         communities: of the outliers.
     """
 
     outliers: Mask
     score: npt.NDArray[np.float32]
     undecided: int
+    certain: int
     communities: Labelled
 
 
@@ -69,21 +71,21 @@ def probable_outliers(probabilities: Probabilities, measured: Mask) -> Decided:
     outliers: Mask = np.zeros(probabilities.shape, np.bool_)
     outliers.flat[communities.points] = True
     score = np.empty(probabilities.shape, np.float32)
-    undecided = _write_scores(probabilities, outliers, measured, round(certain * ONE), score)
-    return Decided(outliers, score, undecided, communities)
+    undecided, sure_points = _write_scores(probabilities, outliers, measured, round(certain * ONE), score)
+    return Decided(outliers, score, undecided, sure_points, communities)
 
 
 @kernel
 def _write_scores(
     probabilities: Probabilities, outliers: Mask, measured: Mask, certain: int, score: npt.NDArray[np.float32]
-) -> int:
+) -> tuple[int, int]:
     """Half of 1 + p for outliers; of others half of p over the least that is certain; NaN where not measured.
 
     Returns:
-        The number of kept points above `UNDECIDED`.
+        The numbers of undecided and of certain points, as in `Decided`.
     """
     height, width = score.shape
-    undecided = 0
+    above_undecided, above_certain = 0, 0
     for row in range(height):
         for column in range(width):
             probability = np.float32(probabilities[row, column])
@@ -93,5 +95,6 @@ def _write_scores(
                 score[row, column] = np.float32(0.5) + np.float32(0.5 / ONE) * probability
             else:
                 score[row, column] = np.float32(0.5) * min(probability / np.float32(certain), np.float32(1))
-                undecided += int(probability > ONE * UNDECIDED)
-    return undecided
+            above_undecided += int(probability > ONE * UNDECIDED)
+            above_certain += int(probability > ONE * CERTAIN)
+    return above_undecided - above_certain, above_certain

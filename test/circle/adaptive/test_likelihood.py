@@ -61,7 +61,7 @@ def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, he
     measured = random.random((height, width)) < 0.9
     measured[0, 0] = True
     probabilities = in_255ths(random.random((height, width)) ** random.choice([1, 4, 30]) * measured)
-    outliers, score, undecided, communities = probable_outliers(probabilities, measured)
+    outliers, score, undecided, certain, communities = probable_outliers(probabilities, measured)
     np.testing.assert_array_equal(outliers, naively_found(probabilities, measured))
     labelled = {}
     for point, label in zip(communities.points.tolist(), communities.labels.tolist(), strict=True):
@@ -73,7 +73,8 @@ def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, he
     np.testing.assert_array_equal(np.isnan(score), ~measured)
     assert np.nanmin(score) >= 0
     assert np.nanmax(score) <= 1
-    assert undecided == ((probabilities > UNDECIDED * ONE) & ~outliers & measured).sum()
+    assert certain == (probabilities > CERTAIN * ONE).sum()
+    assert undecided == (probabilities > UNDECIDED * ONE).sum() - certain
 
 
 def noise():
@@ -92,7 +93,8 @@ def test_the_probabilities_decide_where_nothing_is_far_off():
     assert np.argwhere(result.outliers).tolist() == [[70, 80], [70, 81], [71, 82]]
     assert result.score[70, 80] > result.score[70, 81] > 0.5 > result.score[40, 60] > result.score[70, 83]
     assert result.islands_kept == 0
-    assert result.nearly == pytest.approx(43 / heights.size)
+    assert result.nearly == pytest.approx(45 / heights.size)  # those beside the certain one, too
+    assert result.certain == pytest.approx(1 / heights.size)
 
 
 @pytest.mark.parametrize(('elsewhere', 'falls'), [(0.0, False), (0.19, True)])
