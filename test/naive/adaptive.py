@@ -126,13 +126,19 @@ def raw_differences(heights, slopes, direction, predicted):
 def least_spread(heights):
     """The step that heights are stored in, or the resolution of float32 at their height."""
     known = heights[np.isfinite(heights)]
-    levels, counts = np.unique(known, return_counts=True)
-    stored = len(levels) > 1 and counts.max() <= 0.98 * known.size
-    quantum = np.median(np.diff(levels.astype(float))) if stored else 0.0
-    middle = np.median(np.abs(known)) if known.size else np.float32(0)
-    return max(
-        float(quantum), float(np.spacing(np.float32(middle))), STEPS_PER_SPREAD / float(np.finfo(np.float32).max)
-    )
+    middle, high = np.quantile(np.abs(known), [0.5, 0.9]) if known.size else (0, 0)
+    rounding, same = (float(np.spacing(np.float32(each))) for each in (middle, high))
+    levels, counts = [], []
+    before = -np.inf
+    for height in np.sort(known.astype(float)):
+        if height - before > 4 * same:
+            levels.append(height)
+            counts.append(0)
+        counts[-1] += 1
+        before = height
+    stored = len(levels) > 1 and max(counts) <= 0.98 * known.size
+    quantum = float(np.median(np.diff(levels))) if stored else 0.0
+    return max(quantum, rounding, STEPS_PER_SPREAD / float(np.finfo(np.float32).max))
 
 
 def estimate_spread(heights, tile, may_predict):

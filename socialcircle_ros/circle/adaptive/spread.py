@@ -36,6 +36,10 @@ _CALMEST = 0.5
 """Least factor of a tile: a calm tile is not suspicious."""
 _ONE_LEVEL = 0.98
 """A cloud with a larger share of its points at one height is that plane: its heights are not stored in steps."""
+_SAME_LEVEL = 4.0
+"""Heights of one level differ by at most so many times the resolution of float32: a mean of four is rounded."""
+_HIGH = 0.9
+"""That is the resolution at this quantile of the heights' sizes, which a few outliers do not change."""
 _SAMPLES = 60_000
 """Differences from which the spread of a direction is estimated."""
 _SMALLEST = STEPS_PER_SPREAD / float(np.finfo(np.float32).max)
@@ -98,22 +102,23 @@ def _above_zero(sizes: Sample) -> Sample:
 def _least_spread(heights: RelativeHeights) -> float:
     """The spread that storage alone causes, in the cloud's unit; NaN heights do not count."""
     sample = heights[np.isfinite(heights)]
-    return max(_quantum(sample), _rounding(sample), _SMALLEST)
+    rounding, largest = _roundings(sample)
+    return max(_quantum(sample, _SAME_LEVEL * largest), rounding, _SMALLEST)
 
 
-def _quantum(sample: Sample) -> float:
+def _quantum(sample: Sample, same: float) -> float:
     """Step between heights that are stored in steps: what rounding does to a difference; else next to 0."""
-    steps, most = _steps(sorted_values(sample))
+    steps, most = _steps(sorted_values(sample), same)
     if steps.size == 0 or most > _ONE_LEVEL * sample.size:
         return 0.0
     return float(np.median(steps))
 
 
-def _rounding(sample: Sample) -> float:
-    """Resolution of float32 at the median height of the cloud; next to 0 for a cloud at height 0."""
-    if not sample.size:
-        return float(np.finfo(np.float32).tiny)
-    return float(np.spacing(np.float32(np.median(np.abs(sample)))))
+def _roundings(sample: Sample) -> tuple[float, float]:
+    """Resolution of float32 at the median and at `_HIGH` of the sizes of the heights; next to 0 at height 0."""
+    sizes = np.quantile(np.abs(sample), [0.5, _HIGH]) if sample.size else np.zeros(2)
+    rounding, largest = np.spacing(sizes.astype(np.float32))
+    return float(rounding), float(largest)
 
 
 def _spread_by_tile(
@@ -134,12 +139,15 @@ def _spread_by_tile(
 
 
 @kernel
-def _steps(heights: Sample) -> tuple[npt.NDArray[np.float64], int]:
-    """Steps from level to level of sorted heights, (m,) float64, and the number of points of the fullest level."""
+def _steps(heights: Sample, same: float) -> tuple[npt.NDArray[np.float64], int]:
+    """Steps from level to level of sorted heights, (m,) float64, and the number of points of the fullest level.
+
+    Heights of one level are at most `same` apart from the next.
+    """
     steps = np.empty(max(heights.size - 1, 0))
     number, start, most = 0, 0, 0
     for place in range(heights.size):
-        if heights[place] != heights[start]:
+        if np.float64(heights[place]) - np.float64(heights[max(place - 1, 0)]) > same:
             steps[number] = np.float64(heights[place]) - np.float64(heights[start])
             number += 1
             start = place
