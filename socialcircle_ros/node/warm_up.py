@@ -13,7 +13,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from socialcircle_ros.circle.adaptive.communities import communities_of
-from socialcircle_ros.circle.adaptive.far import far_islands
+from socialcircle_ros.circle.adaptive.far import far_points
 from socialcircle_ros.circle.adaptive.likelihood import probable_outliers
 from socialcircle_ros.circle.adaptive.spread import estimate_spread
 from socialcircle_ros.circle.network.features import Part, Rounding, squares_of
@@ -268,7 +268,7 @@ def _see() -> None:
     all_bytes = np.arange(256, dtype=np.uint8)
     write_probabilities(np.ascontiguousarray(squares[..., :4]), all_bytes, whole, whole, heights, probabilities)
     probable_outliers(probabilities, measured)
-    far_islands(heights, estimate_spread(heights, 16, may_predict=False), ~measured)
+    far_points(heights, estimate_spread(heights, 16, may_predict=False), ~measured)
 
 
 def _measure_communities() -> None:

@@ -197,8 +197,8 @@ def difference_between(differences, here, there):
 # Isolated points
 
 
-def isolated_points(differences):
-    shape, touch = differences.shape[1:], TOUCH * STEPS_PER_SPREAD
+def isolated_points(differences, touch=TOUCH * STEPS_PER_SPREAD):
+    shape = differences.shape[1:]
     isolated = np.zeros(shape, bool)
     for place in places(shape):
         around = [difference_between(differences, place, other) for other in neighbours(*place, shape)]
@@ -423,21 +423,25 @@ def long_edges(steps, shape):
     return edges
 
 
-def far_islands(heights, outliers, differences, find):
-    """The islands by `find` far off a plain surface; differences are in 1/8 spread."""
+def far_points(heights, outliers, differences, find):
+    """Single points far off, and the islands by `find` far off a plain surface; differences are in 1/8 spread."""
     pairs = 4 * np.isfinite(with_holes_filled(heights, outliers)).sum()
 
     def steps(without, spreads):
         return len(steps_of(differences, without, 8 * spreads))
 
-    none = np.zeros(heights.shape, bool)
     noticed = any(abs(int(difference)) >= 48 for difference in differences.ravel() if difference != MISSING)
-    if not noticed or steps(outliers, 12) > 0.02 * pairs:
-        return none
+    if not noticed:
+        return np.zeros(heights.shape, bool)
+    alone = isolated_points(differences, 96) & np.isfinite(heights)
+    outliers = outliers | alone
+    if steps(outliers, 12) > 0.02 * pairs:
+        return alone
     islands = find(10, 0.95, 4) & np.isfinite(heights)
     known = outliers | long_edges(steps_of(differences, outliers | islands, 96), heights.shape)
     if steps(known | islands, 12) > 0.002 * pairs:
-        return none
+        return alone
+    islands |= alone
     if steps(known | islands, 4) > 0.005 * pairs:
         return islands
     lower = find(4, 0.955, 2) & np.isfinite(heights)

@@ -13,7 +13,7 @@ from socialcircle_ros.kernels.stopwatch import Stopwatch
 
 from .communities import Certainty, communities_of, label_communities
 from .differences import Differences, Spread, normalised_differences
-from .far import far_islands
+from .far import far_points
 from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
@@ -151,8 +151,8 @@ def find_probable_outliers(
 ) -> AdaptiveResult:
     """Find the outliers of a height map by the probability of each point.
 
-    Islands far off a plain surface are outliers whatever their probability, and islands that belong to the
-    surface are not.
+    Points far off, as `far_points` defines them, are outliers whatever their probability, and islands that belong
+    to the surface are not.
 
     Args:
         heights: as for `find_outliers`.
@@ -172,8 +172,8 @@ def find_probable_outliers(
     if judge is None:
         decided = probable_outliers(probabilities, measured)
         stopwatch.lap('communities')
-        far = far_islands(relative, spread, decided.outliers)
-        stopwatch.lap('far islands')
+        far = far_points(relative, spread, decided.outliers)
+        stopwatch.lap('far points')
         if far.any():
             probabilities[far] = ONE
             decided = probable_outliers(probabilities, measured)
@@ -185,8 +185,8 @@ def find_probable_outliers(
         outliers, score, undecided, certain, _ = decided
     else:
         found = probabilities > round(judge.least * ONE)
-        far = far_islands(relative, spread, found)
-        stopwatch.lap('far islands')
+        far = far_points(relative, spread, found)
+        stopwatch.lap('far points')
         probabilities[far] = ONE
         score = np.divide(probabilities, ONE, dtype=np.float32)
         outliers = _judged(relative, found | far, score, mean_spread, judge)

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Islands that stand far off a plain surface.
+"""Points that stand far off: single ones on any surface, and islands on a plain one.
 
-A network sees the points around each point, and a large patch with sharp edges looks like a part of the surface to
-it. Whether the surface has such parts, only the whole cloud tells: a plain surface has hardly a large step between
-neighbours, but for those at the border of such patches, and at a few long edges.
+A network does not find single points in textures as fine as themselves, such as gratings, nor where most
+neighbours are not measured. If they are far off their neighbours, no texture that was measured has such points.
+
+A large patch with sharp edges looks like a part of the surface to it. Whether the surface has such parts, only the
+whole cloud tells: a plain surface has hardly a large step between neighbours, but for those at the border of such
+patches, and at a few long edges.
 """
 
 from dataclasses import replace
@@ -20,8 +23,11 @@ from .communities import label_communities
 from .differences import DOWN, MISSING, RIGHT, STEPS_PER_SPREAD, Differences, Spread, normalised_differences
 from .heights import RelativeHeights, with_holes_filled
 from .islands import find_islands
+from .isolated import isolated_points
 from .relief import relief_of
 
+ALONE = 12.0
+"""A point is far off if it differs by so many spreads from its neighbours, of which one may be as far off."""
 NOTICED = 6.0
 """Islands are sought if two neighbours differ by so many spreads once the outliers are filled."""
 LONG, NARROW = 48, 8
@@ -63,11 +69,12 @@ _VERY_PLAIN = _Plain(share=2e-4, hopeless=5e-3, large=4.0, clip=4.0, steep=0.955
 """White noise is very plain: 0.6e-4 of its neighbours differ by 4 spreads."""
 
 
-def far_islands(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mask:
-    """Find the islands that stand far off a plain surface; none if the surface is not plain without them.
+def far_points(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mask:
+    """Find single points far off their neighbours, and the islands far off a plain surface.
 
-    On a very plain surface lower islands count, too, unless most of their points are known already: the outlines
-    of these are better than those of islands.
+    There are no such islands if the surface is not plain without them. On a very plain surface lower islands
+    count, too, unless most of their points are known already: the outlines of these are better than those of
+    islands.
 
     Args:
         heights: (H, W) float32, NaN where not measured.
@@ -75,9 +82,8 @@ def far_islands(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mas
         outliers: (H, W) bool, measured points that are outliers whatever is found here.
 
     Returns:
-        (H, W) bool, the points of the islands.
+        (H, W) bool.
     """
-    found: Mask = np.zeros(heights.shape, np.bool_)
     filled = with_holes_filled(heights, outliers)
     differences = normalised_differences(filled, replace(spread, by_direction=_COARSER * spread.by_direction))
     measured = np.isfinite(filled)
@@ -92,7 +98,11 @@ def far_islands(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mas
         )
         return points, sum(counts) / max(pairs, 1)
 
-    if not _has_step(differences.ravel(), _in_units(NOTICED)) or steps(_PLAIN, outliers)[1] > _PLAIN.hopeless:
+    if not _has_step(differences.ravel(), _in_units(NOTICED)):
+        return np.zeros(heights.shape, np.bool_)
+    found = isolated_points(differences, ALONE / _COARSER) & np.isfinite(heights)
+    outliers = outliers | found
+    if steps(_PLAIN, outliers)[1] > _PLAIN.hopeless:
         return found
     relief = relief_of(differences)
 

@@ -20,20 +20,21 @@ _WELL_SURROUNDED = 6
 _TouchCounts = npt.NDArray[np.int8]
 
 
-def isolated_points(differences: Differences) -> Mask:
+def isolated_points(differences: Differences, touch: float = TOUCH) -> Mask:
     """Find the points that at most one neighbour is in touch with, and that lie above or below most of the others.
 
     The second condition keeps the points of a steep wall: they have neighbours above and below.
 
     Args:
         differences: (4, H, W) int8, as `normalised_differences` gives them.
+        touch: neighbours are in touch below this, in spreads.
 
     Returns:
         (H, W) bool.
     """
     isolated: Mask = np.empty(differences.shape[1:], np.bool_)
-    touch = round(TOUCH * STEPS_PER_SPREAD)
-    in_bands(lambda rows: _find(differences, touch, rows.start, rows.stop, isolated), *isolated.shape)
+    steps = round(touch * STEPS_PER_SPREAD)
+    in_bands(lambda rows: _find(differences, steps, rows.start, rows.stop, isolated), *isolated.shape)
     return isolated
 
 
