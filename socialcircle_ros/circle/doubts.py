@@ -17,7 +17,7 @@ _RICH_TEXTURE = 0.04
 """Share of the points in shapes that are nearly islands above which the rules warn. Of 41 measured surfaces 15
 lose more than 0.5 % of their good points; 14 of these are above, and no other."""
 _MANY_UNDECIDED = 0.005
-"""Share of the points that the network is undecided about above which it warns, if it is certain of fewer."""
+"""Share of the points that the network is undecided about above which it warns, if fewer surely are outliers."""
 _FAR_TOO_LARGE = 10.0
 """A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
 about 5 of them."""
@@ -123,7 +123,8 @@ def unknown_texture(undecided: float, certain: float, removed: int) -> list[str]
     """
     if undecided <= _MANY_UNDECIDED or undecided <= certain:
         return []
-    points = f'the network is undecided about {100 * undecided:.1f} % of the points, more than it is certain of'
+    sure = f'more than the {100 * certain:.1f} % that surely are outliers'
+    points = f'the network is undecided about {100 * undecided:.1f} % of the points, {sure}'
     risk = 'outliers may have stayed' + (', and good points may be among the removed ones' if removed else '')
     return [f'{points}: {risk}; teach this texture with `socialcircle teach`.']
 

@@ -139,9 +139,9 @@ def _filter(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER) -> None:
 
 
 def steps() -> Iterator[Callable[[], object]]:
-    """Calls that compile all kernels of the node, the default mode's first; none of them is guarded.
+    """Calls that compile all kernels of the node, the default mode's first; a kernel that fails is an error.
 
-    The network has no kernels: those round it are compiled without ONNX Runtime, too.
+    The kernels before and after the network are compiled without ONNX Runtime, too.
     """
     yield lambda: _compile_common(CircleSettings().mode, 'rules', cold=_is_cold())
     yield partial(_read_network, CircleSettings())

@@ -150,7 +150,7 @@ def test_the_result_warns_where_the_network_is_undecided(probability, warns, mon
 def test_the_result_warns_of_skewed_noise_however_much_of_it_falls(noise):
     heights = noise(np.random.default_rng(8)).astype(np.float32)
     result = remove_outliers(heights, CircleSettings(judge='network'), pitch=(1.0, 2.0))
-    assert result.outliers.mean() > 0.05  # good points, as no other surface has lost
+    assert result.outliers.mean() > 0.05  # good points
     assert any('the network is undecided' in warning for warning in result.warnings)
 
 

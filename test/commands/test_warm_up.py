@@ -25,7 +25,8 @@ def test_every_step_runs_and_the_folder_is_told(monkeypatch):
 
 def test_without_onnx_runtime_all_is_compiled_and_a_sentence_says_what_is_missing(monkeypatch):
     monkeypatch.setitem(sys.modules, 'onnxruntime', None)
-    first, network, *_ = node_warm_up.steps()
+    first, network, *rare = node_warm_up.steps()
+    assert node_warm_up._see in rare  # the kernels before and after the network
     monkeypatch.setattr(node_warm_up, 'steps', lambda: iter([first, network]))
     result = CliRunner().invoke(warm_up.command)
     assert result.exit_code == 0, result.output

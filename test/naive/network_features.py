@@ -49,7 +49,7 @@ def features_of(heights: NDArray[np.float32]) -> Features:
     along, down = _second_difference(filled, 1), _second_difference(filled, 0)
     fine = float(np.median(np.abs(along.ravel()[sampled])))
     varying = [each - np.median(each) for each in steps if each.size]
-    least = max(0.75 * _storage_step(np.concatenate(varying)), fine / 4) if varying else fine / 4
+    least = max(0.65 * _storage_step(np.concatenate(varying)), fine / 4) if varying else fine / 4
     scale = _scale(np.abs(residual.ravel()[sampled]), least)
     grain = float(np.clip(np.log2(fine / scale), -10, 2)) if fine > 0 else -10.0
     narrow, wide = (_mean_of_measured(smooth, measured, radius) for radius in (_NARROW, _WIDE))
@@ -69,7 +69,7 @@ def compressed(values: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _stride(height: int, width: int) -> int:
-    """The least odd number that has no divisor in common with the width and gives about 65,536 samples."""
+    """The least odd number that has no divisor in common with the width and gives at most about 65,536 samples."""
     stride = max(1, height * width // _SAMPLES)
     while stride % 2 == 0 or any(stride % each == width % each == 0 for each in range(2, stride + 1)):
         stride += 1
@@ -89,11 +89,11 @@ def _steps(heights: NDArray[np.float32], sample: NDArray[np.int64]) -> list[NDAr
 
 
 def _storage_step(differences: NDArray[np.float64]) -> float:
-    """What at least half of the differing neighbours differ by, within 1 %; 0 if hardly any differ."""
+    """A low size of the differing neighbours that half of them have within 1 %; 0 if few differ."""
     sizes = sorted(abs(each) for each in differences.tolist() if each != 0)
-    if len(sizes) <= 0.01 * differences.size:
+    if len(sizes) <= 0.15 * differences.size:
         return 0.0
-    step = float(np.median(sizes))
+    step = float(np.quantile(sizes, 0.1))
     return step if 2 * sum(abs(each - step) <= 0.01 * step for each in sizes) >= len(sizes) else 0.0
 
 

@@ -69,9 +69,10 @@ class AdaptiveResult:
         spread: standard deviation of the differences between neighbours, the mean over the four directions, in the
             unit of the cloud.
         islands_kept: number of islands of one height that were kept as the texture of the surface.
-        nearly: share of the measured points that are nearly outliers: by the rules, those that were kept but
-            belong to a shape that is nearly an island; by probability, those that are undecided, kept or not.
-        certain: share of the measured points with a probability above `likelihood.CERTAIN`; 0 by the rules.
+        nearly: share of the measured points that are nearly outliers: by the rules and with a lesson, those that
+            were kept but are nearly as certain as an outlier; by probability, the undecided ones, kept or not.
+        certain: share of the measured points with a probability above `likelihood.CERTAIN`, those far off
+            included; 0 by the rules and with a lesson.
         times_ms: time of each step in ms.
     """
 

@@ -33,7 +33,7 @@ CERTAIN, CERTAIN_AMONG_MANY = 0.8, 0.5
 FEW, MANY = 0.1, 0.2
 """Shares of the measured points, by the mean probability of all points."""
 UNDECIDED = 0.2
-"""A point between this probability and `CERTAIN` may be an outlier or not; a lesson decides about such."""
+"""A point between this probability and `CERTAIN` may be an outlier or not. A lesson decides about all above it."""
 
 
 class Decided(NamedTuple):

@@ -10,8 +10,8 @@ the heights do not matter:
 
 All but the last pass through L(v) = sign(v) · log2(1 + |v|), linear between powers of two.
 
-The network works at half the resolution and with 8 bits: `squares_of` gives it what it takes. The training rounds
-later, and begins with `channels_of`.
+The network works at half the resolution and with 8 bits: `squares_of` gives it that. The training needs the
+numbers before they are rounded: `channels_of`.
 """
 
 from typing import NamedTuple
@@ -28,8 +28,8 @@ from .scales import Scales, scales_of
 
 CHANNELS = 6
 INPUTS = 4 * (CHANNELS + 1)
-"""One for each channel and point of a square, and four for the grain: ONNX Runtime convolves 28 planes of 8 bits
-in less time than 25."""
+"""Numbers of a square: one for each channel and point, and four for the grain. ONNX Runtime convolves 28 planes of
+8 bits in less time than 25."""
 MARGIN = 36
 """Points around a part of the cloud that its features depend on: half of the wide window, median and rings."""
 
@@ -129,7 +129,7 @@ def squares_of(
         rounding: of the channels and of the grain.
 
     Returns:
-        (height, width, 28) uint8; beyond the part only the last four are not 0.
+        (height, width, 28) uint8; beyond the part all but the last four are the bytes of 0.
     """
     around = _surroundings(heights, scales, part)
     squares = np.full((height, width, INPUTS), rounding.zero, np.uint8)
@@ -153,7 +153,7 @@ def _surroundings(heights: RelativeHeights, scales: Scales, part: Part) -> _Surr
     shape = around.shape
     level = np.empty(shape, np.float32)
     holes = in_bands(lambda band: _subtract_tilt(around, scales, top, left, band.start, band.stop, level), *shape)
-    measured = np.isfinite(level) if any(holes) else np.ones(shape, np.bool_)
+    measured = ~np.isnan(level) if any(holes) else np.ones(shape, np.bool_)
     if any(holes):
         ring = np.empty(shape, np.float32)
         in_bands(lambda band: _first_ring(level, band.start, band.stop, ring), *shape)

@@ -35,8 +35,10 @@ TILE = 640
 """Side of the tiles of a larger cloud, in points; even, as `features.squares_of` needs it. With its surroundings a
 tile takes about 100 MB."""
 
-_FEATURES, _LOGITS = 'features', 'logits'
-_VERSION = '3'
+FEATURES, LOGITS = 'features', 'logits'
+"""Names of the input and of the output."""
+VERSION = '3'
+"""Version of the input, in the metadata of the file."""
 
 
 Logits = npt.NDArray[np.uint8]
@@ -54,7 +56,7 @@ class NetworkJudge:
         """Read the file.
 
         Args:
-            path: of an ONNX file that the training wrote.
+            path: of an ONNX file with 8-bit weights that the training wrote.
             threads: to compute with.
             provider: execution provider of ONNX Runtime that computes.
 
@@ -83,8 +85,10 @@ class NetworkJudge:
                 f' as a driver. Use {CPU_PROVIDER}.'
             )
         self.card: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
-        if self.card.get('features') != _VERSION:
-            raise SocialCircleError(f'{path} is no network that the training of this version wrote.')
+        if self.card.get('features') != VERSION:
+            raise SocialCircleError(
+                f'{path} is no rounded network of this version: give what the training wrote for -o.'
+            )
         self._halo, self._multiple = int(self.card['halo']), int(self.card['multiple'])
         self._rounding = Rounding(float(self.card['features_step']), int(self.card['features_zero']))
         self._bytes = bytes_of(Rounding(float(self.card['logits_step']), int(self.card['logits_zero'])))
@@ -113,7 +117,7 @@ class NetworkJudge:
                 )
                 rows, columns = self._half(part.bottom - part.top), self._half(part.right - part.left)
                 squares = squares_of(heights, scales, part, rows, columns, self._rounding)
-                (logits,) = self._session.run([_LOGITS], {_FEATURES: squares[None]})
+                (logits,) = self._session.run([LOGITS], {FEATURES: squares[None]})
                 write_probabilities(logits[0], self._bytes, part, core, heights, found)
         return found
 

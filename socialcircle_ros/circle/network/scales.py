@@ -18,12 +18,12 @@ _SIGMA = 1.4826
 _MOSTLY_ALIKE = 0.02
 """Where the robust spread is below this share of the mean residual, most heights equal their surroundings'."""
 _LEAST_SPREAD = float(np.finfo(np.float32).tiny)
-_OF_A_STEP = 0.75
+_OF_A_STEP = 0.65
 """Where heights are stored in steps, the spread is at least so much of one: less noise than that makes single
 points differ by a step, and these are no outliers."""
-_MOST, _SAME, _HARDLY_ANY = 0.5, 0.01, 0.01
-"""Heights are stored in steps if at least this share of the neighbours that differ do so by the same step, within
-a hundredth, and if a hundredth of all neighbours differ."""
+_LOW, _MOST, _SAME, _FEW = 0.1, 0.5, 0.01, 0.15
+"""The step is this quantile of the differences that are not 0, if at least half of these are the same within a
+hundredth, and if 15 % of all are not 0. Where fewer differ, the step may be the height of a few outliers."""
 _LEAST_GRAIN, _MOST_GRAIN = -10.0, 2.0
 """The grain is not below the first. It would be above the second where slopes hide the noise, on small clouds of a
 steep form: there the spread is larger, so that it is not."""
@@ -93,9 +93,9 @@ def _storage_step(differences: npt.NDArray[np.float64]) -> float:
     the differences are whole steps, too.
     """
     sizes = np.abs(differences[differences != 0])
-    if sizes.size <= _HARDLY_ANY * differences.size:
+    if sizes.size <= _FEW * differences.size:
         return 0.0
-    step = float(np.median(sizes))
+    step = float(np.quantile(sizes, _LOW))
     return step if np.mean(np.abs(sizes - step) <= _SAME * step) >= _MOST else 0.0
 
 

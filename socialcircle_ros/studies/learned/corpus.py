@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.circle.network.features import CHANNELS, channels_of
+from socialcircle_ros.circle.network.inference import VERSION
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import write_file
 
@@ -70,11 +71,16 @@ def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> 
         patches[place], grain = make_patch(surfaces, random)
         grains.append(grain)
     path = folder / f'{seed:06d}.npy'
-    write_file(path.with_suffix('.json'), json.dumps({'grain': grains, 'surfaces': [s.name for s in surfaces]}))
+    write_file(path.with_suffix('.json'), json.dumps({'grain': grains, **_origin(surfaces)}))
     content = io.BytesIO()
     np.save(content, patches)
     write_file(path, content.getvalue())
     return path
+
+
+def _origin(surfaces: Sequence[TrainingSurface]) -> dict[str, object]:
+    """What a file of the corpus was made from: the version of the channels, and the surfaces."""
+    return {'features': VERSION, 'surfaces': [surface.name for surface in surfaces]}
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -97,9 +103,10 @@ def make_corpus(
     """
     folder.mkdir(parents=True, exist_ok=True)
     for path in sorted(folder.glob('*.json')):
-        if json.loads(path.read_text(encoding='utf-8'))['surfaces'] != [surface.name for surface in surfaces]:
+        if not json.loads(path.read_text(encoding='utf-8')).items() >= _origin(surfaces).items():
             raise SocialCircleError(
-                f'{path} was made from other surfaces: give another folder, or remove this one.'
+                f'{path} was made from other surfaces, or by another version: give another folder, or remove this'
+                ' one.'
             )
     for seed in seeds:
         if not (folder / f'{seed:06d}.npy').exists():

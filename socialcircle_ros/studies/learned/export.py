@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from socialcircle_ros.circle.network.features import INPUTS
+from socialcircle_ros.circle.network.inference import FEATURES, LOGITS
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import write_file
 
 from .network import HALO, MULTIPLE, Network
 
-INPUT, LOGITS = 'features', 'logits'
-"""Names of the input and of the output."""
 _OPSET, _IR = 17, 8
 _EPSILON = 1e-5
 
@@ -66,7 +65,7 @@ def to_onnx(network: Network, card: Mapping[str, str]) -> onnx.ModelProto:
     weights = {name: value.detach().cpu().float().numpy() for name, value in network.state_dict().items()}
     graph = _Graph(weights)
     _add_layers(graph, network)
-    planes = helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ['batch', INPUTS, 'rows', 'columns'])
+    planes = helper.make_tensor_value_info(FEATURES, TensorProto.FLOAT, ['batch', INPUTS, 'rows', 'columns'])
     logits = helper.make_tensor_value_info(LOGITS, TensorProto.FLOAT, ['batch', 4, 'rows', 'columns'])
     model = helper.make_model(
         helper.make_graph(graph.nodes, 'touch', [planes], [logits], graph.stored),
@@ -79,7 +78,7 @@ def to_onnx(network: Network, card: Mapping[str, str]) -> onnx.ModelProto:
 
 def _add_layers(graph: _Graph, network: Network) -> None:
     """The layers in the order of `Network.forward`."""
-    planes, kept = INPUT, []
+    planes, kept = FEATURES, []
     graph.stored.append(numpy_helper.from_array(np.array([1, 1, 2, 2], np.float32), 'twice'))
     for level, convolutions in enumerate(network.down):
         if level:

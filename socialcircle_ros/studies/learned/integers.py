@@ -32,9 +32,9 @@ from onnxruntime.quantization import (
     quantize_static,
 )
 
+from socialcircle_ros.circle.network.inference import FEATURES, LOGITS, VERSION
 from socialcircle_ros.storage import write_file
 
-from .export import INPUT, LOGITS
 from .training import Corpus
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class _Crops(CalibrationDataReader):  # type: ignore[misc] # the base has no typ
     def get_next(self) -> dict[str, npt.NDArray[np.float32]] | None:
         """Return the next crops, or None after the last."""
         planes = next(self._batches, None)
-        return None if planes is None else {INPUT: planes}
+        return None if planes is None else {FEATURES: planes}
 
 
 def write_integers(trained: Path, corpus: Corpus, path: Path) -> None:
@@ -109,15 +109,15 @@ def with_bytes(model: onnx.ModelProto) -> dict[str, str]:
     for place, node in enumerate(graph.node):
         if node.op_type == 'Resize':
             _copy_points(graph, place, stored)
-    card = {'features': '3'}
-    for name, end in ((INPUT, graph.input[0]), (LOGITS, graph.output[0])):
+    card = {'features': VERSION}
+    for name, end in ((FEATURES, graph.input[0]), (LOGITS, graph.output[0])):
         card[f'{name}_step'] = repr(float(stored[f'{name}_scale']))
         card[f'{name}_zero'] = str(int(stored[f'{name}_zero_point']))
         batch, channels, rows, columns = (each.dim_param or each.dim_value for each in _dimensions(end))
         end.CopyFrom(helper.make_tensor_value_info(name, TensorProto.UINT8, [batch, rows, columns, channels]))
     for place, node in enumerate(graph.node):
-        if node.op_type == 'QuantizeLinear' and node.input[0] == INPUT:
-            graph.node[place].CopyFrom(_channels_first(INPUT, node.output[0]))
+        if node.op_type == 'QuantizeLinear' and node.input[0] == FEATURES:
+            graph.node[place].CopyFrom(_channels_first(FEATURES, node.output[0]))
         elif node.op_type == 'DequantizeLinear' and node.output[0] == LOGITS:
             graph.node[place].CopyFrom(_channels_last(node.input[0], LOGITS))
     used = {name for node in graph.node for name in node.input}

@@ -8,7 +8,8 @@ surface is what knowing its instrument is worth.
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -28,7 +29,7 @@ from .surfaces import instrument_of, read_surfaces
 
 _BATCH, _RATE = 16, 2e-3
 _LARGE = 5
-"""An instrument of so many surfaces has two files of the corpus, another one."""
+"""An instrument of so many surfaces has two files of the corpus; any other has one."""
 
 
 class Fold(NamedTuple):
@@ -56,7 +57,8 @@ class Scored(NamedTuple):
 
 
 def folds_of(instruments: Sequence[str], number: int) -> list[Fold]:
-    """Distribute the instruments, each to one fold."""
+    """Distribute the instruments, each to one fold; there are at most as many folds as instruments."""
+    number = min(number, len(instruments))
     return [Fold(f'without-{place}', instruments[place::number]) for place in range(number)]
 
 
@@ -75,7 +77,9 @@ def folds_of(instruments: Sequence[str], number: int) -> list[Fold]:
     ' where it was stopped.',
 )  # fmt: skip
 @click.option('-o', '--out', type=click.Path(path_type=Path), required=True, help='CSV file to write.')
-@click.option('--folds', default=4, show_default=True, help='Trainings that leave instruments out.')
+@click.option(
+    '--folds', type=click.IntRange(1), default=4, show_default=True, help='Trainings that leave instruments out.'
+)
 @click.option('--simulated', default=12, show_default=True, help='Files of simulated surfaces: 100 patches each.')
 @click.option('--first', default=5000, show_default=True, help='Steps on simulated surfaces, for all trainings.')
 @click.option('--steps', default=2000, show_default=True, help='Steps of each training on real surfaces.')
@@ -98,6 +102,8 @@ def command(
 
     surfaces = read_surfaces(data)
     instruments = sorted({instrument_of(surface.cloud.name) for surface in surfaces})
+    options = {'folds': folds, 'simulated': simulated, 'first': first, 'steps': steps, 'seed': seed}
+    _require_same(work / 'options.json', {**options, 'surfaces': [each.cloud.name for each in surfaces]})
     corpora = _make_corpora(work / 'corpus', surfaces, instruments, simulated, seed, progress)
     start = work / 'simulated'
     _train(start, [corpora['']], None, first, seed, progress)
@@ -120,6 +126,19 @@ def command(
     click.echo(f'{out} written.')
 
 
+def _require_same(path: Path, options: Mapping[str, object]) -> None:
+    """Write the options beside what is made with them, and refuse to go on with others.
+
+    Raises:
+        SocialCircleError: the work was begun with other options or on other surfaces.
+    """
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, json.dumps(options))
+    elif json.loads(path.read_text(encoding='utf-8')) != options:
+        raise SocialCircleError(f'{path.parent} was begun with other options or surfaces: give another --work.')
+
+
 def _make_corpora(
     folder: Path,
     surfaces: Sequence[StudiedSurface],
@@ -128,7 +147,7 @@ def _make_corpora(
     seed: int,
     progress: Callable[[str], None],
 ) -> dict[str, Path]:
-    """Make the corpus of each instrument, and that of simulated surfaces, whose name is ''."""
+    """Make the corpus of each instrument, and that of simulated surfaces, with the name ''."""
     from .corpus import make_corpus  # noqa: PLC0415 - needs SciPy
     from .measured import training_surfaces  # noqa: PLC0415
 
@@ -191,7 +210,7 @@ def _table(known: dict[str, Scored], unknown: dict[str, Scored]) -> str:
     """Each surface, by a training that knew its instrument, and by one that did not."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
-    quantities = [*(f'F1, {check.name}' for check in CHECKS), 'removed of the untouched, %']
+    quantities = [*(f'F1, {check.name}' for check in CHECKS), 'untouched: removed, %']
     header = [f'{quantity}: {which}' for quantity in quantities for which in ('known', 'left out')]
     writer.writerow(['surface', 'instrument', *header])
     for name, seen in sorted(known.items()):

@@ -103,7 +103,7 @@ def inputs_of(channels: NDArray[np.float32], grain: float) -> NDArray[np.float32
     """The teacher's planes, which have natural logarithms, from those of the network.
 
     Args:
-        channels: (6, H, W) float32, `corpus.channels_of`.
+        channels: (6, H, W) float32, `features.channels_of`.
         grain: of the cloud.
 
     Returns:

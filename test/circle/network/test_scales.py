@@ -7,12 +7,23 @@ import pytest
 from socialcircle_ros.circle.network.scales import scales_of
 
 
-@pytest.mark.parametrize('noise', [0.25, 0.4, 0.5, 0.7])
+@pytest.mark.parametrize('noise', [0.35, 0.4, 0.5, 0.7])
 @pytest.mark.parametrize(('unit', 'offset'), [(1.0, 0.0), (0.01, 123.0)])
 def test_less_noise_than_the_storage_step_leaves_a_spread_of_the_step(noise, unit, offset):
     heights = np.round(np.random.default_rng(2).normal(0, noise, (200, 300)))
     heights[np.random.default_rng(3).random(heights.shape) < 0.002] += 30  # outliers say nothing about the step
-    assert scales_of((unit * heights + offset).astype(np.float32)).spread == pytest.approx(0.75 * unit, rel=0.01)
+    assert scales_of((unit * heights + offset).astype(np.float32)).spread == pytest.approx(0.65 * unit, rel=0.01)
+
+
+@pytest.mark.parametrize('noise', [0.0, 0.1, 0.2, 0.25, 0.35, 0.5])
+@pytest.mark.parametrize('share', [0.01, 0.02, 0.05])
+@pytest.mark.parametrize('sides', [(1000,), (-100, 100)])
+def test_outliers_of_one_height_are_no_storage_step(noise, share, sides):
+    random = np.random.default_rng(4)
+    heights = np.round(random.normal(0, noise, (200, 300)))
+    fallen = random.random(heights.shape) < share
+    heights[fallen] = random.choice(sides, fallen.sum())
+    assert scales_of(heights.astype(np.float32)).spread < abs(sides[0]) / 15
 
 
 def test_rare_or_unlike_differences_are_no_storage_step():
@@ -31,7 +42,7 @@ def test_on_a_small_cloud_of_a_steep_form_the_spread_is_not_far_below_the_noise(
     noise = np.random.default_rng(1).normal(size=shape)
     scales = scales_of((30 * (x**2 + y[:, None] ** 2) + noise).astype(np.float32))
     assert 0.35 < scales.spread < 1.1
-    assert scales.grain <= 2
+    assert 0.7 < 2.0**scales.grain * scales.spread / np.median(np.abs(np.diff(noise, 2, 1))) < 1.4
 
 
 @pytest.mark.parametrize('shape', [(480, 640), (600, 800), (1000, 1000), (1201, 900)])

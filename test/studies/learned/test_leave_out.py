@@ -13,6 +13,7 @@ pytest.importorskip('onnx')
 pytest.importorskip('matplotlib')
 
 from socialcircle_ros.studies.learned import corpus, leave_out, training  # noqa: E402 the others need PyTorch
+from socialcircle_ros.studies.learned.surfaces import instrument_of  # noqa: E402
 
 NAMES = ('afm_icon_a', 'afm_dimv_b', 'gelsight_c', 'training/zygo_d', 'training/unheard_of')
 
@@ -33,7 +34,7 @@ def data(tmp_path, monkeypatch):
 
 
 def test_each_surface_is_judged_by_a_training_that_did_not_see_its_instrument(data, tmp_path, monkeypatch):
-    trained = {}
+    trained, judged = {}, []
 
     def train(folder, corpora, *_):
         trained[folder.name] = {path.name for path in corpora}
@@ -41,9 +42,12 @@ def test_each_surface_is_judged_by_a_training_that_did_not_see_its_instrument(da
 
     monkeypatch.setattr(leave_out, '_train', train)
     monkeypatch.setattr(leave_out, 'NetworkJudge', lambda network, threads: network.name)
-    monkeypatch.setattr(
-        leave_out, '_score', lambda surface, judge, seed: leave_out.Scored([float(judge != 'all')] * 4, 0.25)
-    )
+
+    def score(surface, judge, _):
+        judged.append((surface.cloud.name, judge))
+        return leave_out.Scored([float(judge != 'all')] * 4, 0.25)
+
+    monkeypatch.setattr(leave_out, '_score', score)
     out = tmp_path / 'folds.csv'
     options = ['--data', data, '--work', tmp_path / 'work', '-o', out, '--folds', 3, '--simulated', 1]
     done = CliRunner().invoke(leave_out.command, [str(each) for each in options], catch_exceptions=False)
@@ -55,12 +59,28 @@ def test_each_surface_is_judged_by_a_training_that_did_not_see_its_instrument(da
     left_out = [every - trained[f'without-{place}'] for place in range(3)]
     assert sorted(len(each) for each in left_out) == [1, 1, 2]
     assert set().union(*left_out) == every - {'simulated'}
+    instruments = ['Bruker AFM', 'GelSight photometric', 'Zygo interferometer', 'unheard_of']
+    assert sorted(name for name, judge in judged if judge == 'all') == sorted(
+        name.split('/')[-1] for name in NAMES
+    )
+    apart = [(name, judge) for name, judge in judged if judge != 'all']
+    assert len(apart) == len(NAMES)
+    for name, judge in apart:
+        assert f'instrument-{instruments.index(instrument_of(name))}' not in trained[judge]
     with out.open() as file:
         rows = {row['surface']: row for row in csv.DictReader(file)}
     assert rows['afm_icon_a']['instrument'] == rows['afm_dimv_b']['instrument'] == 'Bruker AFM'
     assert rows['unheard_of']['instrument'] == 'unheard_of'
     for row in rows.values():
         assert (row['F1, ellipses 5 %: known'], row['F1, ellipses 5 %: left out']) == ('0.000', '1.000')
+
+
+@pytest.mark.parametrize(('number', 'folds'), [(1, 1), (3, 3), (40, 4)])
+def test_each_instrument_is_in_one_fold_and_no_fold_is_empty(number, folds):
+    made = leave_out.folds_of(list('abcd'), number)
+    assert len(made) == folds
+    assert sorted(each for fold in made for each in fold.instruments) == list('abcd')
+    assert all(fold.instruments for fold in made)
 
 
 def test_the_command_trains_on_the_truth_alone_and_can_go_on(data, tmp_path):
@@ -75,4 +95,6 @@ def test_the_command_trains_on_the_truth_alone_and_can_go_on(data, tmp_path):
     assert 'simulated: step 2 of 2' in first.output
     assert 'step' not in again.output  # what was trained is used again
     assert out.read_bytes() == content
+    other = CliRunner().invoke(leave_out.command, [*arguments, '--seed', '2'])
+    assert 'was begun with other options or surfaces: give another --work' in str(other.exception)
     assert not list(tmp_path.rglob('*.teacher.npy'))
