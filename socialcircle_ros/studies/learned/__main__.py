@@ -7,20 +7,14 @@ import click
 
 from socialcircle_ros.errors import SocialCircleError, install_command
 
+from . import options
+
 
 @click.command(
     'learned', epilog='Example: python -m socialcircle_ros.studies.learned --work /tmp/learned -o network.onnx'
 )
-@click.option(
-    '--data', type=click.Path(path_type=Path, exists=True, file_okay=False), envvar='SOCIALCIRCLE_DATA',
-    required=True,
-    help='Directory of measured surfaces with its subdirectory training/; default: $SOCIALCIRCLE_DATA.',
-)  # fmt: skip
-@click.option(
-    '--work', type=click.Path(path_type=Path), required=True,
-    help='Directory of the corpus and of the state of the training. With the same directory and options, the'
-    ' training goes on where it was stopped.',
-)  # fmt: skip
+@options.data
+@options.work
 @click.option(
     '-o', '--out', type=click.Path(path_type=Path), required=True, help='ONNX file to write, with 8-bit weights.'
 )

@@ -24,6 +24,7 @@ from socialcircle_ros.kernels.machine import usable_cores
 from socialcircle_ros.storage import write_file
 from socialcircle_ros.studies.adaptive.inserted_outliers import StudiedSurface, insert_outliers
 
+from . import options
 from .evaluation import CHECKS
 from .surfaces import instrument_of, read_surfaces
 
@@ -66,16 +67,8 @@ def folds_of(instruments: Sequence[str], number: int) -> list[Fold]:
     'leave_out',
     epilog='Example: python -m socialcircle_ros.studies.learned.leave_out --work /tmp/folds -o folds.csv',
 )
-@click.option(
-    '--data', type=click.Path(path_type=Path, exists=True, file_okay=False), envvar='SOCIALCIRCLE_DATA',
-    required=True,
-    help='Directory of measured surfaces with its subdirectory training/; default: $SOCIALCIRCLE_DATA.',
-)  # fmt: skip
-@click.option(
-    '--work', type=click.Path(path_type=Path), required=True,
-    help='Directory of the corpus and of the trainings. With the same directory and options, the work goes on'
-    ' where it was stopped.',
-)  # fmt: skip
+@options.data
+@options.work
 @click.option('-o', '--out', type=click.Path(path_type=Path), required=True, help='CSV file to write.')
 @click.option(
     '--folds', type=click.IntRange(1), default=4, show_default=True, help='Trainings that leave instruments out.'
@@ -102,8 +95,8 @@ def command(
 
     surfaces = read_surfaces(data)
     instruments = sorted({instrument_of(surface.cloud.name) for surface in surfaces})
-    options = {'folds': folds, 'simulated': simulated, 'first': first, 'steps': steps, 'seed': seed}
-    _require_same(work / 'options.json', {**options, 'surfaces': [each.cloud.name for each in surfaces]})
+    chosen = {'folds': folds, 'simulated': simulated, 'first': first, 'steps': steps, 'seed': seed}
+    _require_same(work / 'options.json', {**chosen, 'surfaces': [each.cloud.name for each in surfaces]})
     corpora = _make_corpora(work / 'corpus', surfaces, instruments, simulated, seed, progress)
     start = work / 'simulated'
     _train(start, [corpora['']], None, first, seed, progress)

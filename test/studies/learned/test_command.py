@@ -5,9 +5,9 @@ import csv
 import json
 import sys
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
+from studies.learned.small import few_small_crops, write_surfaces
 
 pytest.importorskip('scipy')
 torch = pytest.importorskip('torch')
@@ -23,16 +23,8 @@ from socialcircle_ros.studies.learned.__main__ import command  # noqa: E402
 @pytest.fixture
 def data(tmp_path, monkeypatch):
     torch.set_num_threads(1)
-    for module, name, value in (
-        (corpus, 'SHARD', 2), (training, 'SHARD', 2), (training, '_SIDE', 32), (training, '_EVERY', 1)
-    ):  # fmt: skip
-        monkeypatch.setattr(module, name, value)
-    folder = tmp_path / 'data'
-    (folder / 'training').mkdir(parents=True)
-    for seed, name in enumerate(('plate', 'training/film')):
-        heights = np.random.default_rng(seed).normal(size=(90, 110)).astype(np.float32)
-        np.savez(folder / f'{name}.npz', z=heights, dx=1.0, dy=2.0)
-    return folder
+    few_small_crops(monkeypatch, corpus, training)
+    return write_surfaces(tmp_path / 'data', ('plate', 'training/film'))
 
 
 def run(data, work, out, *options):

@@ -3,9 +3,9 @@
 
 import csv
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
+from studies.learned.small import few_small_crops, write_surfaces
 
 pytest.importorskip('scipy')
 torch = pytest.importorskip('torch')
@@ -21,16 +21,8 @@ NAMES = ('afm_icon_a', 'afm_dimv_b', 'gelsight_c', 'training/zygo_d', 'training/
 @pytest.fixture
 def data(tmp_path, monkeypatch):
     torch.set_num_threads(1)
-    for module, name, value in (
-        (corpus, 'SHARD', 2), (training, 'SHARD', 2), (training, '_SIDE', 32), (training, '_EVERY', 1)
-    ):  # fmt: skip
-        monkeypatch.setattr(module, name, value)
-    folder = tmp_path / 'data'
-    (folder / 'training').mkdir(parents=True)
-    for seed, name in enumerate(NAMES):
-        heights = np.random.default_rng(seed).normal(size=(90, 110)).astype(np.float32)
-        np.savez(folder / f'{name}.npz', z=heights, dx=1.0, dy=2.0)
-    return folder
+    few_small_crops(monkeypatch, corpus, training)
+    return write_surfaces(tmp_path / 'data', NAMES)
 
 
 def test_each_surface_is_judged_by_a_training_that_did_not_see_its_instrument(data, tmp_path, monkeypatch):
