@@ -77,8 +77,8 @@ def doubts_of(
     found = _large_circle(heights, radius) if removed == 0 else None
     if found is not None and adaptive and found.beyond == 0:
         doubts.append(
-            'no point can be an outlier: the heights are stored in steps so coarse that neighbours differ by'
-            ' few of them.'
+            'the heights are stored in steps so coarse that neighbours differ by few of them: an outlier of this'
+            ' height cannot be told from noise.'
         )
     elif found is not None and not adaptive:
         doubts.append(_too_large(found))
