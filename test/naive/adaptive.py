@@ -128,17 +128,23 @@ def least_spread(heights):
     known = heights[np.isfinite(heights)]
     middle, high = np.quantile(np.abs(known), [0.5, 0.9]) if known.size else (0, 0)
     rounding, same = (float(np.spacing(np.float32(each))) for each in (middle, high))
+    return max(
+        quantum(known, 0), quantum(known, 4 * same), rounding, STEPS_PER_SPREAD / float(np.finfo(np.float32).max)
+    )
+
+
+def quantum(known, same):
+    """Median step from level to level, where neighbouring heights of a level differ by `same` at most."""
     levels, counts = [], []
     before = -np.inf
     for height in np.sort(known.astype(float)):
-        if height - before > 4 * same:
+        if height - before > same:
             levels.append(height)
             counts.append(0)
         counts[-1] += 1
         before = height
     stored = len(levels) > 1 and max(counts) <= 0.98 * known.size
-    quantum = float(np.median(np.diff(levels))) if stored else 0.0
-    return max(quantum, rounding, STEPS_PER_SPREAD / float(np.finfo(np.float32).max))
+    return float(np.median(np.diff(levels))) if stored else 0.0
 
 
 def estimate_spread(heights, tile, may_predict):

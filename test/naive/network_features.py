@@ -49,7 +49,11 @@ def features_of(heights: NDArray[np.float32]) -> Features:
     along, down = _second_difference(filled, 1), _second_difference(filled, 0)
     fine = float(np.median(np.abs(along.ravel()[sampled])))
     varying = [each - np.median(each) for each in steps if each.size]
-    least = max(0.65 * _storage_step(np.concatenate(varying)), fine / 4) if varying else fine / 4
+    middle = heights.ravel()[sample]
+    middle = middle[np.isfinite(middle)] if np.isfinite(middle).any() else heights[measured]
+    offset = float(np.median(middle.astype(np.float64)))
+    rounding = float(np.spacing(np.float32(abs(offset)))) if offset else 0.0
+    least = max(0.65 * _storage_step(np.concatenate(varying)) if varying else 0.0, fine / 4, rounding)
     scale = _scale(np.abs(residual.ravel()[sampled]), least)
     grain = float(np.clip(np.log2(fine / scale), -10, 2)) if fine > 0 else -10.0
     narrow, wide = (_mean_of_measured(smooth, measured, radius) for radius in (_NARROW, _WIDE))
@@ -93,8 +97,12 @@ def _storage_step(differences: NDArray[np.float64]) -> float:
     sizes = sorted(abs(each) for each in differences.tolist() if each != 0)
     if len(sizes) <= 0.15 * differences.size:
         return 0.0
-    step = float(np.quantile(sizes, 0.1))
-    return step if 2 * sum(abs(each - step) <= 0.01 * step for each in sizes) >= len(sizes) else 0.0
+    for quantile, least in ((0.1, 0), (0.5, 0.3)):
+        step = float(np.quantile(sizes, quantile))
+        alike = sum(abs(each - step) <= 0.01 * step for each in sizes)
+        if 2 * alike >= len(sizes) and alike >= least * differences.size:
+            return step
+    return 0.0
 
 
 def _without_tilt(

@@ -71,8 +71,8 @@ class AdaptiveResult:
         islands_kept: number of islands of one height that were kept as the texture of the surface.
         nearly: share of the measured points that are nearly outliers: by the rules and with a lesson, those that
             were kept but are nearly as certain as an outlier; by probability, the undecided ones, kept or not.
-        certain: share of the measured points with a probability above `likelihood.CERTAIN`, those far off
-            included; 0 by the rules and with a lesson.
+        certain: share of the measured points with a probability above `likelihood.CERTAIN`; 0 by the rules and
+            with a lesson.
         times_ms: time of each step in ms.
     """
 
@@ -172,6 +172,7 @@ def find_probable_outliers(
     islands_kept = 0
     if judge is None:
         decided = probable_outliers(probabilities, measured)
+        undecided, certain = decided.undecided, decided.certain
         stopwatch.lap('communities')
         far = far_points(relative, spread, decided.outliers)
         stopwatch.lap('far points')
@@ -183,7 +184,7 @@ def find_probable_outliers(
         if islands_kept:
             probabilities[texture] = 0
             decided = probable_outliers(probabilities, measured)
-        outliers, score, undecided, certain, _ = decided
+        outliers, score = decided.outliers, decided.score
     else:
         found = probabilities > round(judge.least * ONE)
         far = far_points(relative, spread, found)

@@ -2,7 +2,7 @@
 """Points that stand far off: single ones on any surface, and islands on a plain one.
 
 A network does not find single points in textures as fine as themselves, such as gratings, nor where most
-neighbours are not measured. If they are far off their neighbours, no texture that was measured has such points.
+neighbours are not measured. Hardly a texture that was measured has single points of its own so far off.
 
 A large patch with sharp edges looks like a part of the surface to it. Whether the surface has such parts, only the
 whole cloud tells: a plain surface has hardly a large step between neighbours, but for those at the border of such
@@ -26,10 +26,11 @@ from .islands import find_islands
 from .isolated import isolated_points
 from .relief import relief_of
 
-ALONE = 12.0
-"""A point is far off if it differs by so many spreads from its neighbours, of which one may be as far off."""
+ALONE, MOST_ALONE = 12.0, 0.1
+"""A point is far off if it differs by so many spreads from its neighbours, as `isolated_points` counts them. If
+more than this share of the points are, none is: then the spread is far below the noise."""
 NOTICED = 6.0
-"""Islands are sought if two neighbours differ by so many spreads once the outliers are filled."""
+"""Anything is sought if two neighbours differ by so many spreads once the outliers are filled."""
 LONG, NARROW = 48, 8
 """An edge extends over at least so many rows or columns, and has at most so many points for each of them: a circle
 has 2 π, one column of points on either side of it."""
@@ -101,6 +102,8 @@ def far_points(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mask
     if not _has_step(differences.ravel(), _in_units(NOTICED)):
         return np.zeros(heights.shape, np.bool_)
     found = isolated_points(differences, ALONE / _COARSER) & np.isfinite(heights)
+    if np.count_nonzero(found) > MOST_ALONE * np.count_nonzero(measured):
+        found[:] = False
     outliers = outliers | found
     if steps(_PLAIN, outliers)[1] > _PLAIN.hopeless:
         return found

@@ -37,7 +37,8 @@ _CALMEST = 0.5
 _ONE_LEVEL = 0.98
 """A cloud with a larger share of its points at one height is that plane: its heights are not stored in steps."""
 _SAME_LEVEL = 4.0
-"""Heights of one level differ by at most so many times the resolution of float32: a mean of four is rounded."""
+"""Neighbouring heights of one level differ by at most so many times the resolution of float32: a mean of four is
+rounded."""
 _HIGH = 0.9
 """That is the resolution at this quantile of the heights' sizes, which a few outliers do not change."""
 _SAMPLES = 60_000
@@ -103,7 +104,8 @@ def _least_spread(heights: RelativeHeights) -> float:
     """The spread that storage alone causes, in the cloud's unit; NaN heights do not count."""
     sample = heights[np.isfinite(heights)]
     rounding, largest = _roundings(sample)
-    return max(_quantum(sample, _SAME_LEVEL * largest), rounding, _SMALLEST)
+    # Steps of a few roundings are seen by the first, levels that are rounded themselves by the second.
+    return max(_quantum(sample, 0.0), _quantum(sample, _SAME_LEVEL * largest), rounding, _SMALLEST)
 
 
 def _quantum(sample: Sample, same: float) -> float:

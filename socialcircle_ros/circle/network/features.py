@@ -27,6 +27,8 @@ from socialcircle_ros.kernels.order_statistics import median_of_five
 from .scales import Scales, scales_of
 
 CHANNELS = 6
+CHANNELS_VERSION = '4'
+"""Version of what the channels hold, scales included: a corpus of another version is refused."""
 INPUTS = 4 * (CHANNELS + 1)
 """Numbers of a square: one for each channel and point, and four for the grain. ONNX Runtime convolves 28 planes of
 8 bits in less time than 25."""

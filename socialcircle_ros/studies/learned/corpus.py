@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.circle.network.features import CHANNELS, channels_of
-from socialcircle_ros.circle.network.inference import VERSION
+from socialcircle_ros.circle.network.features import CHANNELS, CHANNELS_VERSION, channels_of
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import write_file
 
@@ -80,7 +79,7 @@ def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> 
 
 def _origin(surfaces: Sequence[TrainingSurface]) -> dict[str, object]:
     """What a file of the corpus was made from: the version of the channels, and the surfaces."""
-    return {'features': VERSION, 'surfaces': [surface.name for surface in surfaces]}
+    return {'channels': CHANNELS_VERSION, 'surfaces': [surface.name for surface in surfaces]}
 
 
 def files_of(folder: Path) -> list[Path]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from socialcircle_ros.circle.adaptive import find_probable_outliers
 from socialcircle_ros.circle.network import NetworkJudge
+from socialcircle_ros.circle.network.features import CHANNELS_VERSION
 from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.kernels.machine import usable_cores
 from socialcircle_ros.storage import write_file
@@ -95,8 +96,9 @@ def command(
 
     surfaces = read_surfaces(data)
     instruments = sorted({instrument_of(surface.cloud.name) for surface in surfaces})
+    names = [surface.cloud.name for surface in surfaces]
     chosen = {'folds': folds, 'simulated': simulated, 'first': first, 'steps': steps, 'seed': seed}
-    _require_same(work / 'options.json', {**chosen, 'surfaces': [each.cloud.name for each in surfaces]})
+    _require_same(work / 'options.json', {**chosen, 'channels': CHANNELS_VERSION, 'surfaces': names})
     corpora = _make_corpora(work / 'corpus', surfaces, instruments, simulated, seed, progress)
     start = work / 'simulated'
     _train(start, [corpora['']], None, first, seed, progress)
@@ -125,10 +127,10 @@ def _require_same(path: Path, options: Mapping[str, object]) -> None:
     Raises:
         SocialCircleError: the work was begun with other options or on other surfaces.
     """
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not any(path.parent.iterdir()):
         write_file(path, json.dumps(options))
-    elif json.loads(path.read_text(encoding='utf-8')) != options:
+    elif not path.exists() or json.loads(path.read_text(encoding='utf-8')) != options:
         raise SocialCircleError(f'{path.parent} was begun with other options or surfaces: give another --work.')
 
 

@@ -178,7 +178,9 @@ def test_the_form_of_a_part_is_kept(kind):
 
 
 @pytest.mark.parametrize('noise_in_steps', [0.5, 0.7])
-@pytest.mark.parametrize(('step', 'offset'), [(1.0, 0.0), (0.01, 0.0), (0.01, 123.0)])
+@pytest.mark.parametrize(
+    ('step', 'offset'), [(1.0, 0.0), (0.01, 0.0), (0.01, 123.0), (1e-6, 1.5), (2**-12, 1000.0), (1e-3, 700.0)]
+)
 def test_a_plate_stored_in_steps_that_are_rounded_loses_no_point(step, offset, noise_in_steps):
     steps = np.round(np.random.default_rng(1).normal(0, noise_in_steps, (160, 200)))
     assert find_outliers((steps * step + offset).astype(np.float32)).outliers.mean() < 0.001

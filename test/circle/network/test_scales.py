@@ -54,3 +54,20 @@ def test_the_sample_looks_at_every_column(shape):
             scales_of((heights + np.random.default_rng(1).normal(size=shape)).astype(np.float32)).spread
         )
     assert max(spreads) < 1.1 * min(spreads)
+
+
+@pytest.mark.parametrize('noise', [0.5, 0.6, 0.7])
+@pytest.mark.parametrize('form', [lambda y, x: 0.0005 * ((x - 150) / 10) ** 2, lambda y, x: 0 * x])
+def test_steps_are_seen_beneath_a_form_that_came_after_them(noise, form):
+    heights = np.round(np.random.default_rng(2).normal(0, noise, (200, 300)))
+    heights += form(*np.indices(heights.shape))
+    assert scales_of(heights.astype(np.float32)).spread > 0.6
+
+
+@pytest.mark.parametrize('height', [5.0, 1000.0])
+def test_a_difference_of_one_rounding_is_no_spread(height):
+    heights = np.full((100, 120), height, np.float32)
+    heights[np.random.default_rng(1).random(heights.shape) < 0.05] = np.nextafter(
+        np.float32(height), np.float32(9e9)
+    )
+    assert scales_of(heights).spread == np.spacing(np.float32(height))
