@@ -95,6 +95,8 @@ def command(
         click.echo(line, err=True)
 
     surfaces = read_surfaces(data)
+    if not surfaces:
+        raise click.BadParameter(f'{data} holds no surface to train on.', param_hint='--data')
     instruments = sorted({instrument_of(surface.cloud.name) for surface in surfaces})
     names = [surface.cloud.name for surface in surfaces]
     chosen = {'folds': folds, 'simulated': simulated, 'first': first, 'steps': steps, 'seed': seed}

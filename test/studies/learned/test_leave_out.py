@@ -90,3 +90,10 @@ def test_the_command_trains_on_the_truth_alone_and_can_go_on(data, tmp_path):
     other = CliRunner().invoke(leave_out.command, [*arguments, '--seed', '2'])
     assert 'was begun with other options or surfaces: give another --work' in str(other.exception)
     assert not list(tmp_path.rglob('*.teacher.npy'))
+
+
+def test_a_folder_without_surfaces_is_named(tmp_path):
+    options = ['--data', tmp_path, '--work', tmp_path / 'work', '-o', tmp_path / 'folds.csv']
+    done = CliRunner().invoke(leave_out.command, [str(each) for each in options])
+    assert done.exit_code == 2
+    assert 'holds no surface to train on' in done.output
