@@ -97,7 +97,7 @@ def _storage_step(differences: NDArray[np.float64]) -> float:
     sizes = sorted(abs(each) for each in differences.tolist() if each != 0)
     if len(sizes) <= 0.15 * differences.size:
         return 0.0
-    for quantile, least in ((0.1, 0), (0.5, 0.3)):
+    for quantile, least in ((0.05, 0), (0.5, 0.3)):
         step = float(np.quantile(sizes, quantile))
         alike = sum(abs(each - step) <= 0.01 * step for each in sizes)
         if 2 * alike >= len(sizes) and alike >= least * differences.size:

@@ -101,7 +101,7 @@ def far_points(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mask
 
     if not _has_step(differences.ravel(), _in_units(NOTICED)):
         return np.zeros(heights.shape, np.bool_)
-    found = isolated_points(differences, ALONE / _COARSER) & np.isfinite(heights)
+    found = isolated_points(differences, ALONE / _COARSER)
     if np.count_nonzero(found) > MOST_ALONE * np.count_nonzero(measured):
         found[:] = False
     outliers = outliers | found

@@ -24,7 +24,7 @@ points differ by a step, and these are no outliers."""
 _MOST, _SAME, _FEW = 0.5, 0.01, 0.15
 """Heights are stored in steps if more than 15 % of the differences are not 0, and at least half of these are the
 same within a hundredth. Where fewer differ, the step may be the height of a few outliers."""
-_QUANTILES = ((0.1, 0.0), (0.5, 0.3))
+_QUANTILES = ((0.05, 0.0), (0.5, 0.3))
 """That step is the first of these quantiles of the differences that are not 0, if at least this share of all
 differences are of that size. The least differences are a step, or the trace of a form that came after it."""
 _LEAST_GRAIN, _MOST_GRAIN = -10.0, 2.0

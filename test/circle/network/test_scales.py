@@ -26,6 +26,13 @@ def test_outliers_of_one_height_are_no_storage_step(noise, share, sides):
     assert scales_of(heights.astype(np.float32)).spread < abs(sides[0]) / 15
 
 
+def test_many_outliers_of_one_height_among_few_steps_are_no_storage_step():
+    random = np.random.default_rng(4)
+    heights = np.round(random.normal(0, 0.2, (200, 300)))
+    heights[random.random(heights.shape) < 0.1] = 1000
+    assert scales_of(heights.astype(np.float32)).spread < 200
+
+
 def test_rare_or_unlike_differences_are_no_storage_step():
     flat = np.zeros((100, 100), np.float32)
     flat[:, 50:] = 100
