@@ -5,6 +5,7 @@ import io
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,49 +16,69 @@ from socialcircle_ros.storage import write_file
 
 from .measured import TrainingSurface, noise_of, varied
 from .outliers import SHARES, place_outliers
-from .simulated import simulated_surface
+from .simulated import simulated_surface, with_holes
 
 SIDE = 320
 """Side of a patch, in points."""
 SHARD = 100
 """Patches in one file."""
-REAL_SHARE = 0.6
+REAL_SHARE = 0.5
 """Share of patches that are real surfaces."""
 HEIGHT_CHANNELS = 5
 """Channels that change their sign with the heights; the last one says what is measured."""
 PLANES = CHANNELS + 1
 """Planes of a patch: the features, and the label: 0 does not count, 1 good, 2 outlier."""
-_WHOLE, _SMALLEST = 0.8, 0.3
+_WHOLE, _SMALLEST = 0.8, 0.1
 """Share of patches with the whole side, and the least part of it for others: a small cloud shows less texture."""
+_HOLED = 0.1
+"""Share of real surfaces in which points are left out."""
+_LEAST_MEASURED = 0.1
+"""Share of measured and plausible points that a patch needs; every third row and column has 0.11."""
+RECIPE = '2'
+"""Version of what patches are made of."""
 _MOST_TRIES = 50
 
 Patch = NDArray[np.float16]
 """(7, 320, 320) float16; a smaller surface lies in the upper left corner, and the rest does not count."""
 
 
-def make_patch(surfaces: Sequence[TrainingSurface], random: np.random.Generator) -> tuple[Patch, float]:
-    """One patch, real or simulated, with outliers or without; and the grain of its cloud."""
+class MadePatch(NamedTuple):
+    """A patch, the shape and the grain of its cloud, and whether its surface is real."""
+
+    patch: Patch
+    shape: tuple[int, int]
+    grain: float
+    real: bool
+
+
+def make_patch(surfaces: Sequence[TrainingSurface], random: np.random.Generator) -> MadePatch:
+    """One patch, real or simulated, with outliers or without."""
     for _ in range(_MOST_TRIES):
         side = SIDE if random.random() < _WHOLE else int(random.uniform(_SMALLEST, 1) * SIDE)
-        if surfaces and random.random() < REAL_SHARE:
+        real = bool(surfaces) and random.random() < REAL_SHARE
+        if real:
             weights = np.array([surface.weight for surface in surfaces])
             chosen = surfaces[random.choice(len(surfaces), p=weights / weights.sum())]
             heights, plausible = varied(chosen, side, random)
+            if random.random() < _HOLED:
+                heights = with_holes(heights, random)
+                plausible = plausible & np.isfinite(heights)
         else:
             heights = simulated_surface(side, random)
             plausible = np.isfinite(heights)
-        if plausible.mean() < 0.3:
+        if plausible.mean() < _LEAST_MEASURED:
             continue
         if random.random() < 0.5:
             heights, plausible = heights.T, plausible.T
         placed = place_outliers(heights, noise_of(heights), float(random.choice(SHARES)), random)
         counts = placed.certain & (plausible | placed.outlier)
         channels, grain = channels_of((placed.heights - np.nanmedian(placed.heights)).astype(np.float32))
+        counts &= channels[HEIGHT_CHANNELS] > 0
         patch = np.zeros((PLANES, SIDE, SIDE), np.float16)
         height, width = heights.shape
         patch[:CHANNELS, :height, :width] = channels
         patch[CHANNELS, :height, :width] = np.where(counts, 1 + placed.outlier, 0)
-        return patch, grain
+        return MadePatch(patch, (height, width), grain, real)
     raise RuntimeError('no surface has enough measured points')
 
 
@@ -65,12 +86,18 @@ def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> 
     """Make one file of patches; the seed decides its content, and its name."""
     random = np.random.default_rng(seed)
     patches = np.empty((SHARD, PLANES, SIDE, SIDE), np.float16)
-    grains = []
+    made = []
     for place in range(SHARD):
-        patches[place], grain = make_patch(surfaces, random)
-        grains.append(grain)
+        one = make_patch(surfaces, random)
+        patches[place] = one.patch
+        made.append(one)
     path = folder / f'{seed:06d}.npy'
-    write_file(path.with_suffix('.json'), json.dumps({'grain': grains, **_origin(surfaces)}))
+    known = {
+        'grain': [one.grain for one in made],
+        'shape': [one.shape for one in made],
+        'real': [one.real for one in made],
+    }
+    write_file(path.with_suffix('.json'), json.dumps({**known, **_origin(surfaces)}))
     content = io.BytesIO()
     np.save(content, patches)
     write_file(path, content.getvalue())
@@ -78,8 +105,8 @@ def make_shard(folder: Path, surfaces: Sequence[TrainingSurface], seed: int) -> 
 
 
 def _origin(surfaces: Sequence[TrainingSurface]) -> dict[str, object]:
-    """What a file of the corpus was made from: the version of the channels, and the surfaces."""
-    return {'channels': CHANNELS_VERSION, 'surfaces': [surface.name for surface in surfaces]}
+    """What a file of the corpus was made from: versions of the channels and of the recipe, and the surfaces."""
+    return {'channels': CHANNELS_VERSION, 'recipe': RECIPE, 'surfaces': [surface.name for surface in surfaces]}
 
 
 def files_of(folder: Path) -> list[Path]:

@@ -88,6 +88,7 @@ def command(
     """
     try:
         from . import training  # noqa: F401 PLC0415 - needs PyTorch
+        from .corpus import RECIPE  # noqa: PLC0415
     except ImportError as error:
         raise click.ClickException(f'The training needs {error.name}: {install_command("train")}.') from None
 
@@ -100,7 +101,8 @@ def command(
     instruments = sorted({instrument_of(surface.cloud.name) for surface in surfaces})
     names = [surface.cloud.name for surface in surfaces]
     chosen = {'folds': folds, 'simulated': simulated, 'first': first, 'steps': steps, 'seed': seed}
-    _require_same(work / 'options.json', {**chosen, 'channels': CHANNELS_VERSION, 'surfaces': names})
+    made_of = {'channels': CHANNELS_VERSION, 'recipe': RECIPE, 'surfaces': names}
+    _require_same(work / 'options.json', {**chosen, **made_of})
     corpora = _make_corpora(work / 'corpus', surfaces, instruments, simulated, seed, progress)
     start = work / 'simulated'
     _train(start, [corpora['']], None, first, seed, progress)

@@ -170,7 +170,23 @@ def spatter(heights: Displacements, share: float, random: np.random.Generator) -
     return displaced
 
 
+def streaks(heights: Displacements, share: float, random: np.random.Generator) -> Displacements:
+    """Parts of rows, or of columns, one point wide or two: a lost line, a charge, a shadow."""
+    displaced = np.zeros(heights.shape)
+    along: Displacements = displaced if random.random() < 0.5 else displaced.T
+    rough = random.choice([0.0, 0.1, 0.5])
+    longest = min(along.shape[1], 120, int(share * heights.size))
+    for _ in range(_MOST_BLOBS):
+        if np.count_nonzero(displaced) >= share * heights.size:
+            break
+        length = int(np.exp(random.uniform(np.log(4), np.log(max(5, longest)))))
+        row, column = int(random.integers(along.shape[0])), int(random.integers(-length // 2, along.shape[1]))
+        area = along[row : row + (1 if random.random() < 0.8 else 2), max(0, column) : column + length]
+        area[:] = _amplitudes(random, 1)[0] * (1 + rough * random.normal(size=area.shape))
+    return displaced
+
+
 GENERATORS: tuple[Callable[[Displacements, float, np.random.Generator], Displacements], ...] = (
-    isolated, blobs, islands_of_noise, spatter,
+    isolated, blobs, islands_of_noise, spatter, streaks,
 )  # fmt: skip
-_CHANCES = (0.39, 0.54, 0.04, 0.03)
+_CHANCES = (0.38, 0.51, 0.04, 0.03, 0.04)

@@ -6,13 +6,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 RandomField = NDArray[np.float64]
-"""(H, W), of standard deviation 1."""
+"""(H, W), of mean 0 and standard deviation 1."""
 
 
 def smooth_noise(shape: tuple[int, int], radius: float, random: np.random.Generator) -> RandomField:
     """Normal noise, blurred by a Gaussian of a standard deviation in points."""
-    field = gaussian_filter(random.normal(size=shape), radius)
-    return np.asarray(field / (field.std() + 1e-12))
+    return _standardised(gaussian_filter(random.normal(size=shape), radius))
 
 
 def fractal(
@@ -33,4 +32,10 @@ def fractal(
     across = (columns * np.sin(turn) + rows * np.cos(turn)) * stretch
     waves = np.maximum(np.hypot(along, across), 1 / random.uniform(30, 400))
     field = np.fft.irfft2(np.fft.rfft2(random.normal(size=shape)) * waves ** -(hurst + 1), s=shape)
+    return _standardised(field)
+
+
+def _standardised(field: NDArray[np.float64]) -> RandomField:
+    """Without its mean, which on a small field is many standard deviations."""
+    field = field - field.mean()
     return np.asarray(field / (field.std() + 1e-12))

@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
+from socialcircle_ros.cloud import Mask
+
 from .random_fields import RandomField, fractal, smooth_noise
 
 SurfaceGrid = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Row and column of each point, (H, W) each."""
+
+
+_ALL_OVER = 0.04
+"""Share of the surface that grains cover at least: fewer would look like outliers."""
 
 
 def simulated_surface(side: int, random: np.random.Generator) -> RandomField:
@@ -30,11 +36,10 @@ def simulated_surface(side: int, random: np.random.Generator) -> RandomField:
     heights = heights + _noise(shape, random)
     if random.random() < 0.12:
         heights = gaussian_filter(heights, random.uniform(0.4, 1.2))
-    if random.random() < 0.15:
-        step = random.uniform(0.5, 5)
-        heights = np.round(heights / step) * step
+    if random.random() < 0.2:
+        heights = _quantised(heights, random)
     if random.random() < 0.3:
-        heights = _with_holes(heights, random)
+        heights = with_holes(heights, random)
     return heights + random.normal() * 3 * grid[1] + random.normal() * 3 * grid[0]
 
 
@@ -44,26 +49,63 @@ def _texture(grid: SurfaceGrid, random: np.random.Generator) -> RandomField:
 
 
 def _noise(shape: tuple[int, int], random: np.random.Generator) -> RandomField:
-    """White or correlated noise of standard deviation 1 or less, of uneven strength, sometimes with scan lines."""
+    """White or correlated noise of a standard deviation of about 1 or less; some is uneven or has scan lines."""
     noise = random.normal(size=shape)
     if random.random() < 0.5:
         noise = smooth_noise(shape, float(random.uniform(0.4, 2.0)), random)
-    if random.random() < 0.2:
-        noise = random.standard_t(random.uniform(4, 12), size=shape)
-    noise = noise * np.exp(random.uniform(0, 0.8) * fractal(shape, 1.0, random))
+    if random.random() < 0.3:
+        noise = _tailed_noise(shape, random)
+    if random.random() < 0.7:
+        noise = noise * np.exp(random.uniform(0, 0.8) * fractal(shape, 1.0, random))
     if random.random() < 0.15:
         lines = random.normal(size=(shape[0], 1)) * random.uniform(0.3, 4)
         noise = noise + (lines if random.random() < 0.7 else lines.T)
     return np.asarray(noise * random.choice([1, 1, 0.3, 0.1]))
 
 
-def _with_holes(heights: RandomField, random: np.random.Generator) -> RandomField:
-    """Leave points out: blobs, single points, or ragged large areas."""
+def _tailed_noise(shape: tuple[int, int], random: np.random.Generator) -> RandomField:
+    """Noise whose tails are longer than normal, on both sides or on one."""
+    kind = random.random()
+    if kind < 0.5:
+        return random.standard_t(random.uniform(4, 12), size=shape)
+    if kind < 0.6:
+        return random.laplace(size=shape)
+    way = random.choice([-1, 1])
+    if kind < 0.8:
+        return np.asarray(way * random.gamma(random.uniform(0.5, 4), size=shape))
+    return np.asarray(way * np.exp(random.uniform(0.3, 0.8) * random.normal(size=shape)) * 2)
+
+
+def _quantised(heights: RandomField, random: np.random.Generator) -> RandomField:
+    """Heights as they are stored or counted: in steps, now and then with some noise of a later computation."""
+    step = np.exp(random.uniform(np.log(0.5), np.log(8)))
+    stored = np.round(heights / step) * step
+    later = 10 ** random.uniform(-3.5, -1) if random.random() < 0.2 else 0.0
+    return np.asarray(stored + later * step * random.normal(size=heights.shape))
+
+
+def with_holes(heights: RandomField, random: np.random.Generator) -> RandomField:
+    """Leave points out: blobs, ragged areas, up to three quarters of them at random, or a regular pattern."""
+    if random.random() < 0.25:
+        return np.where(_sparse(heights.shape, random), heights, np.nan)
     field = smooth_noise(heights.shape, float(np.exp(random.uniform(np.log(0.5), np.log(25)))), random)
     missing = field > random.uniform(0.6, 3)
     if random.random() < 0.3:
         missing |= random.random(heights.shape) < random.uniform(0.001, 0.15)
     return np.where(missing, np.nan, heights)
+
+
+def _sparse(shape: tuple[int, int], random: np.random.Generator) -> Mask:
+    """The measured points of a sparse scan: some at random, every nth row or column, or a checkerboard."""
+    kind = random.random()
+    if kind < 0.4:
+        return random.random(shape) > random.uniform(0.15, 0.75)
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    if kind < 0.7:
+        down, across = random.choice([(1, 2), (2, 1), (2, 2), (1, 3), (3, 1), (2, 3), (3, 2), (3, 3)])
+        return np.asarray((rows % down == 0) & (columns % across == 0))
+    size = random.integers(1, 4)
+    return np.asarray((rows // size + columns // size) % 2 == 0)
 
 
 def _turned(grid: SurfaceGrid, random: np.random.Generator) -> NDArray[np.float64]:
@@ -92,8 +134,78 @@ def _milled(grid: SurfaceGrid, amplitude: float, random: np.random.Generator) ->
 
 
 def _sine(grid: SurfaceGrid, amplitude: float, random: np.random.Generator) -> RandomField:
-    """A grating, or the fringes of an interferometer left in the heights."""
-    return np.asarray(amplitude * np.sin(2 * np.pi * _turned(grid, random) / random.uniform(5, 120)))
+    """A grating, the fringes of an interferometer left in the heights, or a form of long and high waves."""
+    period = random.uniform(5, 120)
+    high = random.uniform(1, 4) if period > 50 else 1.0
+    return np.asarray(high * amplitude * np.sin(2 * np.pi * _turned(grid, random) / period))
+
+
+def _fine(grid: SurfaceGrid, amplitude: float, random: np.random.Generator) -> RandomField:
+    """A fine pattern of 2 to 14 points: sines, lines, teeth or ridges along one direction, or two that cross."""
+    waves = []
+    turn = random.choice([0.0, 0.0, random.uniform(0, np.pi)])
+    for position in (
+        grid[1] * np.cos(turn) + grid[0] * np.sin(turn), grid[0] * np.cos(turn) - grid[1] * np.sin(turn)
+    ):  # fmt: skip
+        period = random.uniform(2, 14) if random.random() < 0.5 else float(random.integers(2, 15))
+        phase = (position / period + random.random()) % 1
+        kind = random.random()
+        if kind < 0.3:
+            waves.append(np.sin(2 * np.pi * phase) / 2)
+        elif kind < 0.6:
+            waves.append((phase < random.uniform(0.15, 0.85)) - 0.5)
+        elif kind < 0.8:
+            waves.append(phase - 0.5)
+        else:
+            waves.append(np.abs(2 * phase - 1) - 0.5)
+    kind = random.random()
+    if kind < 0.6:
+        wave = waves[0]
+    elif kind < 0.8:
+        wave = 2 * waves[0] * waves[1]
+    else:
+        wave = np.minimum(*waves)
+    return np.asarray(amplitude * random.choice([-1, 1]) * wave)
+
+
+def _stairs(grid: SurfaceGrid, _: float, random: np.random.Generator) -> RandomField:
+    """Stairs of equal steps, along one direction or two."""
+    height = 10 ** random.uniform(0.7, 2.3)
+    stairs = np.floor(_turned(grid, random) / random.uniform(4, 50))
+    if random.random() < 0.3:
+        stairs = stairs + np.floor(_turned(grid, random) / random.uniform(4, 50))
+    return np.asarray(height * stairs)
+
+
+def _fibres(grid: SurfaceGrid, _: float, random: np.random.Generator) -> RandomField:
+    """Fibres that lie across each other, with round tops and upright flanks: paper, felt, a brush."""
+    heights = np.zeros(grid[0].shape)
+    radius = random.uniform(1, 6)
+    first, spread = random.uniform(0, np.pi), random.choice([0.1, 0.5, 3.0])
+    for _ in range(random.integers(20, 200)):
+        turn = first + spread * random.normal()
+        place = random.uniform(-1.5, 1.5) * grid[0].shape[0]
+        across = grid[1] * np.cos(turn) + grid[0] * np.sin(turn) - place
+        rest = radius**2 - across**2
+        fibre = np.where(rest > 0, random.uniform(0, 60) + 8 * np.sqrt(np.maximum(0, rest)), 0)
+        heights = np.maximum(heights, fibre)
+    return heights
+
+
+def _grit(grid: SurfaceGrid, _: float, random: np.random.Generator) -> RandomField:
+    """Balls, pins or blocks all over a ground: powder, solder, embossed dots."""
+    side = grid[0].shape[0]
+    radius = random.uniform(1.2, 8)
+    cover = np.exp(random.uniform(np.log(_ALL_OVER), np.log(0.6)))
+    count = int(cover * side**2 / (np.pi * radius**2)) + 3
+    centres = random.uniform(0, side, (count, 2))
+    metric = random.choice([2, np.inf])
+    distance, number = cKDTree(centres).query(np.stack([grid[0].ravel(), grid[1].ravel()], 1), p=metric)
+    sizes = radius * np.exp(random.choice([0, 0.3]) * random.normal(size=count))[number]
+    rest = np.maximum(0, 1 - (distance / sizes) ** 2)
+    shape = np.sqrt(rest) if random.random() < 0.5 else (rest > 0) * 1.0
+    each = 1 + random.choice([0, 0.1, 0.5]) * random.normal(size=count)[number]
+    return np.asarray(random.choice([-1, 1]) * 10 ** random.uniform(0.8, 2.2) * (shape * each).reshape(side, side))
 
 
 def _profile_drawn(grid: SurfaceGrid, amplitude: float, random: np.random.Generator) -> RandomField:
@@ -237,7 +349,7 @@ def _wrinkles(grid: SurfaceGrid, amplitude: float, random: np.random.Generator) 
 
 
 KINDS: tuple[Callable[[SurfaceGrid, float, np.random.Generator], RandomField], ...] = (
-    _flat, _flat, _rough, _rough, _brushed, _milled, _sine, _profile_drawn, _peaks, _dome, _islands, _islands,
-    _terraces, _grains, _grains, _beads, _scratches, _array, _steps, _heavy, _heavy, _one_sided, _woven, _shapes,
-    _wrinkles,
+    _flat, _flat, _flat, _rough, _rough, _brushed, _milled, _sine, _sine, _fine, _fine, _fine, _profile_drawn,
+    _peaks, _dome, _islands, _islands, _terraces, _stairs, _grains, _grains, _beads, _grit, _scratches, _fibres,
+    _array, _steps, _heavy, _heavy, _one_sided, _woven, _shapes, _wrinkles,
 )  # fmt: skip

@@ -117,12 +117,16 @@ def inputs_of(channels: NDArray[np.float32], grain: float) -> NDArray[np.float32
     return np.concatenate([np.sign(heights) * np.log(size), channels[HEIGHT_CHANNELS:], last])
 
 
-def write_opinions(path: Path, grains: Sequence[float], teacher: Teacher) -> None:
+def write_opinions(path: Path, grains: Sequence[float], real: Sequence[bool], teacher: Teacher) -> None:
     """Write the teacher's probabilities of a file of the corpus beside it.
+
+    On simulated surfaces it may only say that an outlier cannot be seen: it knows few of their kinds, and takes
+    good points of the others for outliers.
 
     Args:
         path: file of the corpus.
         grains: of its patches.
+        real: whether each of them is of a real surface.
         teacher: gives the probabilities.
     """
     patches = np.load(path, mmap_mode='r')
@@ -132,6 +136,8 @@ def write_opinions(path: Path, grains: Sequence[float], teacher: Teacher) -> Non
         with torch.no_grad(), torch.autocast('cpu', dtype=torch.bfloat16):
             logits = teacher(planes.to(memory_format=torch.channels_last))
         opinions[place] = (torch.sigmoid(logits.float())[0, 0] * 255).round().to(torch.uint8).numpy()
+        if not real[place]:
+            opinions[place][patch[CHANNELS] < 2] = 0
     content = io.BytesIO()
     np.save(content, opinions)
     write_file(opinions_beside(path), content.getvalue())
@@ -152,6 +158,6 @@ def ask_teacher(folder: Path, progress: Callable[[str], None]) -> None:
         return
     teacher = Teacher().to(memory_format=torch.channels_last)
     for path in new:
-        grains = json.loads(path.with_suffix('.json').read_text(encoding='utf-8'))['grain']
-        write_opinions(path, grains, teacher)
+        made = json.loads(path.with_suffix('.json').read_text(encoding='utf-8'))
+        write_opinions(path, made['grain'], made['real'], teacher)
         progress(str(opinions_beside(path)))

@@ -20,7 +20,7 @@ from .corpus import HEIGHT_CHANNELS, PLANES, SHARD, Patch, files_of, opinions_be
 from .network import Network
 
 _SIDE = 192
-_LEAST_COUNTED = 0.2
+_LEAST_COUNTED = 0.1
 _EVERY = 100
 _NORM_BATCHES, _NORM_SEED = 120, 999_983
 """Batches that the norms of the averaged network are measured on."""
@@ -55,7 +55,7 @@ class Batch(NamedTuple):
     Attributes:
         planes: (B, 28, 96, 96) float32.
         labels: (B, 4, 96, 96) uint8, as in `corpus`.
-        opinions: the same shape, uint8: the teacher's probabilities, 255 for 1.
+        opinions: the same shape, uint8: 255 times the teacher's probabilities, see `teacher.write_opinions`.
     """
 
     planes: Tensor
@@ -80,6 +80,7 @@ class Corpus:
         self.files: list[NDArray[np.float16]] = []
         self.opinions: list[NDArray[np.uint8]] = []
         self.grains: list[list[float]] = []
+        self.shapes: list[list[tuple[int, int]]] = []
         self._known: set[Path] = set()
         self.look_for_files()
         if not self.files:
@@ -96,7 +97,9 @@ class Corpus:
                 self.files.append(patches)
                 unknown = np.broadcast_to(np.uint8(0), (len(patches), *patches.shape[2:]))
                 self.opinions.append(np.load(opinions, mmap_mode='r') if self.taught else unknown)
-                self.grains.append(json.loads(path.with_suffix('.json').read_text(encoding='utf-8'))['grain'])
+                made = json.loads(path.with_suffix('.json').read_text(encoding='utf-8'))
+                self.grains.append(made['grain'])
+                self.shapes.append(made['shape'])
 
     def batch(self, size: int, random: np.random.Generator) -> Batch:
         """Draw crops, flipped and turned upside down at random."""
@@ -119,18 +122,21 @@ class Corpus:
         )
 
     def _crop(self, random: np.random.Generator) -> tuple[Patch, NDArray[np.uint8], float]:
-        """A crop in which at least a fifth of the points count.
+        """A crop of a patch, or a whole small patch, in which at least a tenth of the points count.
 
         Returns:
             The crop, the teacher's opinions, and the grain of the cloud.
         """
         while True:
             number, place = int(random.integers(len(self.files))), int(random.integers(SHARD))
+            height, width = self.shapes[number][place]
             # Even corners: a flipped crop keeps the 2×2 squares.
-            rows, columns = random.integers(0, (320 - _SIDE) // 2 + 1, 2) * 2
+            rows, columns = (
+                2 * int(random.integers(0, max(0, size - _SIDE) // 2 + 1)) for size in (height, width)
+            )
             area = (place, ..., slice(rows, rows + _SIDE), slice(columns, columns + _SIDE))
             crop = self.files[number][area][:PLANES]
-            if np.count_nonzero(crop[CHANNELS]) >= _LEAST_COUNTED * _SIDE**2:
+            if np.count_nonzero(crop[CHANNELS]) >= _LEAST_COUNTED * min(height, _SIDE) * min(width, _SIDE):
                 return np.asarray(crop), self.opinions[number][area], self.grains[number][place]
 
 

@@ -12,6 +12,7 @@ from socialcircle_ros.studies.learned.outliers import (
     GOOD_BELOW,
     OUTLIER_FROM,
     place_outliers,
+    streaks,
 )
 
 NOISE = 0.02
@@ -48,3 +49,11 @@ def test_each_generator_makes_about_the_share(generator):
         for seed in range(12)
     ]
     assert 0.04 < np.mean(shares) < 0.2
+
+
+@pytest.mark.parametrize('size', [(30, 40), (200, 260)])
+def test_few_streaks_are_short(size):
+    random = np.random.default_rng(4)
+    placed = [np.count_nonzero(streaks(np.zeros(size), 0.01, random)) / (size[0] * size[1]) for _ in range(40)]
+    assert max(placed) <= 0.03
+    assert min(placed) > 0

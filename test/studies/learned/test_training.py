@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The training, on a tiny corpus, and the file that it writes."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,40 @@ def test_a_training_that_was_stopped_goes_on_as_if_it_was_not(tiny_corpus, tmp_p
     assert [step for step, _ in parts.curve] == [2, 4]
     for name, value in whole.mean.items():
         assert torch.equal(value, parts.mean[name]), name
+
+
+class Certain(torch.nn.Module):
+    """A teacher that takes every point for an outlier."""
+
+    def forward(self, planes):
+        return torch.full_like(planes[:, :1], 20.0)
+
+
+def test_the_teacher_may_not_call_good_points_of_simulated_surfaces_outliers(tiny_corpus, tmp_path):
+    path = tmp_path / '000001.npy'
+    patches = np.load(tiny_corpus / '000007.npy')
+    np.save(path, patches)
+    teacher.write_opinions(path, [0.0, 0.0], [True, False], Certain())
+    real, simulated = np.load(corpus.opinions_beside(path))
+    assert (real == 255).all()
+    assert np.array_equal(simulated > 0, patches[1, -1] == 2)
+    assert simulated.any()
+
+
+def test_a_small_patch_is_drawn_as_often_as_a_large_one_and_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr(training, 'SHARD', 2)
+    patches = np.zeros((2, corpus.PLANES, 320, 320), np.float16)
+    patches[0, :, :40, :50] = 1
+    patches[1] = 2
+    np.save(tmp_path / '000001.npy', patches)
+    known = {'grain': [0.0, 1.0], 'shape': [[40, 50], [320, 320]], 'real': [True, True]}
+    (tmp_path / '000001.json').write_text(json.dumps(known))
+    crops = Corpus(tmp_path, taught=False)
+    random = np.random.default_rng(0)
+    drawn = [crops._crop(random) for _ in range(60)]
+    small = [crop for crop, _, grain in drawn if grain == 0]
+    assert 15 < len(small) < 45
+    assert all(np.count_nonzero(crop[-1]) == 40 * 50 for crop in small)
 
 
 @pytest.mark.usefixtures('small')
