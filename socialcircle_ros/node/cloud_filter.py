@@ -73,12 +73,20 @@ class CloudFilter:
         node: the lifecycle node, unconfigured or inactive.
         configuration: gives the settings in force.
         health: counts arrivals, refusals and latencies.
+        give_way: called when a cloud arrives, and after it was filtered.
     """
 
-    def __init__(self, node: LifecycleNode, configuration: Callable[[], Configuration], health: Health) -> None:
+    def __init__(
+        self,
+        node: LifecycleNode,
+        configuration: Callable[[], Configuration],
+        health: Health,
+        give_way: Callable[[], None] = lambda: None,
+    ) -> None:
         self._node = node
         self._configuration = configuration
         self._health = health
+        self._give_way = give_way
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
         self._is_first = True
@@ -115,6 +123,7 @@ class CloudFilter:
 
     def filter(self, message: bytes | memoryview, depth_of_field: float | None = None) -> None:
         """Hand a cloud to the worker: one that arrived, or one that a stack became."""
+        self._give_way()
         self._worker.put(QueuedCloud(message, time.monotonic(), depth_of_field))
 
     def filter_again(self) -> None:
@@ -193,6 +202,7 @@ class CloudFilter:
             self._is_first = False
             _fit_memory(len(cloud.message))
         self._health.judged(measurement.values.verdict_reason or '', again=cloud.again)
+        self._give_way()
         if not cloud.again:
             latency_s = time.monotonic() - cloud.arrived_s
             self._health.published(latency_s)

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Literal, get_args
@@ -46,6 +47,9 @@ from socialcircle_ros.settings import (
 _HelperPart = Literal['stack', 'rare']  # what a helper process compiles, apart from clouds in a mode
 
 _PERIOD_S = 0.05  # between two checks whether the caller still waits
+_PAUSE_S = 0.2  # without work, after which a rare kernel may be loaded
+_FIRST_S = 1.0  # by which the first rare kernel waits longer: the first cloud may come
+_LONGEST_S = 0.5  # that each of the others waits for a pause
 
 
 class WarmUp:
@@ -59,6 +63,8 @@ class WarmUp:
         self._thread: threading.Thread | None = None
         self._ready = threading.Event()
         self._error: Exception | None = None
+        self._busy_until_s = 0.0  # of time.monotonic()
+        self._ending = threading.Event()
 
     @property
     def running(self) -> bool:
@@ -92,6 +98,28 @@ class WarmUp:
                 return True
         return False
 
+    def give_way(self) -> None:
+        """Put rare kernels off: loading one holds the interpreter's lock, for which a cloud would wait."""
+        self._busy_until_s = time.monotonic()
+
+    def stop(self) -> None:
+        """Load no more rare kernels. What is compiled at this moment goes on: `running`."""
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join(_PAUSE_S)
+
+    def _wait_for_pause(self) -> bool:
+        """Wait until nothing has come for a while, but not for ever where clouds come without a pause.
+
+        Returns:
+            Whether rare kernels are still wanted.
+        """
+        latest_s = max(self._busy_until_s, time.monotonic()) + _LONGEST_S
+        while (left_s := min(self._busy_until_s + _PAUSE_S, latest_s) - time.monotonic()) > 0:
+            if self._ending.wait(left_s):
+                break
+        return not self._ending.is_set()
+
     def _run(self, mode: Mode, judge: Judge, provider: str) -> None:
         cold = False
         try:
@@ -100,9 +128,10 @@ class WarmUp:
             _compile_common(mode, judge, provider, cold=cold)
         except Exception as error:  # noqa: BLE001 - raised in the thread that waits
             self._error = error
+        self._busy_until_s = time.monotonic() + _FIRST_S
         self._ready.set()
         if self._error is None:
-            _compile_rare(cold=cold)
+            _compile_rare(cold=cold, is_time=self._wait_for_pause)
         unmap_code('libllvmlite')  # 50 MB, which only compiling and loading need
 
 
@@ -211,15 +240,21 @@ def _help(part: 'Mode | _HelperPart') -> None:
     os._exit(0)
 
 
-def _compile_rare(*, cold: bool = False) -> None:
+def _compile_rare(*, cold: bool = False, is_time: Callable[[], bool] = lambda: True) -> None:
     """Kernels that other settings or another camera need.
 
     What cannot be compiled here fails by itself, and says so, when it is used. If the cache is `cold`, a helper
     process fills it first, as in `_compile_common`.
+
+    Args:
+        cold: whether the cache is empty.
+        is_time: called before each of the calls that compile or load them; False: the others are not wanted.
     """
     if cold:
         _wait_for(_helper('rare'))
     for compile_some in _rare():
+        if not is_time():
+            return
         with contextlib.suppress(Exception):
             compile_some()
 

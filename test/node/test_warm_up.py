@@ -5,6 +5,7 @@ import contextlib
 import importlib.util
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -208,3 +209,65 @@ def test_frames_that_are_registered_are_warmed_up(kind, monkeypatch):
     monkeypatch.setattr(registration, '_resample', lambda *given: (moved.append(given[0].dtype), resample(*given)))
     warm_up._register(kind)
     assert moved == [kind, kind]
+
+
+class StubClock:
+    """A clock that moves only while rare kernels wait, and clouds that come at given times."""
+
+    def __init__(self, warming, clouds):
+        self.now, self._warming, self._clouds = 100.0, warming, list(clouds)
+
+    def monotonic(self):
+        return self.now
+
+    def is_set(self):
+        return False
+
+    def wait(self, seconds):
+        end = self.now + seconds
+        while self._clouds and self._clouds[0] <= end:
+            self.now = self._clouds.pop(0)
+            self._warming.give_way()
+        self.now = end
+        return False
+
+
+@pytest.mark.parametrize(
+    ('clouds', 'waited'),
+    [([], 0.2), ([100.1, 100.2], 0.4), ([100 + 0.04 * each for each in range(200)], warm_up._LONGEST_S)],
+    ids=['none', 'two', 'without a pause'],
+)
+def test_a_rare_kernel_waits_for_a_pause_between_clouds_but_not_for_ever(clouds, waited, monkeypatch):
+    warming = warm_up.WarmUp()
+    clock = StubClock(warming, clouds)
+    monkeypatch.setattr(warm_up, 'time', clock)
+    monkeypatch.setattr(warming, '_ending', clock)
+    warming.give_way()
+    assert warming._wait_for_pause()
+    assert clock.now - 100 == pytest.approx(waited)
+
+
+def test_rare_kernels_wait_for_the_first_cloud_and_none_is_loaded_once_the_node_ends(monkeypatch):
+    loaded, waited = [], threading.Event()
+    monkeypatch.setattr(warm_up, '_compile_common', lambda *_, **__: None)
+    monkeypatch.setattr(warm_up, '_is_cold', lambda: False)
+    monkeypatch.setattr(warm_up, 'unmap_code', lambda _: None)
+    monkeypatch.setattr(warm_up, '_rare', lambda: [lambda: loaded.append(1)])
+    monkeypatch.setattr(warm_up, '_FIRST_S', 600.0)
+    warming = warm_up.WarmUp()
+    wait_for_pause = warming._wait_for_pause
+    monkeypatch.setattr(warming, '_wait_for_pause', lambda: (waited.set(), wait_for_pause())[1])
+    assert warming.wait(lambda: True, 'paper', 'rules', 'CPUExecutionProvider')
+    assert waited.wait(60)
+    assert warming.running
+    warming.stop()
+    warming._thread.join(60)
+    assert not warming.running
+    assert not loaded
+
+
+def test_nothing_rare_is_loaded_when_it_is_not_the_time(monkeypatch):
+    loaded, times = [], [True, True, False]
+    monkeypatch.setattr(warm_up, '_rare', lambda: [lambda: loaded.append(1)] * 5)
+    warm_up._compile_rare(is_time=lambda: times.pop(0))
+    assert loaded == [1, 1]
