@@ -303,7 +303,7 @@ def _see() -> None:
     all_bytes = np.arange(256, dtype=np.uint8)
     write_probabilities(np.ascontiguousarray(squares[..., :4]), all_bytes, whole, whole, heights, probabilities)
     probable_outliers(probabilities, measured)
-    far_points(heights, estimate_spread(heights, 16, may_predict=False), ~measured)
+    far_points(heights, estimate_spread(heights, 16, may_predict=False), ~measured, measured)
 
 
 def _measure_communities() -> None:

@@ -429,7 +429,7 @@ def long_edges(steps, shape):
     return edges
 
 
-def far_points(heights, outliers, differences, find):
+def far_points(heights, outliers, suspected, differences, find):
     """Single points far off, and the islands by `find` far off a plain surface; differences are in 1/8 spread."""
     pairs = 4 * np.isfinite(with_holes_filled(heights, outliers)).sum()
 
@@ -440,6 +440,9 @@ def far_points(heights, outliers, differences, find):
     if not noticed:
         return np.zeros(heights.shape, bool)
     alone = isolated_points(differences, 96) & np.isfinite(heights)
+    if 10 * alone.sum() > np.isfinite(with_holes_filled(heights, outliers)).sum():
+        alone[:] = False
+    alone |= isolated_points(differences, 40) & suspected & np.isfinite(heights)
     outliers = outliers | alone
     if steps(outliers, 12) > 0.02 * pairs:
         return alone

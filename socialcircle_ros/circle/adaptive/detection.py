@@ -18,7 +18,7 @@ from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
 from .lesson import CommunityJudge
-from .likelihood import ONE, Likelihood, probable_outliers
+from .likelihood import ONE, UNDECIDED, Likelihood, probable_outliers
 from .optics import beside_walls, beyond_tolerance
 from .pyramid import halved, mark_expanded, raise_expanded
 from .relief import relief_of
@@ -174,7 +174,7 @@ def find_probable_outliers(
         decided = probable_outliers(probabilities, measured)
         undecided, certain = decided.undecided, decided.certain
         stopwatch.lap('communities')
-        far = far_points(relative, spread, decided.outliers)
+        far = far_points(relative, spread, decided.outliers, probabilities > round(UNDECIDED * ONE))
         stopwatch.lap('far points')
         if far.any():
             probabilities[far] = ONE
@@ -187,7 +187,7 @@ def find_probable_outliers(
         outliers, score = decided.outliers, decided.score
     else:
         found = probabilities > round(judge.least * ONE)
-        far = far_points(relative, spread, found)
+        far = far_points(relative, spread, found, found)
         stopwatch.lap('far points')
         probabilities[far] = ONE
         score = np.divide(probabilities, ONE, dtype=np.float32)

@@ -23,12 +23,14 @@ from .communities import label_communities
 from .differences import DOWN, MISSING, RIGHT, STEPS_PER_SPREAD, Differences, Spread, normalised_differences
 from .heights import RelativeHeights, with_holes_filled
 from .islands import find_islands
-from .isolated import isolated_points
+from .isolated import isolated_among, isolated_points
 from .relief import relief_of
 
 ALONE, MOST_ALONE = 12.0, 0.1
 """A point is far off if it differs by so many spreads from its neighbours, as `isolated_points` counts them. If
 more than this share of the points are, none is: then the spread is far below the noise."""
+SUSPECTED_ALONE = 5.0
+"""So many spreads are enough for a point that is suspected: two weak signs together are a strong one."""
 NOTICED = 6.0
 """Anything is sought if two neighbours differ by so many spreads once the outliers are filled."""
 LONG, NARROW = 48, 8
@@ -70,7 +72,7 @@ _VERY_PLAIN = _Plain(share=2e-4, hopeless=5e-3, large=4.0, clip=4.0, steep=0.955
 """White noise is very plain: 0.6e-4 of its neighbours differ by 4 spreads."""
 
 
-def far_points(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mask:
+def far_points(heights: RelativeHeights, spread: Spread, outliers: Mask, suspected: Mask) -> Mask:
     """Find single points far off their neighbours, and the islands far off a plain surface.
 
     There are no such islands if the surface is not plain without them. On a very plain surface lower islands
@@ -81,6 +83,7 @@ def far_points(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mask
         heights: (H, W) float32, NaN where not measured.
         spread: of these heights, not predicted.
         outliers: (H, W) bool, measured points that are outliers whatever is found here.
+        suspected: (H, W) bool, points that may be outliers.
 
     Returns:
         (H, W) bool.
@@ -104,6 +107,7 @@ def far_points(heights: RelativeHeights, spread: Spread, outliers: Mask) -> Mask
     found = isolated_points(differences, ALONE / _COARSER)
     if np.count_nonzero(found) > MOST_ALONE * np.count_nonzero(measured):
         found[:] = False
+    found |= isolated_among(suspected, differences, SUSPECTED_ALONE / _COARSER)
     outliers = outliers | found
     if steps(_PLAIN, outliers)[1] > _PLAIN.hopeless:
         return found

@@ -38,6 +38,55 @@ def isolated_points(differences: Differences, touch: float = TOUCH) -> Mask:
     return isolated
 
 
+def isolated_among(suspected: Mask, differences: Differences, touch: float) -> Mask:
+    """Those of `isolated_points` that are suspected: much faster where these are few.
+
+    Args:
+        suspected: (H, W) bool.
+        differences: as for `isolated_points`.
+        touch: as for `isolated_points`.
+
+    Returns:
+        (H, W) bool.
+    """
+    isolated: Mask = np.zeros(suspected.shape, np.bool_)
+    _find_among(np.flatnonzero(suspected), differences, round(touch * STEPS_PER_SPREAD), isolated)
+    return isolated
+
+
+@kernel
+def _find_among(points: npt.NDArray[np.intp], differences: Differences, touch: int, isolated: Mask) -> None:
+    height, width = isolated.shape
+    for point in points:
+        row, column = point // width, point % width
+        known, touching, side = 0, 0, 0
+        for direction in range(4):
+            down, right = DOWN[direction], RIGHT[direction]
+            for sign in (1, -1):
+                first = row if sign > 0 else row - down
+                start = column if sign > 0 else column - right
+                if not (0 <= first < height and 0 <= start < width):
+                    continue
+                difference = np.int64(differences[direction, first, start])
+                if difference == MISSING:
+                    continue
+                known += 1
+                if abs(difference) < touch:
+                    touching += 1
+                else:
+                    side += sign if difference > 0 else -sign
+        isolated[row, column] = _is_isolated(known, touching, side)
+
+
+@kernel
+def _is_isolated(known: int, touching: int, side: int) -> bool:
+    return (
+        known >= _LEAST_NEIGHBOURS
+        and touching <= (1 if known >= _WELL_SURROUNDED else 0)
+        and 2 * abs(side) >= known
+    )
+
+
 @kernel
 def _find(differences: Differences, touch: int, first: int, end: int, isolated: Mask) -> None:
     width = differences.shape[2]
@@ -53,11 +102,7 @@ def _find(differences: Differences, touch: int, first: int, end: int, isolated: 
                 back = differences[direction, row - down, start]
                 _count(back, touch, np.int8(-1), known[reached], touching[reached], side[reached])
         for column in range(width):
-            isolated[row, column] = (
-                known[column] >= _LEAST_NEIGHBOURS
-                and touching[column] <= (1 if known[column] >= _WELL_SURROUNDED else 0)
-                and 2 * abs(side[column]) >= known[column]
-            )
+            isolated[row, column] = _is_isolated(known[column], touching[column], side[column])
 
 
 @kernel

@@ -33,11 +33,12 @@ def with_patches(side, rise, flat=False):
 
 def far(heights, outliers=None):
     outliers = np.zeros(heights.shape, bool) if outliers is None else outliers
-    return far_points(heights, estimate_spread(heights, 16, may_predict=False), outliers)
+    suspected = np.zeros(heights.shape, bool)
+    return far_points(heights, estimate_spread(heights, 16, may_predict=False), outliers, suspected)
 
 
-def contaminated(height, width, seed, noise, patches, rise, walls, missing, known):
-    """Noise with patches that rise or sink, walls across it, points that are not measured, and known outliers."""
+def contaminated(height, width, seed, noise, patches, rise, walls, missing, known, suspected):
+    """Noise with patches that rise or sink, walls, points not measured, and known and suspected outliers."""
     random = np.random.default_rng(seed)
     heights = random.normal(0, noise, (height, width))
     for _ in range(patches):
@@ -47,7 +48,8 @@ def contaminated(height, width, seed, noise, patches, rise, walls, missing, know
     for _ in range(walls):
         heights[:, random.integers(0, width) :] += rise
     heights[random.random(heights.shape) < missing] = np.nan
-    return heights.astype(np.float32), (random.random(heights.shape) < known) & np.isfinite(heights)
+    marked = [(random.random(heights.shape) < share) & np.isfinite(heights) for share in (known, suspected)]
+    return heights.astype(np.float32), *marked
 
 
 CONTAMINATED = st.builds(
@@ -61,13 +63,14 @@ CONTAMINATED = st.builds(
     st.sampled_from([0, 0, 0, 1]),
     st.sampled_from([0.0, 0.0, 0.1]),
     st.sampled_from([0.0, 0.02, 0.3]),
+    st.sampled_from([0.0, 0.1, 0.5]),
 )
 
 
 @settings(max_examples=300)
 @given(CONTAMINATED)
 def test_far_points_equal_the_reference(cloud):
-    heights, outliers = cloud
+    heights, outliers, suspected = cloud
     if np.isnan(heights).all():
         return
     spread = estimate_spread(heights, 16, may_predict=False)
@@ -79,8 +82,28 @@ def test_far_points_equal_the_reference(cloud):
         return find_islands(relief, differences, measured, clip / 2, steep, 1, rise / 2)[0]
 
     np.testing.assert_array_equal(
-        far_points(heights, spread, outliers), naive.far_points(heights, outliers, differences, find)
+        far_points(heights, spread, outliers, suspected),
+        naive.far_points(heights, outliers, suspected, differences, find),
     )
+
+
+def test_a_single_point_that_is_suspected_need_not_be_as_far_off():
+    heights = noise()
+    spikes = np.zeros(heights.shape, bool)
+    spikes[5:145:20, 5:205:20] = True
+    heights[spikes] += np.float32(11)
+    heights[70, 100] += np.float32(30)  # so that anything is sought
+    suspected = spikes.copy()
+    suspected[::3] = True
+    spread = estimate_spread(heights, 16, may_predict=False)
+    lines = 100 * np.float32(np.arange(210) % 10 == 0)  # no plain surface, on which islands would be found
+    for surface in (heights, heights + lines):
+        found = far_points(surface, spread, np.zeros_like(spikes), suspected)
+        assert found[spikes].mean() > 0.95
+        assert np.count_nonzero(found & ~spikes) <= 5
+    probabilities = np.where(spikes, 70, 0).astype(np.uint8)
+    result = find_probable_outliers(heights, lambda _: probabilities.copy())
+    assert result.outliers[spikes].mean() > 0.95
 
 
 @pytest.mark.parametrize('side', [3, 6, 10, 16])

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive import adaptive as naive
 
-from socialcircle_ros.circle.adaptive.differences import MISSING, normalised_differences
-from socialcircle_ros.circle.adaptive.isolated import isolated_points
+from socialcircle_ros.circle.adaptive.differences import MISSING, STEPS_PER_SPREAD, normalised_differences
+from socialcircle_ros.circle.adaptive.isolated import isolated_among, isolated_points
 from socialcircle_ros.circle.adaptive.spread import estimate_spread
 from socialcircle_ros.kernels import bands
 
@@ -35,6 +35,18 @@ def test_isolated_points_equal_the_reference_for_any_differences(shape, random, 
     differences = random_differences(shape, random, gone)
 
     np.testing.assert_array_equal(isolated_points(differences), naive.isolated_points(differences))
+
+
+@settings(max_examples=200)
+@given(SHAPES, st.integers(0, 2**32), st.sampled_from([0.0, 0.2, 0.6]), st.sampled_from([20, 56]))
+def test_isolated_points_among_those_suspected_equal_the_reference(shape, random, gone, steps):
+    differences = random_differences(shape, random, gone)
+    suspected = np.random.default_rng(random).random(shape) < 0.5
+
+    np.testing.assert_array_equal(
+        isolated_among(suspected, differences, steps / STEPS_PER_SPREAD),
+        naive.isolated_points(differences, steps) & suspected,
+    )
 
 
 @settings(max_examples=200)
