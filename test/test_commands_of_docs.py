@@ -53,7 +53,7 @@ NOT_RUN = {
     r'environment/bin/socialcircle ': 'needs the environment of the lines above',
     r'\. ': 'changes the shell',
     r'export ': 'changes the shell',
-    r'(colcon build|ament_)': SOURCED,
+    r'(python3 -m colcon build|ament_|rosdep install)': SOURCED,
     r'ros2 security ': SOURCED,
     r'FASTRTPS_DEFAULT_PROFILES_FILE=.* ros2 run my_sensor driver': 'runs a driver of the reader',
     r'SOCIALCIRCLE_DATA=… python -m socialcircle_ros\.studies\.learned(\.leave_out)? ': 'trains for hours',
@@ -121,7 +121,7 @@ def check(line):
     for extras in re.findall(r'(?:\.|socialcircle_ros)\[([\w,]+)\]', line):
         declared = importlib.metadata.metadata('socialcircle_ros').get_all('Provides-Extra')
         assert set(extras.split(',')) <= set(declared)
-    for file in re.findall(r'(?<![\w/])((?:config|deploy|launch|constraints)/[\w./]+)', line):
+    for file in re.findall(r'(?<![\w/])((?:config|deploy|launch|constraints)/[\w./@]+)', line):
         assert (TOP / file).exists(), f'{file} does not exist'
 
 

@@ -44,7 +44,8 @@ def command(
     \b
     socialcircle filter night.mcap -o clean.mcap -p circle.lesson:=part.teach
 
-    A lesson holds for clouds in the same unit, of the same kind of part and instrument.
+    A lesson holds for one kind of part on one instrument. Give clouds in the unit of the good clouds: the warning
+    of another surface compares lengths in this unit.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.settings import PipelineSettings
