@@ -30,11 +30,11 @@ PLANES = CHANNELS + 1
 """Planes of a patch: the features, and the label: 0 does not count, 1 good, 2 outlier."""
 _WHOLE, _SMALLEST = 0.8, 0.1
 """Share of patches with the whole side, and the least part of it for others: a small cloud shows less texture."""
-_HOLED = 0.1
-"""Share of real surfaces in which points are left out."""
+_HOLED_REAL, _HOLED_SIMULATED = 0.1, 0.3
+"""Shares of real and of simulated surfaces in which points are left out."""
 _LEAST_MEASURED = 0.1
 """Share of measured and plausible points that a patch needs; every third row and column has 0.11."""
-RECIPE = '2'
+RECIPE = '3'
 """Version of what patches are made of."""
 _MOST_TRIES = 50
 
@@ -60,17 +60,20 @@ def make_patch(surfaces: Sequence[TrainingSurface], random: np.random.Generator)
             weights = np.array([surface.weight for surface in surfaces])
             chosen = surfaces[random.choice(len(surfaces), p=weights / weights.sum())]
             heights, plausible = varied(chosen, side, random)
-            if random.random() < _HOLED:
-                heights = with_holes(heights, random)
-                plausible = plausible & np.isfinite(heights)
         else:
             heights = simulated_surface(side, random)
             plausible = np.isfinite(heights)
+        if not plausible.any():
+            continue
+        noise = noise_of(heights)  # before points are left out, without which neighbours may be missing
+        if random.random() < (_HOLED_REAL if real else _HOLED_SIMULATED):
+            heights = with_holes(heights, random)
+            plausible = plausible & np.isfinite(heights)
         if plausible.mean() < _LEAST_MEASURED:
             continue
         if random.random() < 0.5:
             heights, plausible = heights.T, plausible.T
-        placed = place_outliers(heights, noise_of(heights), float(random.choice(SHARES)), random)
+        placed = place_outliers(heights, noise, float(random.choice(SHARES)), random)
         counts = placed.certain & (plausible | placed.outlier)
         channels, grain = channels_of((placed.heights - np.nanmedian(placed.heights)).astype(np.float32))
         counts &= channels[HEIGHT_CHANNELS] > 0

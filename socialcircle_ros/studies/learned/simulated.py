@@ -25,7 +25,7 @@ _ALL_OVER = 0.04
 
 
 def simulated_surface(side: int, random: np.random.Generator) -> RandomField:
-    """A surface of a random kind, (side, side) float64, NaN where not measured."""
+    """A surface of a random kind, (side, side) float64, measured everywhere."""
     shape = (side, side)
     grid: SurfaceGrid = tuple(np.mgrid[:side, :side].astype(np.float64))
     heights = _texture(grid, random)
@@ -38,8 +38,6 @@ def simulated_surface(side: int, random: np.random.Generator) -> RandomField:
         heights = gaussian_filter(heights, random.uniform(0.4, 1.2))
     if random.random() < 0.2:
         heights = _quantised(heights, random)
-    if random.random() < 0.3:
-        heights = with_holes(heights, random)
     return heights + random.normal() * 3 * grid[1] + random.normal() * 3 * grid[0]
 
 

@@ -57,6 +57,26 @@ def test_a_patch_counts_measured_points_alone(monkeypatch):
     assert not make_patch([], np.random.default_rng(1)).real
 
 
+def test_where_points_are_left_out_outliers_are_as_far_off_as_elsewhere(monkeypatch):
+    """The noise is that of the whole surface: sparse points have no neighbours to tell it."""
+    monkeypatch.setattr(corpus, 'SIDE', 96)
+    monkeypatch.setattr(corpus, '_HOLED_REAL', 1.0)
+    monkeypatch.setattr(corpus, 'REAL_SHARE', 1.0)
+    monkeypatch.setattr(corpus, '_WHOLE', 1.0)
+    tilted = real(96, 96)
+    tilted.heights[:] = 1e-3 * tilted.heights + 0.02 * np.arange(96)
+    noises = []
+    place = corpus.place_outliers
+    monkeypatch.setattr(
+        corpus, 'varied', lambda surface, side, random: (surface.heights.copy(), surface.plausible)
+    )
+    monkeypatch.setattr(corpus, 'place_outliers', lambda heights, noise, *rest: (
+        noises.append(noise), place(heights, noise, *rest))[1])  # fmt: skip
+    for seed in range(25):
+        make_patch([tilted], np.random.default_rng(seed))
+    assert min(noises) == max(noises) == pytest.approx(1e-3, rel=0.2)
+
+
 @pytest.mark.parametrize('shape', [(8, 11), (32, 20), (320, 240)])
 @pytest.mark.parametrize('field', [lambda shape, random: smooth_noise(shape, 25.0, random),
                                    lambda shape, random: fractal(shape, 1.0, random)])  # fmt: skip
