@@ -442,7 +442,8 @@ def far_points(heights, outliers, suspected, differences, find):
     alone = isolated_points(differences, 96) & np.isfinite(heights)
     if 10 * alone.sum() > np.isfinite(with_holes_filled(heights, outliers)).sum():
         alone[:] = False
-    alone |= isolated_points(differences, 40) & suspected & np.isfinite(heights)
+    else:
+        alone |= isolated_points(differences, 40) & suspected & ~outliers & np.isfinite(heights)
     outliers = outliers | alone
     if steps(outliers, 12) > 0.02 * pairs:
         return alone

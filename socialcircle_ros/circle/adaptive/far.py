@@ -107,7 +107,8 @@ def far_points(heights: RelativeHeights, spread: Spread, outliers: Mask, suspect
     found = isolated_points(differences, ALONE / _COARSER)
     if np.count_nonzero(found) > MOST_ALONE * np.count_nonzero(measured):
         found[:] = False
-    found |= isolated_among(suspected, differences, SUSPECTED_ALONE / _COARSER)
+    else:
+        found |= isolated_among(suspected & ~outliers, differences, SUSPECTED_ALONE / _COARSER)
     outliers = outliers | found
     if steps(_PLAIN, outliers)[1] > _PLAIN.hopeless:
         return found

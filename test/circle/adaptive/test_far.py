@@ -97,13 +97,25 @@ def test_a_single_point_that_is_suspected_need_not_be_as_far_off():
     suspected[::3] = True
     spread = estimate_spread(heights, 16, may_predict=False)
     lines = 100 * np.float32(np.arange(210) % 10 == 0)  # no plain surface, on which islands would be found
-    for surface in (heights, heights + lines):
-        found = far_points(surface, spread, np.zeros_like(spikes), suspected)
-        assert found[spikes].mean() > 0.95
-        assert np.count_nonzero(found & ~spikes) <= 5
-    probabilities = np.where(spikes, 70, 0).astype(np.uint8)
-    result = find_probable_outliers(heights, lambda _: probabilities.copy())
-    assert result.outliers[spikes].mean() > 0.95
+    found = far_points(heights + lines, spread, np.zeros_like(spikes), suspected)
+    assert found[spikes].mean() > 0.95
+    assert np.count_nonzero(found & ~spikes) <= 5
+    for probability, least, most in ((70, 0.95, 1.0), (40, 0.0, 0.0)):  # 51 is suspected
+        given = np.where(spikes, probability, 0).astype(np.uint8)
+        share = (
+            find_probable_outliers(heights + lines, lambda _, given=given: given.copy()).outliers[spikes].mean()
+        )
+        assert least <= share <= most
+
+
+def test_where_most_points_stand_out_none_does_for_being_suspected():
+    random = np.random.default_rng(1)
+    heights = np.zeros((90, 120), np.float32)
+    heights += random.normal(0, 1e-3, heights.shape).astype(np.float32)
+    heights[::2, ::2] += 1.0
+    everywhere = np.ones(heights.shape, bool)
+    spread = estimate_spread(heights, 16, may_predict=False)
+    assert not far_points(heights, spread, ~everywhere, everywhere).any()
 
 
 @pytest.mark.parametrize('side', [3, 6, 10, 16])
