@@ -26,7 +26,7 @@ TUNING = ['optuna>=4']
 FORMATS = ['SurfaceTopography>=1.20', *PICTURES]  # files of instruments
 MEASUREMENTS = ['pyarrow>=14', 'duckdb>=1.1']
 BATCH = ['dask>=2024.1', 'distributed>=2024.1', 'fsspec>=2024.1', 'bokeh>=3.4', *MEASUREMENTS, *PICTURES]
-# The training of the network that judges touch.
+# The training of the network of the adaptive mode.
 TRAIN = ['torch>=2.2', 'onnx>=1.15', 'scipy>=1.11', *PICTURES]
 PANEL = ['viser>=1.1,<2', 'websockets>=13', *PICTURES]
 BASE_TEST = [

@@ -44,8 +44,8 @@ def command(
     \b
     socialcircle filter night.mcap -o clean.mcap -p circle.lesson:=part.teach
 
-    A lesson holds for one kind of part on one instrument. Give clouds in the unit of the good clouds: the warning
-    of another surface compares lengths in this unit.
+    A lesson holds for one kind of part on one instrument. The clouds that it is used on must be in
+    the unit of the good clouds: the warning of another surface compares lengths in this unit.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.settings import PipelineSettings

@@ -73,7 +73,7 @@ class CloudFilter:
         node: the lifecycle node, unconfigured or inactive.
         configuration: gives the settings in force.
         health: counts arrivals, refusals and latencies.
-        give_way: called when a cloud arrives, and after it was filtered.
+        give_way: called before a cloud is filtered, and after it.
     """
 
     def __init__(
@@ -123,7 +123,6 @@ class CloudFilter:
 
     def filter(self, message: bytes | memoryview, depth_of_field: float | None = None) -> None:
         """Hand a cloud to the worker: one that arrived, or one that a stack became."""
-        self._give_way()
         self._worker.put(QueuedCloud(message, time.monotonic(), depth_of_field))
 
     def filter_again(self) -> None:
@@ -176,6 +175,7 @@ class CloudFilter:
 
     def _process(self, cloud: QueuedCloud) -> None:
         """Filter one cloud and publish its outputs; on the worker's thread, so no exception may escape."""
+        self._give_way()
         # A refused cloud is kept too: the next change of parameters may be what it needs.
         self._last = replace(cloud, again=True)
         settings = self._configuration()

@@ -47,7 +47,7 @@ from socialcircle_ros.settings import (
 _HelperPart = Literal['stack', 'rare']  # what a helper process compiles, apart from clouds in a mode
 
 _PERIOD_S = 0.05  # between two checks whether the caller still waits
-_PAUSE_S = 0.2  # without work, after which a rare kernel may be loaded
+_PAUSE_S = 0.2  # since a cloud or frame came or an answer was given, after which a rare kernel may be loaded
 _FIRST_S = 1.0  # by which the first rare kernel waits longer: the first cloud may come
 _LONGEST_S = 0.5  # that each of the others waits for a pause
 

@@ -40,7 +40,7 @@ _ADAPTIVE_INTRODUCTION = (
     ' simulated clouds and on measured surfaces. No constant of the mode was chosen on the seeds used here. Every'
     ' sentence under "Findings" is computed from this run.'
 )
-_LEARNED_TITLE = 'The network that judges touch, and the rules'
+_LEARNED_TITLE = 'The network of the adaptive mode, and the rules'
 _LEARNED_INTRODUCTION = (
     'A small network gives each point a probability of being an outlier. This page compares it with the rules of'
     ' the adaptive mode on the same whole surfaces with the same outliers. Every sentence under "Findings" is'

@@ -42,7 +42,7 @@ def command(
     leave_out: tuple[str, ...],
     start: Path | None,
 ) -> None:
-    """Train the network that judges touch, and round it to 8 bits.
+    """Train the network of the adaptive mode, and round it to 8 bits.
 
     The corpus is made first, and kept: real surfaces of the data folder and simulated ones, with outliers from
     several generators, and what a larger network, the teacher, says of them. The result depends on the options and
