@@ -253,7 +253,7 @@ def _multiples(step: float, low: float, high: float) -> list[float]:
 def tick_texts(ticks: Sequence[float]) -> list[str]:
     """Ticks with the decimals that tell them apart, and a true minus sign."""
     steps = [abs(second - first) for first, second in pairwise(ticks)]
-    least = 1e-6 * min(steps, default=1e-3 * max((abs(tick) for tick in ticks), default=1.0))
+    least = 1e-6 * min(steps, default=1e-6 * max((abs(tick) for tick in ticks), default=1.0))
     decimals = next((d for d in range(13) if all(abs(round(tick, d) - tick) <= least for tick in ticks)), 13)
     return [f'{round(tick, decimals) + 0.0:.{decimals}f}'.replace('-', '−') for tick in ticks]
 

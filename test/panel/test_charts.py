@@ -18,6 +18,7 @@ numbers = st.floats(-1e6, 1e6)
 
 
 @example(low=1.0, span=40001.0, about=2)
+@example(low=-999999.9999999999, span=0.001953125, about=2)  # one tick, far from 0
 @given(low=numbers, span=st.floats(1e-3, 1e6), about=st.integers(2, 8))
 def test_ticks_are_round_evenly_spaced_and_inside(low, span, about):
     high = low + span
