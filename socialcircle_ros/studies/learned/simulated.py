@@ -62,7 +62,7 @@ def _noise(shape: tuple[int, int], random: np.random.Generator) -> RandomField:
 
 
 def _tailed_noise(shape: tuple[int, int], random: np.random.Generator) -> RandomField:
-    """Noise whose tails are longer than normal, on both sides or on one."""
+    """Noise with longer tails than normal noise has, on both sides or on one."""
     kind = random.random()
     if kind < 0.5:
         return random.standard_t(random.uniform(4, 12), size=shape)
