@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Protocol, TypeVar, cast
 
 import numba
+from numba.core.compiler_lock import global_compiler_lock
 
 Function = TypeVar('Function', bound=Callable[..., object])
 
@@ -182,6 +183,14 @@ def _pass_over_unreadable_entries(cache: _Cache) -> None:
             return None
 
     cache.load_overload = load_overload  # type: ignore[method-assign]
+
+
+def is_cached(compiled: Callable[[], object]) -> bool:
+    """Whether a kernel without arguments is in the cache; it is not compiled."""
+    cache: _Cache | None = getattr(compiled, '_cache', None)
+    target = getattr(compiled, 'targetctx', None)
+    with global_compiler_lock:
+        return cache is not None and cache.load_overload((), target) is not None
 
 
 @kernel

@@ -73,7 +73,6 @@ class CloudFilter:
         node: the lifecycle node, unconfigured or inactive.
         configuration: gives the settings in force.
         health: counts arrivals, refusals and latencies.
-        give_way: called before a cloud is filtered, and after it.
     """
 
     def __init__(
@@ -81,12 +80,10 @@ class CloudFilter:
         node: LifecycleNode,
         configuration: Callable[[], Configuration],
         health: Health,
-        give_way: Callable[[], None] = lambda: None,
     ) -> None:
         self._node = node
         self._configuration = configuration
         self._health = health
-        self._give_way = give_way
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
         self._is_first = True
@@ -175,7 +172,6 @@ class CloudFilter:
 
     def _process(self, cloud: QueuedCloud) -> None:
         """Filter one cloud and publish its outputs; on the worker's thread, so no exception may escape."""
-        self._give_way()
         # A refused cloud is kept too: the next change of parameters may be what it needs.
         self._last = replace(cloud, again=True)
         settings = self._configuration()
@@ -202,7 +198,6 @@ class CloudFilter:
             self._is_first = False
             _fit_memory(len(cloud.message))
         self._health.judged(measurement.values.verdict_reason or '', again=cloud.again)
-        self._give_way()
         if not cloud.again:
             latency_s = time.monotonic() - cloud.arrived_s
             self._health.published(latency_s)

@@ -126,7 +126,6 @@ def _end(node: 'SocialCircleNode | None') -> None:
         rclpy.try_shutdown()
         return
     node.close()
-    node.warm_up.stop()
     rclpy.try_shutdown()
     if node.warm_up.running:
         # The compilation can neither be interrupted nor waited for. Everything else has ended. The context

@@ -117,15 +117,14 @@ class SocialCircleNode(LifecycleNode):
     @_reported
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Compile the filter, make the publishers, start the workers."""
-        give_way = self.warm_up.give_way
-        self._filter = CloudFilter(self, self._configuration, self._health, give_way)
+        self._filter = CloudFilter(self, self._configuration, self._health)
         began_s = time.monotonic()
         circle = self._configuration().circle
         if not self.warm_up.wait(self.context.ok, circle.mode, circle.judge, circle.provider):
             return TransitionCallbackReturn.FAILURE
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began_s:.1f} s).')
         self._filter.reserve()
-        self._stack = StackInput(self, self._configuration, self._health, self._filter.filter, give_way)
+        self._stack = StackInput(self, self._configuration, self._health, self._filter.filter)
         return super().on_configure(state)
 
     @_reported

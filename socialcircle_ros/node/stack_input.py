@@ -70,7 +70,6 @@ class StackInput:
         configuration: gives the settings in force.
         health: counts arrivals, refusals and latencies.
         filter_cloud: takes each cloud of a finished stack, with its depth of field in m.
-        give_way: called when a frame arrives.
     """
 
     def __init__(
@@ -79,13 +78,11 @@ class StackInput:
         configuration: Callable[[], Configuration],
         health: Health,
         filter_cloud: Callable[[bytes, float | None], None],
-        give_way: Callable[[], None] = lambda: None,
     ) -> None:
         self._node = node
         self._configuration = configuration
         self._health = health
         self._filter_cloud = filter_cloud
-        self._give_way = give_way
         self._assembler = StackAssembler()
         self._reserved = 0
         self._last_arrival_s = float('-inf')
@@ -145,7 +142,6 @@ class StackInput:
             self._node.destroy_subscription(subscription)
 
     def _frame_arrived(self, message: bytes) -> None:
-        self._give_way()
         self._health.frame_received()
         self._last_arrival_s = time.monotonic()
         task = _Task(lambda assembler: assembler.add_frame(message), self._last_arrival_s)

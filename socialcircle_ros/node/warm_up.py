@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Literal, get_args
@@ -23,7 +22,7 @@ from socialcircle_ros.circle.network.scales import scales_of
 from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.focus import FocusStack
-from socialcircle_ros.kernels.compiled import cache_folder
+from socialcircle_ros.kernels.compiled import cache_folder, is_cached, kernel
 from socialcircle_ros.kernels.memory import unmap_code
 from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
 from socialcircle_ros.messages.header import Header
@@ -47,24 +46,20 @@ from socialcircle_ros.settings import (
 _HelperPart = Literal['stack', 'rare']  # what a helper process compiles, apart from clouds in a mode
 
 _PERIOD_S = 0.05  # between two checks whether the caller still waits
-_PAUSE_S = 0.2  # since a cloud or frame came or an answer was given, after which a rare kernel may be loaded
-_FIRST_S = 1.0  # by which the first rare kernel waits longer: the first cloud may come
-_LONGEST_S = 0.5  # that each of the others waits for a pause
 
 
 class WarmUp:
     """Compiles the kernels for clouds and frames, or loads them from the cache: the common ones first.
 
     The first start compiles for seconds and cannot be interrupted. Therefore it runs on a thread of its own, which
-    may still run when the process ends.
+    may still run when the process ends. The rare kernels need only be in the cache: loading one takes 10 to 250 ms
+    when it is used first, 13 MB for all of them, and the interpreter's lock, for which a cloud would wait.
     """
 
     def __init__(self) -> None:
         self._thread: threading.Thread | None = None
         self._ready = threading.Event()
         self._error: Exception | None = None
-        self._busy_until_s = 0.0  # of time.monotonic()
-        self._ending = threading.Event()
 
     @property
     def running(self) -> bool:
@@ -98,28 +93,6 @@ class WarmUp:
                 return True
         return False
 
-    def give_way(self) -> None:
-        """Put rare kernels off: loading one holds the interpreter's lock, for which a cloud would wait."""
-        self._busy_until_s = time.monotonic()
-
-    def stop(self) -> None:
-        """Load no more rare kernels. What is compiled at this moment goes on: `running`."""
-        self._ending.set()
-        if self._thread is not None:
-            self._thread.join(_PAUSE_S)
-
-    def _wait_for_pause(self) -> bool:
-        """Wait until nothing has come for a while, but not for ever where clouds come without a pause.
-
-        Returns:
-            Whether rare kernels are still wanted.
-        """
-        latest_s = max(self._busy_until_s, time.monotonic()) + _LONGEST_S
-        while (left_s := min(self._busy_until_s + _PAUSE_S, latest_s) - time.monotonic()) > 0:
-            if self._ending.wait(left_s):
-                break
-        return not self._ending.is_set()
-
     def _run(self, mode: Mode, judge: Judge, provider: str) -> None:
         cold = False
         try:
@@ -128,10 +101,9 @@ class WarmUp:
             _compile_common(mode, judge, provider, cold=cold)
         except Exception as error:  # noqa: BLE001 - raised in the thread that waits
             self._error = error
-        self._busy_until_s = time.monotonic() + _FIRST_S
         self._ready.set()
         if self._error is None:
-            _compile_rare(cold=cold, is_time=self._wait_for_pause)
+            _cache_rare()
         unmap_code('libllvmlite')  # 50 MB, which only compiling and loading need
 
 
@@ -240,27 +212,30 @@ def _help(part: 'Mode | _HelperPart') -> None:
     os._exit(0)
 
 
-def _compile_rare(*, cold: bool = False, is_time: Callable[[], bool] = lambda: True) -> None:
-    """Kernels that other settings or another camera need.
+def _cache_rare() -> None:
+    """Put the kernels that other settings or another camera need into the cache, unless they are there.
 
-    What cannot be compiled here fails by itself, and says so, when it is used. If the cache is `cold`, a helper
-    process fills it first, as in `_compile_common`.
-
-    Args:
-        cold: whether the cache is empty.
-        is_time: called before each of the calls that compile or load them; False: the others are not wanted.
+    A helper process compiles them, so that this one need not load them. Where nothing can be cached, this process
+    compiles them.
     """
-    if cold:
-        _wait_for(_helper('rare'))
+    if is_cached(_all_rare):
+        return
+    helper = _helper('rare')
+    if helper is None:
+        _compile_rare()
+    else:
+        _wait_for(helper)
+
+
+def _compile_rare() -> None:
+    """Compile the rare kernels. What cannot be compiled fails by itself, and says so, when it is used."""
     for compile_some in _rare():
-        if not is_time():
-            return
         with contextlib.suppress(Exception):
             compile_some()
 
 
 def _rare() -> Iterator[Callable[[], object]]:
-    """Calls that compile rare kernels, each apart from the others."""
+    """Calls that compile rare kernels, each apart from the others; the last one tells that all were called."""
     for other in get_args(Mode):
         settings = PipelineSettings(circle=CircleSettings(mode=other, judge='rules'))
         yield partial(filter_cloud, _cloud(np.float32), settings, depth_of_field=1.0)
@@ -283,6 +258,13 @@ def _rare() -> Iterator[Callable[[], object]]:
     for blue_first in (False, True):
         yield partial(gray_of_colour, pixels.reshape(4, 4, 3), blue_first=blue_first)
     yield partial(gray_of_mosaic, pixels.reshape(6, 8))
+    yield _all_rare
+
+
+@kernel
+def _all_rare() -> int:
+    """Does nothing. It is compiled last: if it is in the cache, the others are, too."""
+    return 0
 
 
 def _cloud(kind: type[np.floating], frame: str = '') -> bytes:

@@ -78,6 +78,31 @@ def run(tmp_path, monkeypatch):
     return run
 
 
+CACHED = """
+import sys
+
+from socialcircle_ros.kernels.compiled import is_cached, kernel
+
+
+@kernel
+def nothing():
+    return 0
+
+
+print(is_cached(nothing), len(nothing.signatures))
+if sys.argv[1:]:
+    nothing()
+"""
+
+
+def test_a_kernel_is_cached_once_it_was_called_and_asking_compiles_nothing(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
+    (tmp_path / 'cached.py').write_text(CACHED)
+    for call, answer in (([], 'False 0'), (['call'], 'False 0'), ([], 'True 0')):
+        program = [sys.executable, str(tmp_path / 'cached.py'), *call]
+        assert subprocess.run(program, capture_output=True, text=True, check=True).stdout.strip() == answer
+
+
 def test_the_cache_is_read_by_the_next_process(run):
     assert run('Arrays') == ['6.0', '0']
     assert run('Arrays') == ['6.0', '1']

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiling before the first cloud comes."""
 
-import contextlib
 import importlib.util
 import subprocess
 import sys
-import threading
 
 import numpy as np
 import pytest
@@ -177,18 +175,46 @@ def test_where_no_cache_can_be_written_no_helper_compiles_for_it(tmp_path, monke
         assert warm_up._helper('rare') is None
 
 
-def test_at_the_first_start_a_helper_compiles_what_is_rare_and_this_process_then_loads_it(monkeypatch):
-    done = []
+RARE = f"""
+import subprocess
+{FEW_KERNELS}
+import os, sys
+FEW = {FEW_KERNELS!r} + '''
+warm_up._rare = lambda: [lambda: gray.gray_of_mosaic(np.zeros((6, 8), np.uint8)), warm_up._all_rare]
+'''
+start, helpers = subprocess.Popen, []
+subprocess.Popen = lambda line, **options: helpers.append(1) or start([*line[:2], FEW + line[2]], **options)
+warm_up._cache_rare()
+print(len(helpers), len(gray.gray_of_mosaic.signatures))
+gray.gray_of_mosaic(np.zeros((6, 8), np.uint8))
+print(sum(gray.gray_of_mosaic.stats.cache_misses.values()))
+"""
 
-    class Helper(contextlib.nullcontext):
-        def wait(self):
-            done.append('compiled')
 
-    monkeypatch.setattr(warm_up, '_helper', lambda part: done.append(part) or Helper())
-    monkeypatch.setattr(warm_up, '_rare', lambda: [lambda: done.append('loaded')])
-    warm_up._compile_rare(cold=True)
-    warm_up._compile_rare()
-    assert done == ['rare', 'compiled', 'loaded', 'loaded']
+def printed(program):
+    """The words that a process of its own prints."""
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=True)
+    return done.stdout.split()
+
+
+def test_rare_kernels_are_compiled_once_by_a_helper_and_loaded_only_when_they_are_used(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    assert [printed(RARE) for _ in range(2)] == [['1', '0', '0'], ['0', '0', '0']]
+
+
+def test_a_helper_that_ended_too_early_is_started_again(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    ended = RARE.replace('warm_up._all_rare]', 'lambda: __import__("os")._exit(1)]')
+    assert [printed(each)[0] for each in (ended, RARE)] == ['1', '1']
+
+
+def test_where_nothing_can_be_cached_this_process_compiles_what_is_rare(monkeypatch):
+    compiled = []
+    monkeypatch.setattr(warm_up, 'is_cached', lambda _: False)
+    monkeypatch.setattr(warm_up, '_helper', lambda part: None)
+    monkeypatch.setattr(warm_up, '_rare', lambda: [lambda: compiled.append(1)] * 2)
+    warm_up._cache_rare()
+    assert compiled == [1, 1]
 
 
 def test_a_rare_kernel_that_cannot_be_compiled_leaves_the_others(monkeypatch):
@@ -209,65 +235,3 @@ def test_frames_that_are_registered_are_warmed_up(kind, monkeypatch):
     monkeypatch.setattr(registration, '_resample', lambda *given: (moved.append(given[0].dtype), resample(*given)))
     warm_up._register(kind)
     assert moved == [kind, kind]
-
-
-class StubClock:
-    """A clock that moves only while rare kernels wait, and clouds that come at given times."""
-
-    def __init__(self, warming, clouds):
-        self.now, self._warming, self._clouds = 100.0, warming, list(clouds)
-
-    def monotonic(self):
-        return self.now
-
-    def is_set(self):
-        return False
-
-    def wait(self, seconds):
-        end = self.now + seconds
-        while self._clouds and self._clouds[0] <= end:
-            self.now = self._clouds.pop(0)
-            self._warming.give_way()
-        self.now = end
-        return False
-
-
-@pytest.mark.parametrize(
-    ('clouds', 'waited'),
-    [([], 0.2), ([100.1, 100.2], 0.4), ([100 + 0.04 * each for each in range(200)], warm_up._LONGEST_S)],
-    ids=['none', 'two', 'without a pause'],
-)
-def test_a_rare_kernel_waits_for_a_pause_between_clouds_but_not_for_ever(clouds, waited, monkeypatch):
-    warming = warm_up.WarmUp()
-    clock = StubClock(warming, clouds)
-    monkeypatch.setattr(warm_up, 'time', clock)
-    monkeypatch.setattr(warming, '_ending', clock)
-    warming.give_way()
-    assert warming._wait_for_pause()
-    assert clock.now - 100 == pytest.approx(waited)
-
-
-def test_rare_kernels_wait_for_the_first_cloud_and_none_is_loaded_once_the_node_ends(monkeypatch):
-    loaded, waited = [], threading.Event()
-    monkeypatch.setattr(warm_up, '_compile_common', lambda *_, **__: None)
-    monkeypatch.setattr(warm_up, '_is_cold', lambda: False)
-    monkeypatch.setattr(warm_up, 'unmap_code', lambda _: None)
-    monkeypatch.setattr(warm_up, '_rare', lambda: [lambda: loaded.append(1)])
-    monkeypatch.setattr(warm_up, '_FIRST_S', 600.0)
-    warming = warm_up.WarmUp()
-    wait_for_pause = warming._wait_for_pause
-    monkeypatch.setattr(warming, '_wait_for_pause', lambda: (waited.set(), wait_for_pause())[1])
-    assert warming.wait(lambda: True, 'paper', 'rules', 'CPUExecutionProvider')
-    assert waited.wait(60)
-    assert warming.running
-    warming.stop()
-    warming._thread.join(60)
-    assert not warming.running
-    assert not loaded
-
-
-def test_nothing_rare_is_loaded_when_it_is_not_the_time(monkeypatch):
-    loaded, times = [], [True, True, False]
-    monkeypatch.setattr(warm_up, '_rare', lambda: [lambda: loaded.append(1)] * 5)
-    warm_up._compile_rare(is_time=lambda: times.pop(0))
-    assert loaded == [1, 1]

@@ -46,7 +46,6 @@ _RELAY_MODULE = 'socialcircle_ros.studies.bench.relay'
 _RELAYED = NodeTopic(RELAYED, point_cloud.TYPE, 'out', 1, 'per cloud', 'The cloud, byte for byte.')
 _WARM_UP_CLOUDS = 8
 _WARM_UP_ENDURANCE = 10
-_LOADING_S = 4.0  # without clouds, in which a node that has just started loads rare kernels
 _PAUSE_S = 0.3  # between two trips: work that follows an answer must not count for the next trip
 _LAST_ANSWERS_S = 2.0
 
@@ -128,7 +127,6 @@ def time_stacks(
     ):
         stacks.wait_for_node(node)
         clouds.wait_for_node(node)
-        time.sleep(_LOADING_S)
         with _CloudStream(clouds, cloud, side_rate) as stream:
             trips = [_time_stack(stacks, messages) for _ in range(repeats + 1)]
         # The node filters the clouds of the stacks, too.
@@ -232,7 +230,6 @@ def endure(folder: Path, seconds: float, shape: tuple[int, int] = SHAPE, rate: f
         trip.wait_for_node(node)
         for number in range(_WARM_UP_ENDURANCE):
             trip.trip_ms(clouds[number % 2])
-        time.sleep(_LOADING_S)
         megabytes_before, received_before = _resident_megabytes(node), trip.received
         count, begin = int(seconds * rate), time.monotonic()
         for number in range(count):
