@@ -11,7 +11,7 @@ _LARGEST_MMAP_THRESHOLD = 32 << 20
 _MADV_DONTNEED = 4  # linux/mman.h
 
 _BLOCK = 16 << 20  # of what is reserved; larger ones than _LARGEST_MMAP_THRESHOLD are not kept
-
+_FENCE, _MOST_HOLES = 1 << 16, 200  # bytes; smaller free blocks are not tried one after another
 
 _kept = False  # whether this process keeps what it frees
 
@@ -45,27 +45,53 @@ def new_memory(size: int) -> bytearray:
     return memory
 
 
-def reserve_memory(size: int) -> None:
+def reserve_memory(large: int, small: int = 0) -> None:
     """Make the system provide memory now, which it otherwise does page by page on the first write.
 
     The memory is freed at once, and the process keeps it for later use. Nothing is done where the process does not
     keep it: see `keep_freed_memory`. Other threads go on meanwhile. All blocks are allocated before the first is
     written, so that they lie side by side.
 
+    glibc takes a new block from the smallest free one that suffices. Planes of a megabyte would therefore lie in
+    the room that a cloud has left, and the next cloud would find none, if there were no smaller room for planes.
+
     Args:
-        size: bytes.
+        large: bytes for clouds.
+        small: bytes of a room of its own for what is smaller than a cloud; more than 16 MiB count as 16 MiB.
     """
     if not _kept:
         return
+    small = min(small, _BLOCK)
     library = ctypes.CDLL(None)
     library.malloc.restype = ctypes.c_void_p
     library.malloc.argtypes, library.free.argtypes = [ctypes.c_size_t], [ctypes.c_void_p]
-    blocks = [library.malloc(_BLOCK) for _ in range(-(-size // _BLOCK))]
-    for block in blocks:
+    sizes = [min(_BLOCK, large - begin) for begin in range(0, large, _BLOCK)]
+    blocks = []
+    if small:
+        blocks.append(library.malloc(small))
+        _fence(library, blocks[0] + small)
+        sizes.insert(0, small)
+    blocks += [library.malloc(each) for each in sizes[len(blocks) :]]
+    for block, each in zip(blocks, sizes, strict=True):
         if block:
-            ctypes.memset(block, 1, _BLOCK)
+            ctypes.memset(block, 1, each)
     for block in blocks:
         library.free(block)
+
+
+def _fence(library: ctypes.CDLL, end: int) -> None:
+    """Allocate a small block behind one that ends at `end`, for good: what is free on both sides stays apart.
+
+    The first ones may fill holes elsewhere, and are freed again.
+    """
+    passed = []
+    for _ in range(_MOST_HOLES):
+        fence = library.malloc(_FENCE)
+        if fence and 0 <= fence - end < _FENCE:
+            break
+        passed.append(fence)
+    for each in passed:
+        library.free(each)
 
 
 def give_back_freed_memory() -> None:

@@ -28,12 +28,16 @@ from .worker import LatestWorker
 LOG_PERIOD_S = 5.0
 """Time between two log lines of one kind."""
 
-# Clouds for which the node needs memory: in the reader, on the way from it, at hand, the last one, and two in the
-# writer. The result takes the place of that on the way.
-_CLOUDS_HELD = 6
+# Clouds for which the node needs memory: in the reader, two on the way from it, the last one, and in the writer.
+# The result takes the place of one on the way. Where a cloud comes while another is filtered, more are needed.
+_CLOUDS_HELD = 5
 
-# Bytes of a cloud. What is reserved for it is given back if clouds are far smaller.
-_EXPECTED_SIZE = 1280 * 960 * 16
+# Planes of a byte per point that the exact mode and the mask need at once.
+_PLANES_HELD = 6
+
+# Bytes of a point, and of a cloud. What is reserved for it is given back if clouds are far smaller.
+_POINT_SIZE = 16
+_EXPECTED_SIZE = 1280 * 960 * _POINT_SIZE
 
 _DRAINING_S = 5.0  # how long deactivation waits for the cloud at hand
 
@@ -55,6 +59,11 @@ class QueuedCloud:
     again: bool = False
 
 
+def _reserve(size: int) -> None:
+    """Reserve the memory that clouds of a size need, as the first one would wait for it otherwise."""
+    reserve_memory(_CLOUDS_HELD * size, _PLANES_HELD * size // _POINT_SIZE)
+
+
 def _fit_memory(size: int) -> None:
     """Adapt what is reserved to the size of the clouds that come.
 
@@ -63,7 +72,7 @@ def _fit_memory(size: int) -> None:
     """
     if size < _EXPECTED_SIZE / 2:
         give_back_freed_memory()
-        reserve_memory(_CLOUDS_HELD * size)
+        _reserve(size)
 
 
 class CloudFilter:
@@ -97,9 +106,9 @@ class CloudFilter:
         return self._input
 
     def reserve(self) -> None:
-        """Reserve the memory for clouds, as the first one would wait for it otherwise."""
+        """Reserve memory for clouds of the usual size, until one has come."""
         if self._is_first:
-            reserve_memory(_CLOUDS_HELD * _EXPECTED_SIZE)
+            _reserve(_EXPECTED_SIZE)
 
     def listen(self) -> None:
         """Subscribe to clouds."""

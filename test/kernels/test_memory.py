@@ -44,6 +44,29 @@ memory.give_back_freed_memory()
 print([heap()['Rss:'] < 20_000, write(20_000_000) > 4_000])
 """
 
+ROOM = f"""
+import ctypes
+{SMAPS}
+from socialcircle_ros.kernels import memory
+
+LARGE, SMALL = 20_000_000, 1_000_000
+
+def end():
+    return max(int(line.split()[0].partition('-')[2], 16) for line in open('/proc/self/maps') if '[heap]' in line)
+
+library = ctypes.CDLL(None)
+library.malloc.restype, library.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
+library.free.argtypes = [ctypes.c_void_p]
+memory.keep_freed_memory()
+memory.reserve_memory(3 * (LARGE + 100), ROOM)
+clouds = [library.malloc(LARGE) for _ in range(3)]
+library.free(clouds.pop(1))
+planes = [library.malloc(SMALL) for _ in range(4)]
+before = end()
+clouds.append(library.malloc(LARGE))
+print(end() - before > LARGE / 2)
+"""
+
 CODE = f"""
 {SMAPS}
 from socialcircle_ros.kernels import compiled, memory
@@ -67,6 +90,11 @@ def printed(program):
 
 def test_memory_that_is_reserved_is_at_hand_until_it_is_given_back():
     assert printed(HEAP) == ['[True, True]', '[True, True]']
+
+
+def test_small_blocks_lie_in_a_room_of_their_own_and_do_not_break_up_that_of_a_cloud():
+    assert printed('ROOM = 0' + ROOM) == ['True']  # the heap grows by a cloud
+    assert printed('ROOM = 5_000_000' + ROOM) == ['False']
 
 
 def test_the_code_of_a_library_is_unmapped_until_it_is_used():

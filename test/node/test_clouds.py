@@ -272,8 +272,8 @@ def test_a_cloud_that_fails_its_limits_is_told_in_the_measurement_and_in_diagnos
 def test_what_is_reserved_for_large_clouds_is_given_back_after_a_far_smaller_one(monkeypatch):
     done = []
     monkeypatch.setattr(cloud_filter, 'give_back_freed_memory', lambda: done.append('all'))
-    monkeypatch.setattr(cloud_filter, 'reserve_memory', done.append)
+    monkeypatch.setattr(cloud_filter, 'reserve_memory', lambda *sizes: done.append(sizes))
     cloud_filter._fit_memory(19_660_932)
     assert done == []
     cloud_filter._fit_memory(500_000)
-    assert done == ['all', 3_000_000]
+    assert done == ['all', (2_500_000, 187_500)]
