@@ -214,6 +214,7 @@ def record_topics(
             keep=True,
             max_bytes=max_bytes,
             max_duration_s=max_duration_s,
+            direct=True,
         )
         watch = _DiskWatch(path.absolute().parent, min_free_bytes)
 

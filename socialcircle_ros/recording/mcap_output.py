@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from socialcircle_ros.storage import Reserve, is_full
+from socialcircle_ros.storage import ALIGNMENT, DirectFile, Reserve, is_full
 
 from .mcap_writer import Buffer, Compression, McapWriter
 from .metadata import FileContents, bag_information, channel_metadata, to_yaml
@@ -17,6 +17,9 @@ LAST_TIME = 2**63 - 1
 
 # The default of rosbag2. A larger message is a chunk of its own.
 _CHUNK_SIZE = 768 * 1024
+
+# From this size on, in bytes, a part of the file may go past the system's cache.
+_LARGE = 1 << 20
 
 # Bounds of what ends a file, in bytes. They are generous: a reserve that is too small loses messages.
 _MESSAGE_OVERHEAD = 64  # head and index entry of a message
@@ -45,6 +48,8 @@ class McapOutput:
         reserve: Reserve | None,
         topics: Mapping[str, Topic] = MappingProxyType({}),
         files: int = 0,
+        *,
+        direct: bool = False,
     ) -> None:
         """Begin the file.
 
@@ -56,6 +61,7 @@ class McapOutput:
             topics: the topics of the recording that are known so far, by the names that messages use; see
                 `expect`.
             files: how many files of the recording come before it.
+            direct: whether large messages go past the system's cache, where the file system can.
 
         Raises:
             OSError: the file cannot be written.
@@ -63,7 +69,7 @@ class McapOutput:
         self.name = name
         self._compression = compression
         self._reserve = reserve
-        self._stream = _Stream(descriptor, reserve)
+        self._stream = _Stream(descriptor, reserve, DirectFile(descriptor) if direct else None)
         self._channels: dict[str, int] = {}
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._counts: dict[str, int] = {}
@@ -202,6 +208,10 @@ class McapOutput:
         self._counts, self._start, self._end = dict(contents.counts), contents.start, contents.end
         return lost
 
+    def release(self) -> None:
+        """Close what was opened here; nothing can be written then."""
+        self._stream.release()
+
     def _begin_again(self, *, chunked: bool) -> None:
         self._stream.cut(0)
         self._writer = self._begin(chunked=chunked)
@@ -257,27 +267,48 @@ class _Stream:
         position: the number of bytes that are written.
     """
 
-    def __init__(self, descriptor: int, reserve: Reserve | None) -> None:
+    def __init__(self, descriptor: int, reserve: Reserve | None, direct: DirectFile | None) -> None:
         self._descriptor = descriptor
         self._reserve = reserve
+        self._direct = direct
         self.position = 0
 
     def write(self, *parts: Buffer) -> None:
-        views = [memoryview(part) for part in parts if part]
+        position = self.position
+        small: list[memoryview] = []  # what comes before the next large part
+        for part in (memoryview(part) for part in parts if part):
+            small.append(part)
+            if self._direct is not None and len(part) >= _LARGE:
+                # What comes before the next whole unit of the file goes the usual way, and so does the end.
+                before = -(position + sum(map(len, small[:-1]))) % ALIGNMENT
+                small[-1] = part[:before]
+                position = self._write(small, position)
+                written = self._direct.write(part[before:], position)
+                position += written
+                small = [part[before + written :]]
+        self.position = self._write(small, position)
+
+    def cut(self, position: int) -> None:
+        os.ftruncate(self._descriptor, position)
+        self.position = position
+
+    def release(self) -> None:
+        if self._direct is not None:
+            self._direct.close()
+
+    def _write(self, parts: list[memoryview], position: int) -> int:
+        """Write parts from a position on; returns the position behind them."""
+        views = [part for part in parts if part]
         while views:
             try:
-                written = os.writev(self._descriptor, views)
+                written = os.pwritev(self._descriptor, views, position)
             except OSError as error:
                 if self._reserve is None or not is_full(error) or not self._reserve.give_back():
                     raise
                 continue
+            position += written
             while views and written >= len(views[0]):
                 written -= len(views.pop(0))
             if written:
                 views[0] = views[0][written:]
-        self.position += sum(map(len, parts))
-
-    def cut(self, position: int) -> None:
-        os.ftruncate(self._descriptor, position)
-        os.lseek(self._descriptor, position, os.SEEK_SET)
-        self.position = position
+        return position

@@ -43,6 +43,7 @@ class RecordingWriter:
         keep: bool = False,
         max_bytes: int = 0,
         max_duration_s: float = 0.0,
+        direct: bool = False,
     ) -> None:
         """Begin a recording.
 
@@ -55,6 +56,8 @@ class RecordingWriter:
                 the index and the pending messages is reserved.
             max_bytes: in a directory, begin the next file when a file has this size; 0: one file.
             max_duration_s: in a directory, begin the next file after this time by the log times; 0: one file.
+            direct: whether large messages go past the system's cache, where the file system can: for recordings
+                of gigabytes that nobody reads at once.
 
         Raises:
             RecordingError: the path exists already, cannot be written, or is a file that would have to be split.
@@ -66,6 +69,7 @@ class RecordingWriter:
         self._overwrite = overwrite
         self._compression = compression
         self._keep = keep
+        self._direct = direct
         self._max_bytes = max_bytes or float('inf')
         self._max_duration = max_duration_s * 1e9 or float('inf')
         self._topics: dict[str, Topic] = {}
@@ -273,7 +277,10 @@ class RecordingWriter:
         else:
             name = f'{name}_{len(self._finished)}.mcap'
             descriptor = self._descriptor = os.open(self._unfinished.path / name, _NEW_FILE, 0o666)
-        return McapOutput(name, descriptor, self._compression, self._reserve, self._topics, len(self._finished))
+        count = len(self._finished)
+        return McapOutput(
+            name, descriptor, self._compression, self._reserve, self._topics, count, direct=self._direct
+        )
 
     def _is_file_full(self, log_time: int) -> bool:
         """Whether a message belongs to the next file."""
@@ -283,6 +290,7 @@ class RecordingWriter:
 
     def _begin_next_file(self) -> None:
         self._file.finish(self._topics)
+        self._file.release()
         if self._reserve is not None and self._reserve.used:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         self._finished.append(self._file.contents)
@@ -383,6 +391,8 @@ class RecordingWriter:
         """Close what is open, except the unfinished recording itself."""
         if self._reserve is not None:
             self._reserve.close()
+        if hasattr(self, '_file'):
+            self._file.release()
         with suppress(OSError):
             os.close(self._descriptor)
         self._descriptor = -1

@@ -4,6 +4,7 @@
 Nothing here knows what a file holds; the rooms above write their recordings, reports and parameters with it.
 """
 
+from .direct import ALIGNMENT, DirectFile
 from .folders import folder_of_results
 from .remote import file_system, is_url, reason_of
 from .signals import SignalExit, noted_signals, raised_signals
@@ -18,6 +19,8 @@ from .unfinished import (
 )
 
 __all__ = [
+    'ALIGNMENT',
+    'DirectFile',
     'Reserve',
     'SignalExit',
     'Unfinished',

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings that are kept: on a full disk, after an error, after a kill."""
 
+import itertools
+import os
 import random
 import signal
 import subprocess
@@ -15,7 +17,8 @@ from recording.samples import CLOCK, POINTS, read, small_topic, some_messages
 from storage.disks import fill, small_disk
 
 from socialcircle_ros.errors import RecordingError
-from socialcircle_ros.recording import Message, RecordingWriter
+from socialcircle_ros.recording import Message, RecordingWriter, mcap_output
+from socialcircle_ros.storage import ALIGNMENT, DirectFile
 
 Reader = pytest.importorskip('rosbags.rosbag2', reason='needs rosbags: pip install rosbags').Reader
 
@@ -63,11 +66,13 @@ def endless(sizes, start=1_700_000_000_000_000_000):
     ).filter(lambda sizes: sum(size for _, size in sizes) > 20_000),
     compression=st.sampled_from(['none', 'lz4', 'zstd']),
     name=st.sampled_from(['a.mcap', 'bag', 'split']),
+    direct=st.booleans(),
 )  # fmt: skip
 def test_every_message_that_was_taken_before_the_disk_was_full_is_read_back(
-    tmp_path_factory, megabytes, sizes, compression, name
+    tmp_path_factory, megabytes, sizes, compression, name, direct
 ):
     options = {'max_bytes': 1_500_000} if name == 'split' else {}
+    options['direct'] = direct
     with small_disk(tmp_path_factory.mktemp('full') / 'disk', megabytes << 20) as disk:
         fill(disk, megabytes << 20)
         path = disk / name
@@ -85,6 +90,51 @@ def test_every_message_that_was_taken_before_the_disk_was_full_is_read_back(
         assert f'It holds {len(messages)} message' in error
         assert damage is None
         assert sorted(entry.name for entry in disk.iterdir()) == sorted(['ballast', name])
+
+
+class Partly:
+    """A file system that takes only some units past its cache."""
+
+    units = ()
+
+    def __init__(self, descriptor):
+        self._descriptor, self._units = descriptor, list(self.units)
+
+    def write(self, data, position):
+        assert position % ALIGNMENT == 0
+        size = min(self._units.pop() if self._units else 0, len(data) // ALIGNMENT) * ALIGNMENT
+        assert os.pwrite(self._descriptor, data[:size], position) == size
+        return size
+
+    def close(self):
+        self._units = []
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    sizes=st.lists(st.one_of(st.integers(0, 5000), st.integers(1_000_000, 1_100_000)), min_size=1, max_size=6),
+    units=st.lists(st.integers(0, 300), max_size=6),
+)
+def test_a_recording_has_the_same_bytes_whatever_goes_past_the_cache(tmp_path, sizes, units, monkeypatch):
+    monkeypatch.setattr(Partly, 'units', units)
+    messages = list(itertools.islice(endless([(0, size) for size in sizes]), len(sizes)))
+    written = []
+    for kind, options in ((DirectFile, {}), (DirectFile, {'direct': True}), (Partly, {'direct': True})):
+        monkeypatch.setattr(mcap_output, 'DirectFile', kind)
+        assert record(tmp_path / 'a.mcap', messages, overwrite=True, **options) == (messages, None)
+        written.append((tmp_path / 'a.mcap').read_bytes())
+    assert written[1:] == written[:1] * 2
+
+
+def test_no_descriptor_of_a_recording_stays_open(tmp_path, name):
+    before = sorted(each.name for each in Path('/proc/self/fd').iterdir())
+    for options in ({}, {'max_bytes': 1_500_000} if name == 'bag' else {}):
+        messages = list(itertools.islice(endless([(0, 1_200_000)]), 4))
+        assert record(tmp_path / name, messages, direct=True, overwrite=True, **options) == (messages, None)
+    with pytest.raises(KeyboardInterrupt), RecordingWriter(tmp_path / f'b{name}', direct=True) as writer:
+        writer.add_topic(POINTS)
+        raise KeyboardInterrupt
+    assert sorted(each.name for each in Path('/proc/self/fd').iterdir()) == before
 
 
 def test_the_recording_on_a_full_disk_is_one_of_rosbag2(tmp_path):
