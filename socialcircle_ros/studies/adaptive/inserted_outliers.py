@@ -14,6 +14,7 @@ from socialcircle_ros.baselines.result import Score
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.metrics.scores import Scores, f1_at, score
 from socialcircle_ros.simulation import Contamination, add_outliers
+from socialcircle_ros.simulation.outliers import Contaminated
 from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
 from .irregular_outliers import add_irregular_outliers
@@ -57,12 +58,14 @@ class ContaminatedSurface:
         outlier: (H, W) bool, the inserted outliers.
         counted: (H, W) bool, points of certain truth.
         noise: of the measured surface.
+        inserted: displacements and clusters.
     """
 
     points: Cloud
     outlier: Mask
     counted: Mask
     noise: float
+    inserted: Contaminated
 
     def score(self, found: Mask) -> Scores:
         """Compare a mask (H, W) of found outliers with the truth."""
@@ -109,7 +112,7 @@ def insert_outliers(
     points[..., 2] = made.heights
     # Spikes of the measurement may be removed or kept; they count only where an outlier was inserted on them.
     counted: Mask = (surface.plausible & ~made.ambiguous) | made.outlier
-    return ContaminatedSurface(points, made.outlier, counted, surface.noise)
+    return ContaminatedSurface(points, made.outlier, counted, surface.noise, made)
 
 
 def _residuals(points: Cloud, window: int) -> Score:

@@ -28,6 +28,7 @@ from socialcircle_ros.studies.workload import DETECTION, DRAWING, INSERTION, NET
 from . import drawings
 from .scenes import HEIGHTS, SCENES, SIDES, scenes, squares
 from .surfaces import DEVELOPMENT, HELD_OUT, SurfaceFile, read_surface, surface_files
+from .visible import SHARES, visible
 
 PICTURES = 10
 """Clouds drawn: those that the network judges worst."""
@@ -95,6 +96,8 @@ def learned(study: Study, folder: Path, judge: NetworkJudge, *, quick: bool = Fa
     small = million_points(study.plan.small_size) * (DETECTION + NETWORK)
     timed = 1 + sum(file.path.stem in DEVELOPMENT for file in files)
     timing = timed * (1 + study.plan.repeats) * million_points(_TIMED) * (DETECTION + NETWORK)
+    with_goals = sum(file.points for file in files if _has_goals(file)) / 1e6
+    visible_cost = (len(SHARES) + 1) * seeds * with_goals * (NETWORK + INSERTION)
     return [
         *(
             Step(
@@ -106,6 +109,7 @@ def learned(study: Study, folder: Path, judge: NetworkJudge, *, quick: bool = Fa
         ),
         Step('learned_scenes', 3 * len(SCENES) * seeds * small, lambda _: scenes(study, find)),
         Step('learned_squares', 2 * len(SIDES) * len(HEIGHTS) * seeds * small, lambda _: squares(study, find)),
+        Step('learned_visible', visible_cost, partial(_visible, study, files, judge)),
         Step('learned_goals', timing, partial(_conclusion, study, files, judge)),
         Step('learned_worst', PICTURES * DRAWING, partial(_worst, study, files, judge)),
     ]
@@ -127,6 +131,27 @@ def _surface(study: Study, path: Path, judge: NetworkJudge, _: Sequence[Section]
     )
     table = Table(_SURFACES, 'Each surface', [*surfaces, Column('untouched: nearly outliers', '.1%')], [row])
     return [Section('Surfaces', [text], items=[table])]
+
+
+def _has_goals(file: SurfaceFile) -> bool:
+    """Whether a surface is one of those that the goals are about."""
+    return file.path.stem in HELD_OUT or file.path.stem in DEVELOPMENT
+
+
+def _visible(
+    study: Study, files: Sequence[SurfaceFile], judge: NetworkJudge, _: Sequence[Section]
+) -> list[Section]:
+    """What of the outliers stands out, on the surfaces that the goals are about."""
+    groups: dict[str, list[StudiedSurface]] = {}
+    for file in filter(_has_goals, files):
+        groups.setdefault(_group(file.path.stem), []).append(read_surface(file.path))
+    if not groups:
+        return []
+    return visible(
+        study,
+        groups,
+        lambda heights: find_probable_outliers(heights.astype(np.float32), judge.probabilities).outliers,
+    )
 
 
 def _conclusion(
