@@ -257,8 +257,10 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
         f'{repeats + 1} stacks beside clouds: no frame lost, {answered} of {sent} clouds answered\n'
         f'node to relay: {filtered.median / relayed.median:.2f} by median, {filtered.least / relayed.least:.2f} by'
         f' least\n{live.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s: {endurance.answered} of'
-        f' {endurance.sent} answered; resident memory {endurance.megabytes_before:.0f} MB before,'
-        f' {endurance.megabytes_after:.0f} MB after; a cloud is {endurance.cloud_megabytes:.1f} MB',
+        f' {endurance.sent} answered; resident memory {endurance.before.whole:.0f} MB before,'
+        f' {endurance.after.whole:.0f} MB after; with only its part of what processes share,'
+        f' {endurance.before.proportional:.0f} and {endurance.after.proportional:.0f} MB; a cloud is'
+        f' {endurance.cloud_megabytes:.1f} MB',
         highlight=False,
     )
     _finish(

@@ -79,16 +79,29 @@ class Endurance:
     Attributes:
         sent: clouds that were published.
         answered: clouds that came back filtered.
-        megabytes_before: resident memory of the node after the warm-up, in 10^6 bytes.
-        megabytes_after: resident memory of the node after the last cloud, in 10^6 bytes.
+        before: memory of the node after the warm-up.
+        after: memory of the node after the last cloud.
         cloud_megabytes: size of one message, in 10^6 bytes.
     """
 
     sent: int
     answered: int
-    megabytes_before: float
-    megabytes_after: float
+    before: 'ProcessMemory'
+    after: 'ProcessMemory'
     cloud_megabytes: float
+
+
+@dataclass(frozen=True)
+class ProcessMemory:
+    """Resident memory of a process, in 10^6 bytes.
+
+    Attributes:
+        whole: with all of what it shares with other processes.
+        proportional: with its part of that: a page that three processes use counts as a third for each.
+    """
+
+    whole: float
+    proportional: float
 
 
 def time_stacks(
@@ -230,7 +243,7 @@ def endure(folder: Path, seconds: float, shape: tuple[int, int] = SHAPE, rate: f
         trip.wait_for_node(node)
         for number in range(_WARM_UP_ENDURANCE):
             trip.trip_ms(clouds[number % 2])
-        megabytes_before, received_before = _resident_megabytes(node), trip.received
+        before, received_before = _memory(node), trip.received
         count, begin = int(seconds * rate), time.monotonic()
         for number in range(count):
             _sleep_until(begin + number / rate)
@@ -239,8 +252,8 @@ def endure(folder: Path, seconds: float, shape: tuple[int, int] = SHAPE, rate: f
         return Endurance(
             sent=count,
             answered=trip.received - received_before,
-            megabytes_before=megabytes_before,
-            megabytes_after=_resident_megabytes(node),
+            before=before,
+            after=_memory(node),
             cloud_megabytes=len(clouds[0]) / 1e6,
         )
 
@@ -312,8 +325,7 @@ def _sleep_until(moment: float) -> None:
     time.sleep(max(0.0, moment - time.monotonic()))
 
 
-def _resident_megabytes(node: NodeProcess) -> float:
-    """Resident memory of the process of a node, in 10^6 bytes."""
-    status = Path(f'/proc/{node.process.pid}/status').read_text(encoding='utf-8')
-    line = next(line for line in status.splitlines() if line.startswith('VmRSS:'))
-    return int(line.split()[1]) * 1024 / 1e6
+def _memory(node: NodeProcess) -> ProcessMemory:
+    lines = Path(f'/proc/{node.process.pid}/smaps_rollup').read_text(encoding='utf-8').splitlines()
+    kilobytes = {line.split(':')[0]: int(line.split()[1]) for line in lines if line.endswith('kB')}
+    return ProcessMemory(*(1024 * kilobytes[name] / 1e6 for name in ('Rss', 'Pss')))
