@@ -69,8 +69,9 @@ def reserve_memory(large: int, small: int = 0) -> None:
     blocks = []
     if small:
         blocks.append(library.malloc(small))
-        _fence(library, blocks[0] + small)
         sizes.insert(0, small)
+        if blocks[0]:
+            _fence(library, blocks[0] + small)
     blocks += [library.malloc(each) for each in sizes[len(blocks) :]]
     for block, each in zip(blocks, sizes, strict=True):
         if block:

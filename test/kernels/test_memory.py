@@ -67,6 +67,17 @@ clouds.append(library.malloc(LARGE))
 print(end() - before > LARGE / 2)
 """
 
+NO_MEMORY = """
+import resource
+from socialcircle_ros.kernels import memory
+
+memory.keep_freed_memory()
+size = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (size + 1_000_000, resource.RLIM_INFINITY))
+memory.reserve_memory(100_000_000, 7_000_000)
+print('goes on')
+"""
+
 CODE = f"""
 {SMAPS}
 from socialcircle_ros.kernels import compiled, memory
@@ -95,6 +106,10 @@ def test_memory_that_is_reserved_is_at_hand_until_it_is_given_back():
 def test_small_blocks_lie_in_a_room_of_their_own_and_do_not_break_up_that_of_a_cloud():
     assert printed('ROOM = 0' + ROOM) == ['True']  # the heap grows by a cloud
     assert printed('ROOM = 5_000_000' + ROOM) == ['False']
+
+
+def test_a_system_without_so_much_memory_reserves_none():
+    assert printed(NO_MEMORY) == ['goes on']
 
 
 def test_the_code_of_a_library_is_unmapped_until_it_is_used():
