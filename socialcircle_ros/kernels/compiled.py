@@ -189,8 +189,9 @@ def is_cached(compiled: Callable[[], object]) -> bool:
     """Whether a kernel without arguments is in the cache; it is not compiled."""
     cache: _Cache | None = getattr(compiled, '_cache', None)
     target = getattr(compiled, 'targetctx', None)
-    with global_compiler_lock:
+    with global_compiler_lock, contextlib.suppress(OSError):
         return cache is not None and cache.load_overload((), target) is not None
+    return False  # it cannot be read
 
 
 @kernel

@@ -6,8 +6,10 @@ import os
 import subprocess
 import sys
 import threading
+import zlib
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -102,9 +104,11 @@ class WarmUp:
         except Exception as error:  # noqa: BLE001 - raised in the thread that waits
             self._error = error
         self._ready.set()
-        if self._error is None:
-            _cache_rare()
-        unmap_code('libllvmlite')  # 50 MB, which only compiling and loading need
+        try:
+            if self._error is None:
+                _cache_rare()
+        finally:
+            unmap_code('libllvmlite')  # 50 MB, which only compiling and loading need
 
 
 def _compile_common(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER, *, cold: bool = False) -> None:
@@ -218,7 +222,7 @@ def _cache_rare() -> None:
     A helper process compiles them, so that this one need not load them. Where nothing can be cached, this process
     compiles them.
     """
-    if is_cached(_all_rare):
+    if is_cached(_all_rare()):
         return
     helper = _helper('rare')
     if helper is None:
@@ -258,13 +262,25 @@ def _rare() -> Iterator[Callable[[], object]]:
     for blue_first in (False, True):
         yield partial(gray_of_colour, pixels.reshape(4, 4, 3), blue_first=blue_first)
     yield partial(gray_of_mosaic, pixels.reshape(6, 8))
-    yield _all_rare
+    yield _all_rare()
 
 
-@kernel
-def _all_rare() -> int:
-    """Does nothing. It is compiled last: if it is in the cache, the others are, too."""
-    return 0
+@cache
+def _all_rare() -> Callable[[], int]:
+    """A kernel that does nothing, and is compiled last: if it is in the cache, the others are, too.
+
+    Numba takes a kernel for another one if a variable around it has another value. So any change of the package
+    makes this one a new one, like those that it stands for.
+    """
+    package = Path(__file__).parents[1]
+    states = [path.stat() for path in sorted(package.rglob('*.py'))]
+    version = zlib.crc32(repr([(each.st_mtime_ns, each.st_size) for each in states]).encode())
+
+    @kernel
+    def all_rare() -> int:
+        return version
+
+    return all_rare
 
 
 def _cloud(kind: type[np.floating], frame: str = '') -> bytes:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cache of compiled kernels."""
 
+import errno
 import subprocess
 import sys
 from typing import NamedTuple
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from socialcircle_ros.kernels import compiled
 from socialcircle_ros.kernels.compiled import kernel
 
 MODULE = """
@@ -101,6 +103,14 @@ def test_a_kernel_is_cached_once_it_was_called_and_asking_compiles_nothing(tmp_p
     for call, answer in (([], 'False 0'), (['call'], 'False 0'), ([], 'True 0')):
         program = [sys.executable, str(tmp_path / 'cached.py'), *call]
         assert subprocess.run(program, capture_output=True, text=True, check=True).stdout.strip() == answer
+
+
+def test_a_cache_that_cannot_be_read_holds_nothing(monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.EROFS, 'Read-only file system')
+
+    monkeypatch.setattr(compiled._nothing._cache, 'load_overload', refuse)
+    assert not compiled.is_cached(compiled._nothing)
 
 
 def test_the_cache_is_read_by_the_next_process(run):

@@ -180,7 +180,7 @@ import subprocess
 {FEW_KERNELS}
 import os, sys
 FEW = {FEW_KERNELS!r} + '''
-warm_up._rare = lambda: [lambda: gray.gray_of_mosaic(np.zeros((6, 8), np.uint8)), warm_up._all_rare]
+warm_up._rare = lambda: [lambda: gray.gray_of_mosaic(np.zeros((6, 8), np.uint8)), warm_up._all_rare()]
 '''
 start, helpers = subprocess.Popen, []
 subprocess.Popen = lambda line, **options: helpers.append(1) or start([*line[:2], FEW + line[2]], **options)
@@ -202,9 +202,16 @@ def test_rare_kernels_are_compiled_once_by_a_helper_and_loaded_only_when_they_ar
     assert [printed(RARE) for _ in range(2)] == [['1', '0', '0'], ['0', '0', '0']]
 
 
+def test_rare_kernels_are_compiled_again_after_any_change_of_the_package(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    one_file = 'warm_up.Path.rglob = lambda *_: [warm_up.Path(compiled.__file__)]'
+    changed = RARE.replace('warm_up._see =', f'{one_file}; warm_up._see =')
+    assert [printed(each)[0] for each in (RARE, changed, changed, RARE)] == ['1', '1', '0', '0']
+
+
 def test_a_helper_that_ended_too_early_is_started_again(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
-    ended = RARE.replace('warm_up._all_rare]', 'lambda: __import__("os")._exit(1)]')
+    ended = RARE.replace('warm_up._all_rare()]', 'lambda: __import__("os")._exit(1)]')
     assert [printed(each)[0] for each in (ended, RARE)] == ['1', '1']
 
 
