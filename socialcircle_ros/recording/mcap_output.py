@@ -69,7 +69,7 @@ class McapOutput:
         self.name = name
         self._compression = compression
         self._reserve = reserve
-        self._stream = _Stream(descriptor, reserve, DirectFile(descriptor) if direct else None)
+        self._stream = _Stream(descriptor, reserve, direct=direct)
         self._channels: dict[str, int] = {}
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._counts: dict[str, int] = {}
@@ -267,10 +267,11 @@ class _Stream:
         position: the number of bytes that are written.
     """
 
-    def __init__(self, descriptor: int, reserve: Reserve | None, direct: DirectFile | None) -> None:
+    def __init__(self, descriptor: int, reserve: Reserve | None, *, direct: bool) -> None:
         self._descriptor = descriptor
         self._reserve = reserve
-        self._direct = direct
+        self._is_direct = direct
+        self._direct: DirectFile | None = None  # from the first large part on
         self.position = 0
 
     def write(self, *parts: Buffer) -> None:
@@ -278,7 +279,8 @@ class _Stream:
         small: list[memoryview] = []  # what comes before the next large part
         for part in (memoryview(part) for part in parts if part):
             small.append(part)
-            if self._direct is not None and len(part) >= _LARGE:
+            if self._is_direct and len(part) >= _LARGE:
+                self._direct = self._direct or DirectFile(self._descriptor)
                 # What comes before the next whole unit of the file goes the usual way, and so does the end.
                 before = -(position + sum(map(len, small[:-1]))) % ALIGNMENT
                 small[-1] = part[:before]
@@ -287,6 +289,8 @@ class _Stream:
                 position += written
                 small = [part[before + written :]]
         self.position = self._write(small, position)
+        if self._direct is not None:
+            self._direct.flush()
 
     def cut(self, position: int) -> None:
         os.ftruncate(self._descriptor, position)
@@ -295,6 +299,7 @@ class _Stream:
     def release(self) -> None:
         if self._direct is not None:
             self._direct.close()
+            self._is_direct = False
 
     def _write(self, parts: list[memoryview], position: int) -> int:
         """Write parts from a position on; returns the position behind them."""

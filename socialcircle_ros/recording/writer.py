@@ -275,7 +275,7 @@ class RecordingWriter:
         if self._is_file:
             descriptor = self._unfinished.descriptor
         else:
-            name = f'{name}_{len(self._finished)}.mcap'
+            name = self._name_of(len(self._finished))
             descriptor = self._descriptor = os.open(self._unfinished.path / name, _NEW_FILE, 0o666)
         count = len(self._finished)
         return McapOutput(
@@ -293,11 +293,22 @@ class RecordingWriter:
         self._file.release()
         if self._reserve is not None and self._reserve.used:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        self._finished.append(self._file.contents)
         os.close(self._descriptor)
         self._descriptor = -1
-        self._file = self._begin_file()
+        self._finished.append(self._file.contents)
+        try:
+            self._file = self._begin_file()
+        except BaseException:
+            # The last file is still the current one.
+            with suppress(OSError):
+                (self._unfinished.path / self._name_of(len(self._finished))).unlink()
+            self._finished.pop()
+            raise
         self._waiting = dict(self._topics)
+
+    def _name_of(self, number: int) -> str:
+        """The name of a file in a directory, from 0."""
+        return f'{self.path.absolute().name}_{number}.mcap'
 
     def _complete(self) -> None:
         """Write the index and the metadata, and give the recording its name.

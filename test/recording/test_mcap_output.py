@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings that are kept: on a full disk, after an error, after a kill."""
 
+import errno
 import itertools
 import os
 import random
@@ -66,13 +67,11 @@ def endless(sizes, start=1_700_000_000_000_000_000):
     ).filter(lambda sizes: sum(size for _, size in sizes) > 20_000),
     compression=st.sampled_from(['none', 'lz4', 'zstd']),
     name=st.sampled_from(['a.mcap', 'bag', 'split']),
-    direct=st.booleans(),
 )  # fmt: skip
 def test_every_message_that_was_taken_before_the_disk_was_full_is_read_back(
-    tmp_path_factory, megabytes, sizes, compression, name, direct
+    tmp_path_factory, megabytes, sizes, compression, name
 ):
     options = {'max_bytes': 1_500_000} if name == 'split' else {}
-    options['direct'] = direct
     with small_disk(tmp_path_factory.mktemp('full') / 'disk', megabytes << 20) as disk:
         fill(disk, megabytes << 20)
         path = disk / name
@@ -92,6 +91,37 @@ def test_every_message_that_was_taken_before_the_disk_was_full_is_read_back(
         assert sorted(entry.name for entry in disk.iterdir()) == sorted(['ballast', name])
 
 
+@pytest.mark.parametrize('sizes', [[(0, 3_000_000)], [(0, 2_000_001), (1, 50)], [(0, 1_500_000), (1, 300_000)]])
+@pytest.mark.parametrize('name', ['a.mcap', 'bag', 'split'])
+def test_a_full_disk_loses_nothing_that_went_past_the_cache(tmp_path, sizes, name, monkeypatch):
+    direct = []
+    write = DirectFile.write
+    monkeypatch.setattr(DirectFile, 'write', lambda *given: direct.append(write(*given)) or direct[-1])
+    with small_disk(tmp_path / 'disk', 60 << 20, real=True) as disk:
+        options = {'max_bytes': 5_000_000} if name == 'split' else {}
+        taken, error = record(disk / name, endless(sizes), direct=True, **options)
+        assert f'{disk / name} has ended early, because the disk is full.' in error
+        messages, damage = read(disk / name)
+        assert messages[: len(taken)] == taken
+        assert len(messages) - len(taken) in (0, 1)
+        assert damage is None
+    assert sum(direct) > 30_000_000
+
+
+def test_a_file_that_cannot_be_begun_ends_the_recording_with_those_before(tmp_path, monkeypatch):
+    def full(self, topics):
+        if self.name.endswith('_1.mcap') and topics:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(mcap_output.McapOutput, 'expect', full)
+    taken, error = record(tmp_path / 'bag', endless([(0, 300_000)]), max_bytes=500_000, direct=True)
+    assert f'It holds {len(taken)} messages' in error
+    assert read(tmp_path / 'bag') == (taken, None)
+    assert sorted(each.name for each in (tmp_path / 'bag').iterdir()) == ['bag_0.mcap', 'metadata.yaml']
+    with Reader(tmp_path / 'bag') as reader:
+        assert reader.message_count == len(taken)
+
+
 class Partly:
     """A file system that takes only some units past its cache."""
 
@@ -105,6 +135,9 @@ class Partly:
         size = min(self._units.pop() if self._units else 0, len(data) // ALIGNMENT) * ALIGNMENT
         assert os.pwrite(self._descriptor, data[:size], position) == size
         return size
+
+    def flush(self):
+        pass
 
     def close(self):
         self._units = []

@@ -9,13 +9,22 @@ import pytest
 
 
 @contextlib.contextmanager
-def small_disk(folder, size):
-    """A disk of `size` bytes at `folder`; the test is skipped where none can be mounted."""
+def small_disk(folder, size, *, real=False):
+    """A disk of `size` bytes at `folder`, in memory or `real`; the test is skipped where none can be mounted."""
     folder.mkdir()
-    command = ['mount', '-t', 'tmpfs', '-o', f'size={size}', 'small_disk', str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        pytest.skip(f'no small disk can be mounted: {done.stderr.strip()}')
+    commands = [['mount', '-t', 'tmpfs', '-o', f'size={size}', 'small_disk', str(folder)]]
+    if real:
+        image = folder.with_suffix('.ext4')
+        image.write_bytes(b'')
+        os.truncate(image, size)
+        commands = [['mkfs.ext4', '-q', str(image)], ['mount', '-o', 'loop', str(image), str(folder)]]
+    for command in commands:
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+        except FileNotFoundError as missing:
+            pytest.skip(f'no small disk can be made: {missing}')
+        if done.returncode:
+            pytest.skip(f'no small disk can be mounted: {done.stderr.strip()}')
     try:
         yield folder
     finally:
