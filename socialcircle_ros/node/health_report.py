@@ -85,7 +85,8 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
         level, message = diagnostics.OK, 'Frames are measured as they come.'
     elif not publishers:
         inputs = ' or '.join([topic, *frames])
-        level, message = diagnostics.OK, f'Waiting: no node publishes on {inputs} yet.'
+        when = 'any more' if health.counts.received or health.counts.frames_received else 'yet'
+        level, message = diagnostics.OK, f'Waiting: no node publishes on {inputs} {when}.'
     else:
         level, message = diagnostics.OK, 'Clouds are filtered as they come.'
     status = Status(level, f'{now.name.strip("/")}: filter', message, now.name, values)

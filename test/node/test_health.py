@@ -44,7 +44,7 @@ class Heard(NamedTuple):
     node_name: str = 'player'
 
 
-def sentence_where(*topics):
+def sentence_where(*topics, health=None):
     """The node's sentence while another node publishes on some of its topics."""
     heard = [Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)) for each in topics]
     node = types.SimpleNamespace(
@@ -58,7 +58,7 @@ def sentence_where(*topics):
         (Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)), each.type) for each in inputs
     )
     state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, 0.0, '')
-    status, complaint = health_status(node, state, Health())
+    status, complaint = health_status(node, state, health or Health())
     assert complaint == ''
     return status.message
 
@@ -75,3 +75,11 @@ def sentence_where(*topics):
 )
 def test_the_sentence_tells_what_comes(published, sentence):
     assert sentence_where(*published) == sentence
+
+
+@pytest.mark.parametrize('arrive', [Health.received, Health.frame_received])
+def test_the_sentence_does_not_say_that_nothing_has_come_yet_after_something_came(arrive):
+    health = Health()
+    arrive(health)
+    sentence = 'Waiting: no node publishes on /cell/points or /cell/stack/image any more.'
+    assert sentence_where(STACK_JOINT_STATES, health=health) == sentence
