@@ -269,8 +269,8 @@ def _rare() -> Iterator[Callable[[], object]]:
 def _all_rare() -> Callable[[], int]:
     """A kernel that does nothing, and is compiled last: if it is in the cache, the others are, too.
 
-    Numba takes a kernel for another one if a variable around it has another value. So any change of the package
-    makes this one a new one, like those that it stands for.
+    Numba compiles a kernel anew if a variable around it has changed. So any change of the package makes it compile
+    this one, like those that it stands for.
     """
     package = Path(__file__).parents[1]
     states = [path.stat() for path in sorted(package.rglob('*.py'))]
