@@ -9,8 +9,6 @@ import mmap
 import os
 from typing import Final
 
-import numpy as np
-
 ALIGNMENT: Final = 4096
 """Bytes: of such units is what goes past the cache, in the file and in memory. Disks have units of 512 or 4096."""
 
@@ -34,8 +32,6 @@ class DirectFile:
             self._memory = mmap.mmap(-1, _PIECE)  # begins with a page
         except OSError:
             self.close()
-            return
-        self._units = np.frombuffer(self._memory, np.uint8)
 
     def write(self, data: memoryview, position: int) -> int:
         """Write the first whole units of `data`, as far as possible.
@@ -47,12 +43,16 @@ class DirectFile:
         Returns:
             The number of bytes that are written. What is not written fails, or is written, in the usual way.
         """
-        values = np.frombuffer(data, np.uint8)
+        if self._descriptor < 0:
+            return 0
+        import numpy as np  # noqa: PLC0415 - most programs that use this package do not need it
+
+        values, memory = np.frombuffer(data, np.uint8), np.frombuffer(self._memory, np.uint8)
         whole = len(values) - len(values) % ALIGNMENT
         done = 0
-        while done < whole and self._descriptor >= 0:
+        while done < whole:
             size = min(_PIECE, whole - done)
-            self._units[:size] = values[done : done + size]
+            memory[:size] = values[done : done + size]  # without the interpreter's lock
             try:
                 written = os.pwrite(self._descriptor, memoryview(self._memory)[:size], position + done)
             except OSError:  # the disk is full, or the file system has larger units

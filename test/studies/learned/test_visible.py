@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 
-pytest.importorskip('scipy')
 from socialcircle_ros.simulation.outliers import Contaminated
 from socialcircle_ros.studies.adaptive.inserted_outliers import insert_outliers, measured_surface
 from socialcircle_ros.studies.comparison.measured import MeasuredCloud
