@@ -39,7 +39,7 @@ def regular_expression(_: click.Context, parameter: click.Parameter, text: str |
     help='No topics in whose name this regular expression is found.',
 )
 @click.option('--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='none', show_default=True)
-@click.option('--duration', type=float, help='Stop after this many seconds; default: at Ctrl-C.')
+@click.option('--duration', type=click.FloatRange(min=0), help='Stop after this many seconds; default: at Ctrl-C.')
 @click.option(
     '-b',
     '--max-bag-size',

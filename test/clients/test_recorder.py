@@ -102,6 +102,13 @@ def test_messages_that_did_not_arrive_are_counted_and_told(tmp_path, monkeypatch
     assert damage is None
 
 
+def test_a_duration_below_zero_is_refused_before_anything_is_written(tmp_path):
+    done = CliRunner().invoke(command, ['-o', str(tmp_path / 'a.mcap'), '--duration', '-1'])
+    assert done.exit_code == 2
+    assert '-1.0 is not in the range x>=0' in done.output
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_messages_that_wait_when_the_recording_ends_are_recorded(tmp_path):
     context = Context()
     rclpy.init(context=context)
