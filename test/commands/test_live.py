@@ -79,8 +79,9 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
         assert done.code == 0, done.err
     assert recorder.returncode == 0, recorder.output
     topics, messages = contents(tmp_path / 'again.mcap')
-    first, second = (m.log_time for m in messages if m.topic == '/clocked/points')
-    assert second - first > 0.4e9
+    # A recorder that waits for a core receives late, and the first message may go late, but none goes too early.
+    first, second = (m.publish_time for m in messages if m.topic == '/clocked/points')
+    assert second - first > 0.2e9
     ticks = [m for m in messages if m.topic == '/clock']
     assert topics['/clock'].type == 'rosgraph_msgs/msg/Clock'
     assert len(ticks) > 5
