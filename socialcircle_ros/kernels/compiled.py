@@ -100,7 +100,8 @@ def _read_caches_that_cannot_be_written() -> None:
             super().__init__(function, file)
             version = f'py{sys.version_info.major}{sys.version_info.minor}'
             line = function.__code__.co_firstlineno
-            self._index = f'{Path(file).stem}.{function.__qualname__}-{line}.{version}*.nbi'
+            name = function.__qualname__.replace('<', '').replace('>', '')  # as Numba does for inner functions
+            self._index = f'{Path(file).stem}.{name}-{line}.{version}*.nbi'
 
         def ensure_cache_path(self) -> None:
             """Check that the function is in the cache; it need not be written."""

@@ -150,9 +150,27 @@ import sums
 """
 
 
-def test_a_read_only_installation_reads_the_cache_that_was_made_with_it(tmp_path, monkeypatch):
+INNER = """
+from socialcircle_ros.kernels.compiled import kernel
+
+
+def make():
+    @kernel
+    def six():
+        return 6.0
+
+    return six
+
+
+six = make()
+print(six(), sum(six.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.parametrize('module', [MODULE.format(name='Arrays'), INNER], ids=['a function', 'an inner function'])
+def test_a_read_only_installation_reads_the_cache_that_was_made_with_it(tmp_path, monkeypatch, module):
     monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
-    (tmp_path / 'sums.py').write_text(MODULE.format(name='Arrays'))
+    (tmp_path / 'sums.py').write_text(module)
 
     def run(program):
         done = subprocess.run(
