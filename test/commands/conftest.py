@@ -1,20 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
+from forked import Done, run_command
 
 
 @pytest.fixture
 def run(tmp_path):
-    """Runs `socialcircle` as its users do: a process of its own, in an empty directory."""
+    """Runs `socialcircle` in a process of its own, in an empty directory; with `env`, in one that is not forked."""
 
-    def run(*arguments, timeout=120, **options):
-        command = [sys.executable, '-m', 'socialcircle_ros.commands.main', *map(str, arguments)]
+    def run(*arguments, timeout=120, env=None):
+        words = [str(argument) for argument in arguments]
+        if env is None:
+            return run_command(words, tmp_path, timeout)
         done = subprocess.run(
-            command, cwd=tmp_path, capture_output=True, text=True, timeout=timeout, check=False, **options
-        )
-        return SimpleNamespace(code=done.returncode, out=done.stdout, err=done.stderr)
+            [sys.executable, '-m', 'socialcircle_ros.commands.main', *words],
+            cwd=tmp_path, env=env, capture_output=True, text=True, timeout=timeout, check=False,
+        )  # fmt: skip
+        return Done(done.returncode, done.stdout, done.stderr)
 
     return run
