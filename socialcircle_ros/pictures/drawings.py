@@ -214,9 +214,8 @@ class CloudPictures:
 
         def draw(figure: 'Figure') -> None:
             axes = figure.add_axes((0.14, 0.15, 0.83, 0.75))
-            width = edges[1] - edges[0]
-            axes.bar(edges[:-1], kept, width, align='edge', color=style.SURFACE, label='kept')
-            axes.bar(edges[:-1], removed, width, bottom=kept, align='edge', color=style.OUTLIER, label='outlier')
+            axes.stairs(kept, edges, fill=True, color=style.SURFACE, label='kept')
+            axes.stairs(kept + removed, edges, baseline=kept, fill=True, color=style.OUTLIER, label='outlier')
             axes.set_yscale('log', nonpositive='clip')
             axes.set_ylim(0.5, 3.0 * max(1, int((kept + removed).max())))
             axes.set_xlim(edges[0], edges[-1])

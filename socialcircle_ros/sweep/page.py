@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The results of a sweep for people: the decision, the candidates side by side, and the table of all trials."""
 
-import io
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -12,7 +11,7 @@ from socialcircle_ros.cloud import Mask
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.lengths import length_scale
 from socialcircle_ros.pictures.drawings import CloudPictures
-from socialcircle_ros.pictures.style import OUTLIER, SURFACE, new_figure
+from socialcircle_ros.pictures.style import OUTLIER, SURFACE, new_figure, png_of
 from socialcircle_ros.report.content import Banner, Cell, Column, Picture, Pictures, Section, Table
 from socialcircle_ros.report.page import render
 from socialcircle_ros.settings import PARAMETERS, CircleSettings, RosValue
@@ -205,9 +204,7 @@ def _chart(result: SweepResult) -> bytes:
         axes.set_xlabel(dimension.name)
         axes.grid(alpha=0.3)
     plots[0].set_ylabel(result.score_names[0])
-    out = io.BytesIO()
-    figure.savefig(out, format='png')
-    return out.getvalue()
+    return png_of(figure)
 
 
 def _ordered(result: SweepResult) -> list[Trial]:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, Mask
-from socialcircle_ros.pictures.style import new_figure
-from socialcircle_ros.studies.comparison.plotting import CloudPanels, as_png, colour_range, densest_box
+from socialcircle_ros.pictures.style import new_figure, png_of
+from socialcircle_ros.studies.comparison.plotting import CloudPanels, colour_range, densest_box
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,4 +39,4 @@ def spikes(points: Cloud, unit: str, spikes: Mask, found: Mask) -> bytes:
         part.mark(axis, mask[box])
         axis.set_title(f'{title}: {np.count_nonzero(mask[box]):,}' if mask.any() else title)
     part.bar(figure, image, list(axes[1:]), part_limits)
-    return as_png(figure)
+    return png_of(figure)

@@ -10,7 +10,7 @@ from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.pictures import style
 
 from .labelled_clouds import LabelledCloud
-from .plotting import CloudPanels, FilterMasks, PlotRegion, as_png, colour_range, densest_box
+from .plotting import CloudPanels, FilterMasks, PlotRegion, colour_range, densest_box
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ def removal_maps(cloud: LabelledCloud, filters: FilterMasks) -> bytes:
         axis.set_title(f'{name}: decisions')
     part.bar(figure, image, list(axes[1]), limits)
     _add_legend(figure)
-    return as_png(figure)
+    return style.png_of(figure)
 
 
 def measured_surface(points: Cloud, unit: str, filters: FilterMasks) -> bytes:
@@ -69,7 +69,7 @@ def measured_surface(points: Cloud, unit: str, filters: FilterMasks) -> bytes:
         below.set_title('removed, in red' if found.any() else '')
     maps.bar(figure, image, list(axes[0]), limits)
     maps.bar(figure, gray, list(axes[1]), limits)
-    return as_png(figure)
+    return style.png_of(figure)
 
 
 def _decision_colours(cloud: LabelledCloud, found: Mask, box: PlotRegion) -> npt.NDArray[np.float64]:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the pictures of all experiments share: PNG output, value ranges, and maps in the style of all pictures."""
+"""What the pictures of all experiments share: value ranges, and maps in the style of all pictures."""
 
-import io
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -27,13 +26,6 @@ PlotRegion = tuple[slice, slice]
 """A rectangular part of a cloud: its rows and its columns."""
 FilterMasks = list[tuple[str, Mask]]
 """Names of filters, and the points (H, W) that each removes."""
-
-
-def as_png(figure: 'Figure') -> bytes:
-    """The figure as a PNG of few colours; the page embeds all pictures."""
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format='png')
-    return style.few_colours(drawn.getvalue())
 
 
 def colour_range(heights: HeightMap) -> tuple[float, float]:

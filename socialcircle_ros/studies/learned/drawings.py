@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from socialcircle_ros.cloud import Mask
-from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.pictures.style import new_figure, png_of
 from socialcircle_ros.studies.adaptive.inserted_outliers import ContaminatedSurface
-from socialcircle_ros.studies.comparison.plotting import CloudPanels, as_png, colour_range, densest_box
+from socialcircle_ros.studies.comparison.plotting import CloudPanels, colour_range, densest_box
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,7 +40,7 @@ def judged(surface: ContaminatedSurface, unit: str, found: Mask) -> bytes:
         part.mark(axis, mask[box])
         axis.set_title(f'{title}: {np.count_nonzero(mask[box]):,}' if mask.any() else title)
     part.bar(figure, image, list(axes), limits)
-    return as_png(figure)
+    return png_of(figure)
 
 
 def learning_curve(steps: Sequence[int], losses: Sequence[float]) -> bytes:
@@ -51,4 +51,4 @@ def learning_curve(steps: Sequence[int], losses: Sequence[float]) -> bytes:
     axis.set_xlabel('step')
     axis.set_ylabel('loss')
     axis.grid(visible=True, which='both', alpha=0.3)
-    return as_png(figure)
+    return png_of(figure)

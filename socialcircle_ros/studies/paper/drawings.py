@@ -8,12 +8,11 @@ import numpy as np
 
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.pictures import style
-from socialcircle_ros.pictures.style import legend_below, new_figure
+from socialcircle_ros.pictures.style import legend_below, new_figure, png_of
 from socialcircle_ros.studies.comparison.labelled_clouds import LabelledCloud
 from socialcircle_ros.studies.comparison.plotting import (
     CloudPanels,
     PlotRegion,
-    as_png,
     colour_range,
     densest_box,
 )
@@ -57,7 +56,7 @@ def contamination_curves(
     for axis in axes[:, 0]:
         axis.set_ylabel('F1')
     legend_below(figure, axes[0, 0].get_legend_handles_labels()[0], 4)
-    return as_png(figure)
+    return png_of(figure)
 
 
 def elections(panels: Sequence[tuple[str, LabelledCloud, PlotRegion, tuple[int, int]]]) -> bytes:
@@ -83,7 +82,7 @@ def elections(panels: Sequence[tuple[str, LabelledCloud, PlotRegion, tuple[int, 
         axis.view_init(elev=18, azim=-60)
         axis.set_box_aspect((4, 4, 3), zoom=0.85)  # the label of z is not cut off
     legend_below(figure, axis.get_legend_handles_labels()[0], 3, 1.5)
-    return as_png(figure)
+    return png_of(figure)
 
 
 def repaired_surfaces(cloud: LabelledCloud, repaired: Sequence[tuple[str, HeightMap]]) -> bytes:
@@ -122,4 +121,4 @@ def repaired_surfaces(cloud: LabelledCloud, repaired: Sequence[tuple[str, Height
     ground = ScalarMappable(Normalize(low, high), style.HEIGHTS)
     part.bar(figure, ground, list(axes[0]), (low, high), 'lit from the upper left: z')
     figure.colorbar(image, ax=list(axes[1]), label='|z − true z| [µm]', shrink=0.8, extend='both')
-    return as_png(figure)
+    return png_of(figure)
