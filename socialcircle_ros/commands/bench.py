@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from socialcircle_ros.storage import check_place
+
 from .options import require_ros
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     help='With --live: duration of a stream of 25 clouds per second.',
 )  # fmt: skip
 @click.option('--json', 'path', type=click.Path(path_type=Path), help='Also write the results to this file.')
-@click.option('--plot', type=click.Path(path_type=Path), help='With --growth: write a plot, as NAME.png or .svg.')
+@click.option('--plot', type=click.Path(path_type=Path), help='With --growth: write a plot, NAME.png.')
 def command(
     repeats: int,
     sizes: bool,
@@ -56,6 +58,13 @@ def command(
         )
     if plot is not None and not growth:
         raise click.UsageError('--plot draws the result of --growth: give both.')
+    if plot is not None and plot.suffix.lower() != '.png':
+        raise click.BadParameter(f'{plot} would be a PNG; choose a name such as growth.png.', param_hint='--plot')
+    if depth and (path is not None or _is_given('repeats')):
+        raise click.UsageError('--depth writes no file and repeats nothing: give neither --json nor --repeats.')
+    for each in (path, plot):
+        if each is not None:
+            check_place(each)  # not after minutes
     if depth:
         _depth()
     elif sizes:
@@ -68,6 +77,11 @@ def command(
         _network(repeats, path)
     else:
         _ratios(repeats, path)
+
+
+def _is_given(option: str) -> bool:
+    source = click.get_current_context().get_parameter_source(option)
+    return source is not click.core.ParameterSource.DEFAULT
 
 
 def _ratios(repeats: int, path: Path | None) -> None:

@@ -49,7 +49,7 @@ def command(
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.settings import PipelineSettings
-    from socialcircle_ros.storage import write_file
+    from socialcircle_ros.storage import check_place, write_file
     from socialcircle_ros.teaching.clouds import read_good_clouds
     from socialcircle_ros.teaching.page import check_libraries, lesson_page
     from socialcircle_ros.teaching.teach import teach
@@ -58,6 +58,8 @@ def command(
     if page == output:
         raise click.UsageError(f'{output} would be the page of the lesson; choose a name such as part.teach.')
     check_libraries()
+    for path in (page, output):
+        check_place(path)  # not after minutes
     settings = PipelineSettings.from_ros(parameter_values(params_file, parameters, good[0]))
     clouds, refused = read_good_clouds(
         good, settings, topics=topics, most=most, progress=lambda text: click.echo(text, err=True)

@@ -24,7 +24,7 @@ from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.settings.effects import has_effect
-from socialcircle_ros.storage import folder_of_results, write_file
+from socialcircle_ros.storage import check_place, folder_of_results, write_file
 
 from .content import Cell, Column, Picture, Pictures, Section, Table
 from .entry import length_with_unit, outliers_of, value_text
@@ -115,6 +115,7 @@ def make_comparison(
             f'{output} is a directory; give the name of a page, such as {output}/compare.html.'
         )
     with folder_of_results(output.parent):
+        check_place(output)
         compared, refused = [], Counter[str]()
         for item in _compared(recording, settings, tuple(topics), progress):
             if isinstance(item, Refusal):

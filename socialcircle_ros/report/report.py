@@ -24,7 +24,7 @@ from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettings, RosValue
 from socialcircle_ros.settings.effects import has_effect
-from socialcircle_ros.storage import folder_of_results, write_file
+from socialcircle_ros.storage import check_place, folder_of_results, write_file
 
 from .content import Banner, Cell, Column, Section, Table
 from .entry import ReportEntry, make_entry, value_text
@@ -124,6 +124,7 @@ def make_report(
     if output.is_dir():
         raise SocialCircleError(f'{output} is a directory; give the name of a page, such as {output}/report.html.')
     with folder_of_results(output.parent):
+        check_place(output)
         entries: list[ReportEntry] = []
         refused: Counter[str] = Counter()
         with open_recording(recording) as reader:

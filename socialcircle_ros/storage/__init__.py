@@ -11,6 +11,7 @@ from .signals import SignalExit, noted_signals, raised_signals
 from .space import Reserve, free_bytes, is_full
 from .unfinished import (
     Unfinished,
+    check_place,
     kind_of_target,
     open_in_place,
     remove_leftovers,
@@ -24,6 +25,7 @@ __all__ = [
     'Reserve',
     'SignalExit',
     'Unfinished',
+    'check_place',
     'file_system',
     'folder_of_results',
     'free_bytes',

@@ -59,6 +59,19 @@ def write_file(path: Path, content: str | bytes) -> None:
         raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
 
 
+def check_place(path: Path) -> None:
+    """Raise an error if `write_file` could not write there, before the work that makes the content.
+
+    Raises:
+        SocialCircleError: as by `write_file`.
+    """
+    try:
+        with Unfinished(path):
+            pass
+    except OSError as error:
+        raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
+
+
 def open_in_place(path: Path, *, append: bool = False) -> BinaryIO:
     """Open a file that grows where it stands, such as a log; links, devices and pipes are refused.
 

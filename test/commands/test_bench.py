@@ -32,9 +32,10 @@ def test_sizes_are_printed_and_written(run, tmp_path):
 
 
 def test_a_file_that_cannot_be_written_is_an_error(run):
-    done = run('bench', '--sizes', '--repeats', '1', '--json', 'no/folder/bench.json')
-    assert done.code == 1
-    assert 'no/folder/bench.json cannot be written' in done.err
+    for words in (['--json', 'no/folder/bench.json'], ['--growth', '--plot', 'no/folder/bench.png']):
+        done = run('bench', *words, timeout=30)  # before anything is measured, which takes longer
+        assert done.code == 1
+        assert f'{words[-1]} cannot be written' in done.err
 
 
 def test_a_machine_that_cannot_lose_packets_is_an_error(run):
@@ -52,6 +53,9 @@ def test_a_machine_that_cannot_lose_packets_is_an_error(run):
         (['--sizes', '--growth'], 'give one'),
         (['--live', '--network'], 'give one'),
         (['--plot', 'growth.png'], 'give both'),
+        (['--growth', '--plot', 'growth.svg'], 'choose a name such as growth.png'),
+        (['--depth', '--json', 'bench.json'], '--depth writes no file'),
+        (['--depth', '--repeats', '20'], 'repeats nothing'),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(run, words, sentence):

@@ -71,6 +71,7 @@ def test_refused_clouds_are_named_and_the_others_shown(run, tmp_path):
         ([BAGS / 'stack.mcap'], 'stack.pitch_x is not set'),
         ([BAGS / 'parts.mcap', '-o', '.'], 'is a directory'),
         ([BAGS / 'parts.mcap', '-o', '/proc/nowhere/x.html'], '/proc/nowhere cannot be written'),
+        (['nowhere.mcap', '-o', '/proc/x.html'], '/proc/x.html cannot be written'),  # found first
         ([BAGS / 'parts.mcap', '-p', 'circle.window:=4'], 'circle.window must be odd'),
         ([BAGS / 'parts.mcap', '--topic', '/nowhere'], 'has no topic /nowhere'),
     ],

@@ -47,5 +47,6 @@ def test_a_lesson_that_does_not_help_is_not_written(run, tmp_path):
 def test_bad_arguments_are_told(run):
     assert 'choose a name such as part.teach' in run('teach', 'good.npz', '-o', 'part.html').err
     assert 'missing.mcap' in run('teach', 'missing.mcap').err
+    assert 'cannot be written' in run('teach', 'missing.mcap', '-o', 'no/folder/part.teach').err  # found first
     refused = run('filter', 'a.mcap', '-o', 'b.mcap', '-p', 'circle.lesson:=none.teach')
     assert 'circle.lesson: none.teach cannot be used (No such file or directory)' in refused.err

@@ -9,13 +9,21 @@ import subprocess
 import sys
 import textwrap
 import threading
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.storage import SignalExit, Unfinished, open_in_place, remove_leftovers_below, write_file
+from socialcircle_ros.storage import (
+    SignalExit,
+    Unfinished,
+    check_place,
+    open_in_place,
+    remove_leftovers_below,
+    write_file,
+)
 
 
 def a_folder(path):
@@ -130,6 +138,24 @@ def test_what_is_not_a_file_is_neither_followed_nor_replaced(tmp_path, unusual):
     with pytest.raises(SocialCircleError, match=r'a\.yaml is .*, and is not overwritten: give another name'):
         write_file(path, 'new')
     assert state_of(tmp_path) == before
+
+
+@pytest.mark.parametrize('unusual', UNUSUAL)
+def test_a_place_that_cannot_be_written_is_told_beforehand(tmp_path, unusual):
+    unusual(tmp_path / 'a.yaml')
+    before = state_of(tmp_path)
+    with pytest.raises(SocialCircleError, match=r'a\.yaml is .*, and is not overwritten'):
+        check_place(tmp_path / 'a.yaml')
+    with pytest.raises(SocialCircleError, match='cannot be written: No such file or directory'):
+        check_place(tmp_path / 'nowhere/a.yaml')
+    assert state_of(tmp_path) == before
+
+
+def test_a_place_that_can_be_written_keeps_what_is_there(tmp_path):
+    check_place(tmp_path / 'new.yaml')
+    (tmp_path / 'old.yaml').write_text('old')
+    check_place(tmp_path / 'old.yaml')
+    assert state_of(tmp_path) == {Path('old.yaml'): b'old'}
 
 
 @pytest.mark.parametrize('unusual', UNUSUAL)

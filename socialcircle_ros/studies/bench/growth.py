@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Growth of the filter's time with the size of the cloud, from 0.1 to 50 million points."""
 
-import io
 import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.circle import remove_outliers
-from socialcircle_ros.pictures.style import new_figure
+from socialcircle_ros.pictures.style import new_figure, png_of
 from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.simulation import make_scene
 from socialcircle_ros.storage import write_file
@@ -97,9 +96,7 @@ def draw_growth(points: Sequence[GrowthPoint], path: Path) -> None:
     axes.set_ylabel('ms')
     axes.grid(alpha=0.3)
     axes.legend()
-    picture = io.BytesIO()
-    figure.savefig(picture, format='png', dpi=100)
-    write_file(path, picture.getvalue())
+    write_file(path, png_of(figure))
 
 
 def _mirrored(length: int, period: int) -> npt.NDArray[np.int64]:
