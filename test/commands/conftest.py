@@ -8,7 +8,7 @@ from forked import Done, run_command
 
 @pytest.fixture
 def run(tmp_path):
-    """Runs `socialcircle` in a process of its own, in an empty directory; with `env`, in one that is not forked."""
+    """Runs `socialcircle` in a process of its own, in an empty directory; with `env`, it is not forked."""
 
     def run(*arguments, timeout=120, env=None):
         words = [str(argument) for argument in arguments]
