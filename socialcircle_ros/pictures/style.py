@@ -109,8 +109,8 @@ def png_of(figure: 'Figure') -> bytes:
     from PIL import Image  # noqa: PLC0415 - comes with matplotlib
 
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    whole = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    canvas.draw()  # type: ignore[no-untyped-call]
+    whole = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
     few = whole.quantize(_LEVELS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     # The background becomes the mean of whites and near-whites, which shows on a white page.
     palette = few.getpalette() or []

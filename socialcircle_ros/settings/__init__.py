@@ -13,7 +13,6 @@ from .documents import (
 from .groups import (
     CPU_PROVIDER,
     GROUPS,
-    PAPER_ONLY,
     PARAMETERS,
     VOTERS,
     CircleSettings,
@@ -42,7 +41,6 @@ from .stack_groups import Fit, FocusSettings, StackSettings, ZSource
 __all__ = [
     'CPU_PROVIDER',
     'GROUPS',
-    'PAPER_ONLY',
     'PARAMETERS',
     'VOTERS',
     'CircleSettings',

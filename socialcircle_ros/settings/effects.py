@@ -2,21 +2,28 @@
 """Which parameters have an effect with the others as they are."""
 
 from collections.abc import Mapping
+from typing import cast
 
+from socialcircle_ros.errors import SettingError
+
+from .lessons import Judge, finder
 from .schema import RosValue
 
-VOTE_REGION = 'circle.vote_region'
+MODE, VOTE_REGION = 'circle.mode', 'circle.vote_region'
+_JUDGE, _PROVIDER, _DEPTH_OF_FIELD, _LESSON = (
+    'circle.judge', 'circle.provider', 'circle.depth_of_field', 'circle.lesson',
+)  # fmt: skip
 
 _ONLY_WITH: Mapping[str, tuple[str, RosValue]] = {
-    'circle.window': ('circle.mode', 'paper'),
-    VOTE_REGION: ('circle.mode', 'paper'),
-    'circle.radius': ('circle.mode', 'paper'),
-    'circle.radius_scale': ('circle.mode', 'paper'),
-    'circle.judge': ('circle.mode', 'adaptive'),
-    'circle.provider': ('circle.judge', 'network'),
-    'circle.depth_of_field': ('circle.mode', 'adaptive'),
-    'circle.lesson': ('circle.mode', 'adaptive'),
-    'output.score': ('circle.mode', 'adaptive'),
+    'circle.window': (MODE, 'paper'),
+    VOTE_REGION: (MODE, 'paper'),
+    'circle.radius': (MODE, 'paper'),
+    'circle.radius_scale': (MODE, 'paper'),
+    _JUDGE: (MODE, 'adaptive'),
+    _PROVIDER: (MODE, 'adaptive'),
+    _DEPTH_OF_FIELD: (MODE, 'adaptive'),
+    _LESSON: (MODE, 'adaptive'),
+    'output.score': (MODE, 'adaptive'),
     'stack.z_start': ('stack.z_source', 'step'),
     'stack.z_step': ('stack.z_source', 'step'),
     'stack.check_stamps': ('stack.z_source', 'step'),
@@ -35,9 +42,35 @@ def has_effect(name: str, values: Mapping[str, RosValue]) -> bool:
 
     Args:
         name: of the parameter.
-        values: of all parameters. A parameter that depends on one that is not among them has an effect.
+        values: of all parameters, or their texts. A parameter that depends on one that is not among them, or on
+            a lesson that cannot be read here, has an effect.
     """
+    found_by = _finder(values)
+    if (
+        (name == _JUDGE and (values.get(_LESSON) or _has_depth_of_field(values)))
+        or (name == _PROVIDER and found_by == 'rules')
+        or (name == _DEPTH_OF_FIELD and values.get(_LESSON) and found_by == 'network')
+    ):
+        return False
     other, needed = _ONLY_WITH.get(name, (name, None))
     if needed is None or other not in values:
         return True
     return values[other] == needed and has_effect(other, values)
+
+
+def needing(mode: str) -> tuple[str, ...]:
+    """The parameters that have an effect in this mode only."""
+    return tuple(name for name, needed in _ONLY_WITH.items() if needed == (MODE, mode))
+
+
+def _finder(values: Mapping[str, RosValue]) -> str | None:
+    """What finds the outliers in the adaptive mode; None where that is not known."""
+    judge = cast('Judge', values.get(_JUDGE))
+    try:
+        return finder(str(values.get(_LESSON, '')), judge, has_depth_of_field=_has_depth_of_field(values))
+    except SettingError:
+        return None
+
+
+def _has_depth_of_field(values: Mapping[str, RosValue]) -> bool:
+    return float(str(values.get(_DEPTH_OF_FIELD, 0.0))) != 0

@@ -14,7 +14,8 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 from socialcircle_ros.errors import SettingError
 
-from .lessons import Judge, known_lesson, read_lesson
+from .effects import needing
+from .lessons import Judge, finder, read_lesson
 from .schema import Parameter, RosValue, Settings, setting
 from .stack_groups import FocusSettings, StackSettings
 
@@ -26,8 +27,6 @@ Mode = Literal['paper', 'adaptive']
 
 CPU_PROVIDER = 'CPUExecutionProvider'
 """The execution provider that every ONNX Runtime offers."""
-PAPER_ONLY = ('window', 'vote_region', 'radius', 'radius_scale')
-"""Parameters of the circle that only the mode 'paper' uses."""
 
 AnyCircleSettings = TypeVar('AnyCircleSettings', bound='CircleSettings')
 
@@ -122,11 +121,8 @@ class CircleSettings(Settings):
 
     @property
     def finds_by(self) -> Judge:
-        """What finds the outliers in the adaptive mode: a lesson uses what it was taught with."""
-        if self.lesson:
-            return known_lesson(self.lesson).judge
-        # Outliers that optics make look like a smooth surface: the network does not see them, the rules do.
-        return self.judge if self.depth_of_field is None else 'rules'
+        """What finds the outliers in the adaptive mode, as `lessons.finder` defines it."""
+        return finder(self.lesson, self.judge, has_depth_of_field=self.depth_of_field is not None)
 
     @property
     def uses_network(self) -> bool:
@@ -137,8 +133,8 @@ class CircleSettings(Settings):
         """Full names of the parameters that are not at their defaults, but that the mode does not use."""
         if self.mode != 'adaptive':
             return ()
-        defaults = {each.name: each.default for each in dataclasses.fields(self)}
-        return tuple(f'{self.group}.{name}' for name in PAPER_ONLY if getattr(self, name) != defaults[name])
+        ours, defaults = self.to_ros(), type(self)().to_ros()
+        return tuple(name for name in needing('paper') if ours[name] != defaults[name])
 
     def of_a_stack(self, depth_of_field: float | None) -> 'CircleSettings':
         """These settings for the cloud of a focus stack: its depth of field is used if none is set.

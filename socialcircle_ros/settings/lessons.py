@@ -134,6 +134,23 @@ def known_lesson(path: str) -> Lesson:
     return _known[path][1] if path in _known else read_lesson(path)
 
 
+def finder(lesson: str, judge: Judge, *, has_depth_of_field: bool) -> Judge:
+    """What finds the outliers in the adaptive mode: a lesson uses what it was taught with.
+
+    Args:
+        lesson: path of a lesson; empty: none.
+        judge: what is asked for.
+        has_depth_of_field: whether it is known. Outliers that optics make look like a smooth surface: the network
+            does not see them, the rules do.
+
+    Raises:
+        SettingError: as by `known_lesson`.
+    """
+    if lesson:
+        return known_lesson(lesson).judge
+    return 'rules' if has_depth_of_field else judge
+
+
 def _numbers(found: Mapping[str, object], name: str, count: int) -> tuple[float, ...]:
     values = found.get(name)
     if not isinstance(values, Sequence) or len(values) != count:

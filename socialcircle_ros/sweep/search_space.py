@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import cast
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.settings import PAPER_ONLY, PARAMETERS, CircleSettings, FocusSettings, Parameter, RosValue
+from socialcircle_ros.settings import PARAMETERS, CircleSettings, FocusSettings, Parameter, RosValue
+from socialcircle_ros.settings.effects import MODE, needing
 from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
 
 ParameterValues = dict[str, RosValue]
@@ -17,8 +18,6 @@ ParameterValues = dict[str, RosValue]
 GROUPS = (FocusSettings, CircleSettings)
 """The groups that can be varied. A change in the first group makes the clouds of all stacks anew."""
 
-_MODE = 'circle.mode'
-_PAPER_ONLY = {f'{CircleSettings.group}.{name}' for name in PAPER_ONLY}
 
 MAX_GRID = 100_000
 """Most settings of a grid."""
@@ -207,14 +206,14 @@ def with_mode(search_space: Sequence[SearchDimension], given: Mapping[str, RosVa
         SettingError: `circle.mode` is given as another mode, so all trials would have the same result.
     """
     names = [dimension.name for dimension in search_space]
-    needing = [name for name in names if name in _PAPER_ONLY]
-    if not needing or _MODE in names:
+    of_the_paper = [name for name in names if name in needing('paper')]
+    if not of_the_paper or MODE in names:
         return given
-    if given.get(_MODE, 'paper') != 'paper':
+    if given.get(MODE, 'paper') != 'paper':
         raise SettingError(
-            f'{needing[0]} has no effect with circle.mode {given[_MODE]}; set circle.mode to paper.'
+            f'{of_the_paper[0]} has no effect with circle.mode {given[MODE]}; set circle.mode to paper.'
         )
-    return {**given, _MODE: 'paper'}
+    return {**given, MODE: 'paper'}
 
 
 def grid(search_space: Sequence[SearchDimension]) -> list[ParameterValues]:

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which parameters have an effect."""
 
+import dataclasses
+
 import pytest
 from examples import surface
 
 from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.settings import PARAMETERS
 from socialcircle_ros.settings.effects import _ONLY_WITH, has_effect
+from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
 
 OTHERS = {
     'circle.window': 5,
@@ -54,7 +57,44 @@ def test_a_parameter_has_an_effect_where_it_is_not_known_what_it_depends_on():
     assert has_effect('circle.flank', {'circle.flank': 1.0})
 
 
-def test_a_parameter_has_no_effect_where_the_one_that_it_depends_on_has_none():
-    values = {'circle.mode': 'paper', 'circle.judge': 'network'}
-    assert not has_effect('circle.provider', values)
-    assert has_effect('circle.provider', {**values, 'circle.mode': 'adaptive'})
+NUMBERS = (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), (0.0,) * WEIGHTS
+LESSONS = {judge: Lesson(('a',), (1.0, 2.0), judge, 0.2, *NUMBERS, 0.5, {}) for judge in ('network', 'rules')}
+
+
+@pytest.mark.parametrize('mode', ['paper', 'adaptive'])
+@pytest.mark.parametrize('judge', ['network', 'rules'])
+@pytest.mark.parametrize('depth', [None, 1.5])
+@pytest.mark.parametrize('lesson', [None, 'network', 'rules'])
+def test_the_judge_and_what_computes_it_have_an_effect_where_the_filter_uses_them(
+    tmp_path, mode, judge, depth, lesson
+):
+    path = tmp_path / 'part.teach'
+    if lesson:
+        path.write_text(LESSONS[lesson].to_text())
+    settings = CircleSettings(mode=mode, judge=judge, depth_of_field=depth, lesson=str(path) if lesson else '')
+    values = settings.to_ros()
+    for shown in (values, {name: str(value) for name, value in values.items()}):  # the page of a report has texts
+        assert has_effect('circle.provider', shown) == settings.uses_network
+        assert has_effect('circle.lesson', shown) == (mode == 'adaptive')
+        others = [
+            CircleSettings(**{**fields_of(settings), 'judge': each}).finds_by for each in ('network', 'rules')
+        ]
+        assert has_effect('circle.judge', shown) == (mode == 'adaptive' and others[0] != others[1])
+        uses_depth = mode == 'adaptive' and not (lesson and settings.finds_by == 'network')
+        assert has_effect('circle.depth_of_field', shown) == uses_depth
+
+
+def fields_of(settings):
+    return {each.name: getattr(settings, each.name) for each in dataclasses.fields(settings)}
+
+
+def test_a_parameter_has_an_effect_where_its_lesson_is_on_another_machine():
+    values = DEFAULTS | {'circle.lesson': '/elsewhere/part.teach'}
+    assert has_effect('circle.provider', values)
+    assert has_effect('circle.depth_of_field', values)
+    assert not has_effect('circle.judge', values)
+
+
+def test_parameters_of_another_mode_that_are_set_are_told():
+    assert CircleSettings(window=5, radius=1.0).without_effect() == ('circle.window', 'circle.radius')
+    assert CircleSettings(mode='paper', window=5).without_effect() == ()
