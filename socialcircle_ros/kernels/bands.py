@@ -7,7 +7,7 @@ import itertools
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from typing import TypeVar
 
@@ -64,14 +64,21 @@ class _Helpers:
         )
 
     def share(self, work: Callable[[slice], Result], bands: list[slice]) -> list[Result]:
-        """Work on the first band in the calling thread, and on the others in the helpers."""
+        """Work on the first band in the calling thread, and on the others in the helpers.
+
+        If that fails, as by Ctrl-C, no helper works on when this ends: the caller may use the memory again.
+        """
+        others: list[tuple[slice, Future[Result]]] = []
         with self._changing:
             self._callers += 1
             self._place()
         try:
-            others = [(band, self._pool.submit(work, band)) for band in bands[1:]]
+            others += [(band, self._pool.submit(work, band)) for band in bands[1:]]
             # Bands that no helper has started by then run in the calling thread.
             return [work(bands[0]), *(work(band) if job.cancel() else job.result() for band, job in others)]
+        except BaseException:
+            wait([job for _, job in others if not job.cancel()])
+            raise
         finally:
             with self._changing:
                 self._callers -= 1

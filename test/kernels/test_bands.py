@@ -39,6 +39,24 @@ def test_bands_run_in_parallel(monkeypatch):
     assert sorted(bands.in_bands(lambda _: both.wait(), 2, 1, 1)) == [0, 1]
 
 
+def test_no_helper_works_on_when_the_caller_has_failed(monkeypatch):
+    monkeypatch.setattr(bands, 'limit', 2)
+    begun, failed, ended = threading.Event(), threading.Event(), threading.Event()
+
+    def work(band):
+        if band.start == 0:
+            assert begun.wait(20)
+            failed.set()
+            raise KeyboardInterrupt
+        begun.set()
+        assert failed.wait(20)
+        ended.set()
+
+    with pytest.raises(KeyboardInterrupt):
+        bands.in_bands(work, 2, 1, 1)
+    assert ended.is_set()
+
+
 def test_helpers_do_not_run_on_the_core_of_the_caller(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
     both = threading.Barrier(2, timeout=20)
