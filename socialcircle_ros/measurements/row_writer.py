@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, Mask
-from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import Measurement
 
@@ -101,12 +100,19 @@ class RowWriter:
                 coming, self._coming = self._coming, deque()
                 stopping = self._stopping
             while coming:
-                self._add(_row(coming.popleft()))
+                self._take(coming.popleft())
             is_full = len(self._rows) >= MOST_ROWS and not self._waits
             if self._rows and (stopping or is_full or self._left_s() == 0):
                 self._write()
             if stopping:
                 return
+
+    def _take(self, cloud: LiveCloud) -> None:
+        try:
+            self._add(_row(cloud))
+        except Exception as error:  # noqa: BLE001 - the last resort: without this thread nothing is written
+            self._lost += 1
+            self._failed(f'A row of measurements is lost, because: {error!r}')
 
     def _left_s(self) -> float | None:
         """Time until the batch is to be written; None: there is none."""
@@ -125,7 +131,7 @@ class RowWriter:
         try:
             # The name stays until the batch is written, so that an attempt replaces what the last one has left.
             write_rows(self._folder, f'{self._name}-{self._number:06d}', self._rows)
-        except (SocialCircleError, OSError) as error:
+        except Exception as error:  # noqa: BLE001 - the last resort, as above
             lost = f' {self._lost} rows are lost.' if self._lost else ''
             self._waits = True
             self._failed(f'{len(self._rows)} rows of measurements wait, because: {error}{lost}')

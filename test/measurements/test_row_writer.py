@@ -124,6 +124,36 @@ def test_a_cloud_never_waits_for_the_disk(tmp_path, monkeypatch):
     assert numbers(tmp_path) == list(range(50))
 
 
+def test_a_fault_in_one_row_loses_that_row_and_no_other(tmp_path):
+    told = []
+    writer = RowWriter(tmp_path, 'live', 3600, told.append)
+    writer.put(refused(0))
+    writer.put(LiveCloud(origin(number=1), None))  # no outcome of any kind
+    writer.put(refused(2))
+    writer.close()
+    assert numbers(tmp_path) == [0, 2]
+    (sentence,) = told
+    assert sentence.startswith('A row of measurements is lost, because: ')
+
+
+def test_a_fault_in_writing_keeps_the_rows_for_the_next_attempt(tmp_path, monkeypatch):
+    told = []
+    real = row_writer.write_rows
+
+    def write_rows(*arguments):
+        if not told:
+            raise ValueError('a row that the library cannot write')
+        return real(*arguments)
+
+    monkeypatch.setattr(row_writer, 'write_rows', write_rows)
+    writer = RowWriter(tmp_path, 'live', 0.02, told.append)
+    writer.put(refused(0))
+    wait_for(lambda: list(tmp_path.rglob('*.parquet')))
+    writer.close()
+    assert numbers(tmp_path) == [0]
+    assert 'a row that the library cannot write' in told[0]
+
+
 def test_a_process_that_is_killed_loses_at_most_the_last_batch(tmp_path):
     program = f"""
 import time
