@@ -64,8 +64,13 @@ class ParameterSaver:
         late = (False, f'The parameters were not saved within {self._timeout_s:g} s: check the disk.')
         timer = threading.Timer(self._timeout_s, self._answer, (future, executor, late))
         timer.daemon = True
-        timer.start()
-        threading.Thread(target=work, name='save_parameters', daemon=True).start()
+        try:
+            timer.start()
+            threading.Thread(target=work, name='save_parameters', daemon=True).start()
+        except RuntimeError as error:  # the system has no thread left
+            timer.cancel()
+            self._idle.release()
+            return False, f'The parameters were not saved: {error}.'
         answer: SaveOutcome = await future
         timer.cancel()
         return answer

@@ -143,6 +143,19 @@ def test_a_disk_that_does_not_answer_holds_up_neither_the_node_nor_the_caller(ca
     assert call(saver, {}).success
 
 
+def test_a_machine_without_a_thread_left_is_told_and_the_next_call_saves(call, monkeypatch):
+    def fail(_):
+        raise RuntimeError('no thread is left')
+
+    saver = ParameterSaver()
+    with monkeypatch.context() as patch:
+        patch.setattr('threading.Timer.start', fail)
+        answer = call(saver, {})
+    assert not answer.success
+    assert answer.message == 'The parameters were not saved: no thread is left.'
+    assert call(saver, {}).success
+
+
 def test_a_fault_is_an_answer(call, monkeypatch):
     monkeypatch.setattr(parameter_saving, 'write_file', lambda path, text: 1 / 0)
     answer = call(ParameterSaver(), {})
