@@ -132,9 +132,10 @@ class RecordingTab:
             return focus_curve(self._recorded.stack_messages(number - 1), self._settings(), place)
 
     def close(self) -> None:
-        """Close the recording."""
-        if self._recorded is not None:
-            self._recorded.close()
+        """Close the recording, once the cloud that is being read has been sent."""
+        with self._stepping:
+            if self._recorded is not None:
+                self._recorded.close()
 
     def _settings(self) -> PipelineSettings:
         """How the node measures now; the page may not show the last change yet."""
