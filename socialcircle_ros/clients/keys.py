@@ -4,7 +4,9 @@
 import os
 import select
 import sys
+import termios
 import threading
+import tty
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 
@@ -26,12 +28,9 @@ def listened_keys(actions: Mapping[bytes, Callable[[], object]], terminal: int |
         Whether there is a terminal to listen to; without one, nothing is read.
     """
     try:
-        import termios  # noqa: PLC0415 - not on every system
-        import tty  # noqa: PLC0415
-
         terminal = sys.stdin.fileno() if terminal is None else terminal
         before = termios.tcgetattr(terminal)
-    except (ImportError, OSError, ValueError, termios.error):
+    except (OSError, ValueError, termios.error):
         yield False
         return
     ended = threading.Event()
