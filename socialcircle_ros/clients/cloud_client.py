@@ -66,6 +66,7 @@ class Client:
         self._changed = threading.Condition()
         self._received: dict[NodeTopic, tuple[bytes, float]] = {}  # the newest message, and when it came
         self._health: NodeHealth | None = None
+        self._parameters = AsyncParameterClient(node, self._name)
         self._clouds = node.create_publisher(PointCloud2, interface.POINTS.within(self._namespace), reliable())
         for topic in _STACK_RESULTS:
             node.create_subscription(
@@ -76,7 +77,7 @@ class Client:
         self._connection.start()
 
     def wait_for_node(self, process: NodeProcess, timeout_s: float) -> None:
-        """Wait until the node subscribes to clouds and has published its diagnostics.
+        """Wait until the node subscribes to clouds, answers services and has published its diagnostics.
 
         The diagnostics tell how many refusals there were before the first cloud.
 
@@ -84,12 +85,16 @@ class Client:
             SocialCircleError: the node ended, or is not ready in time; the message names its log.
         """
         deadline = time.monotonic() + timeout_s
-        while self._clouds.get_subscription_count() == 0 or self._health is None:
+        while not self._is_heard():
             if process.process.poll() is not None:
                 raise SocialCircleError(f'The node ended at its start; read {process.log}.')
             if time.monotonic() > deadline:
                 raise SocialCircleError(f'The node is not ready after {timeout_s:.0f} s; read {process.log}.')
             time.sleep(0.02)
+
+    def _is_heard(self) -> bool:
+        has_listener = self._clouds.get_subscription_count() > 0
+        return has_listener and self._parameters.services_are_ready() and self._health is not None
 
     def clean(self, cloud: bytes, timeout_s: float = 30.0) -> Response:
         """Publish one serialized cloud, and wait for its results.
@@ -124,11 +129,10 @@ class Client:
         Raises:
             SocialCircleError: the node refused the value, or did not answer in time.
         """
-        parameters = AsyncParameterClient(self._connection.node, self._name)
 
         def publish() -> float:
             requested_at, done = time.monotonic(), threading.Event()
-            future = parameters.set_parameters([Parameter(name, value=value)])
+            future = self._parameters.set_parameters([Parameter(name, value=value)])
             future.add_done_callback(lambda _: done.set())
             if not done.wait(timeout_s):
                 raise _no_answer(timeout_s)

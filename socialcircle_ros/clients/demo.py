@@ -16,7 +16,6 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pictures.drawings import before_and_after
 from socialcircle_ros.recording import RecordingReader, RecordingWriter, open_recording, ros_topic
-from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.recording.offline import clouds_of, stacks_of
 from socialcircle_ros.recording.truth import RecordedTruth, truths_of
 from socialcircle_ros.recording.units import unit_of
@@ -95,7 +94,7 @@ def run_demo(
     """Start the node, play recordings into it, and write and draw the results.
 
     Args:
-        files: recordings, or `.npz`, `.ply` and `.pcd` measurements; empty: the recordings of the package.
+        files: recordings or measurement files; empty: the recordings of the package.
         output: an existing folder for the results and the node's log.
         params_file: parameters of the node; None: the defaults, or those of the shipped stack if `files` is empty.
         status: called with a sentence before each step.
@@ -103,7 +102,10 @@ def run_demo(
     Raises:
         SocialCircleError: a file cannot be read, the node does not start, or matplotlib is not installed.
     """
-    recordings = [_as_recording(path, output) for path in files or shipped_recordings()]
+    recordings = files or shipped_recordings()
+    for recording in recordings:  # what cannot be read is told before the node starts
+        with open_recording(recording):
+            pass
     if params_file is None and not files:
         params_file = _shared_folder('bags') / _STACK_PARAMETERS
     arguments = () if params_file is None else ('--params-file', str(params_file))
@@ -124,18 +126,19 @@ def play_recording(recording: Path, client: Client, output: Path, demo: Demo) ->
     a picture of both modes.
 
     Args:
-        recording: an MCAP file or a rosbag2 directory.
+        recording: an MCAP file, a rosbag2 directory, or a measurement file.
         client: a client of the node.
         output: the folder of the results.
         demo: takes up the results.
     """
-    filtered = output / f'{recording.stem}_cleaned.mcap'
+    name = Path(recording.name.removesuffix('.zstd').removesuffix('.zst')).stem
+    filtered = output / f'{name}_cleaned.mcap'
     with (
         open_recording(recording) as reader,
         RecordingWriter(filtered, compression='zstd', overwrite=True, source=recording) as writer,
     ):
         demo.written.append(filtered)
-        session = _Session(recording.stem, reader, writer, client, output, demo)
+        session = _Session(name, reader, writer, client, output, demo)
         for topic in clouds_of(reader):
             session.play_clouds(topic)
         for namespace in stacks_of(reader):
@@ -276,12 +279,3 @@ def _shared_folder(name: str) -> Path:
         if (place / SHIPPED[0]).is_file():
             return place
     raise SocialCircleError('The recordings of the package are not installed here; give a recording of your own.')
-
-
-def _as_recording(path: Path, output: Path) -> Path:
-    """The recording itself, or a new recording of a measurement file."""
-    if path.is_dir() or path.suffix == '.mcap':
-        return path
-    recording = output / f'{path.stem}.mcap'
-    record_clouds([path], recording, topic=interface.POINTS.within(''), frame_id=path.stem, overwrite=True)
-    return recording

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 
 pytest.importorskip('rclpy', reason='the demo needs ROS 2')
 pytest.importorskip('matplotlib')
@@ -12,11 +13,10 @@ pytest.importorskip('matplotlib')
 from examples import cloud
 
 from socialcircle_ros.clients.cloud_client import Response
-from socialcircle_ros.clients.demo import Demo, DemoCloud, RefusedCloud, _as_recording, play_recording
-from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.clients.demo import Demo, DemoCloud, RefusedCloud, play_recording, run_demo
+from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.interface import FILTERED, MASK
 from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
-from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
 from socialcircle_ros.settings import CircleSettings, PipelineSettings
@@ -63,7 +63,7 @@ def test_a_measurement_shows_both_modes_and_why_the_paper_s_removes_nothing(tmp_
     heights = 0.01 * np.random.default_rng(0).normal(0, 1, (60, 70))
     heights[20:24, 30:35] += 0.4
     np.savez(tmp_path / 'part.npz', z=heights, dx=1.0, dy=1.5)
-    adaptive, paper = played(_as_recording(tmp_path / 'part.npz', tmp_path), tmp_path).clouds
+    adaptive, paper = played(tmp_path / 'part.npz', tmp_path).clouds
     assert adaptive.measurement.outliers >= 20
     assert adaptive.warning == ''
     assert paper.measurement.outliers == 0
@@ -100,13 +100,20 @@ def test_a_damaged_recording_is_named(tmp_path):
     assert 'cut.mcap' in sentence
 
 
-def test_a_measurement_file_becomes_a_recording_and_a_recording_stays(tmp_path):
-    np.savez(tmp_path / 'part.npz', z=np.random.default_rng(0).random((8, 9)), dx=1.0, dy=1.0)
-    path = _as_recording(tmp_path / 'part.npz', tmp_path)
-    with open_recording(path) as reader:
-        (message,) = reader.messages()
-    assert message.topic == '/points'
-    assert PointCloud.decode(message.data).header.frame_id == 'part'
-    assert _as_recording(path, tmp_path) == path
-    with pytest.raises(ImportFileError, match=r'nowhere\.npz does not exist'):
-        _as_recording(tmp_path / 'nowhere.npz', tmp_path)
+def test_a_compressed_recording_is_played(tmp_path):
+    with RecordingWriter(tmp_path / 'night.mcap') as writer:
+        writer.add_topic(ros_topic('/points', CLOUD))
+        writer.write('/points', cloud(), 1)
+    content = (tmp_path / 'night.mcap').read_bytes()
+    (tmp_path / 'night.mcap.zstd').write_bytes(zstandard.compress(content))
+    found, _ = played(tmp_path / 'night.mcap.zstd', tmp_path).clouds
+    assert found.name == 'night 0'
+    assert (tmp_path / 'night_cleaned.mcap').exists()
+
+
+@pytest.mark.parametrize('name', ['nowhere.npz', 'nowhere.mcap'])
+def test_what_cannot_be_read_is_told_before_the_node_starts(tmp_path, name):
+    said = []
+    with pytest.raises(SocialCircleError, match=name):
+        run_demo([BAGS / 'parts.mcap', tmp_path / name], tmp_path, status=said.append)
+    assert said == []
