@@ -184,6 +184,16 @@ def _measure(values: Floats, row_step: int, point_step: int, line: Floats, measu
             measured[row, column] = is_measured(x[column], y[column], z[column])
 
 
+def measured_only(xyz: Cloud, measured: Mask) -> Cloud:
+    """The cloud with NaN where a point is not measured, such as at a mark that the filter has recognised.
+
+    Args:
+        xyz: (H, W, 3), unchanged.
+        measured: (H, W) bool.
+    """
+    return np.where(measured[..., None], xyz, xyz.dtype.type(np.nan))
+
+
 @kernel
 def is_measured(x: Real, y: Real, z: Real) -> bool:
     """Whether all three are finite: finite - finite is 0, Inf - Inf and NaN - NaN are NaN."""

@@ -12,6 +12,26 @@ def cloud(rows=70, columns=80, *, seed=0, stamp=1_000_000_000):
     return encode_point_cloud(Header.at(stamp, 'microscope'), surface(rows, columns, seed=seed))
 
 
+def marked(mark, rows=70, columns=80):
+    """The surface 100 higher, with its left sixth and the places left of a cluster not measured, as `mark` says, (3,), or NaN.
+
+    None in the mark leaves the coordinate as it is.
+    """
+    xyz = surface(rows, columns)
+    xyz[..., 2] += 100
+    points = np.zeros((rows, columns), bool)
+    points[:, : columns // 6] = True
+    points[40:45, 48:50] = True
+    for axis, value in enumerate(mark):
+        if value is not None:
+            xyz[points, axis] = value
+    return xyz
+
+
+MARKS = {'the origin': (0.0, 0.0, 0.0), 'a height': (None, None, 0.0)}
+NAN = (np.nan, np.nan, np.nan)
+
+
 def surface(rows=70, columns=80, *, seed=0):
     y, x = np.mgrid[:rows, :columns].astype(np.float32)
     z = np.sin(x / 9) + 0.1 * np.random.default_rng(seed).random((rows, columns)).astype(np.float32)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_points, organized_from
+from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_only, measured_points, organized_from
 from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
@@ -114,7 +114,7 @@ def remove_outliers(
     cloud = organized_from(xyz, pitch)
     unmeasured = recognise(cloud, settings.not_measured)
     if unmeasured.points is not None:
-        cloud = np.where(unmeasured.points[..., None], cloud.dtype.type(np.nan), cloud)
+        cloud = measured_only(cloud, ~unmeasured.points)
     if settings.mode == 'adaptive':
         result = _remove_adaptively(cloud, settings)
     else:

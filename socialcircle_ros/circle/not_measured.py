@@ -18,7 +18,7 @@ from typing import NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.cloud import Cloud, Mask, measured_only
 
 from .arrays import Floats, Indices, Real
 
@@ -91,6 +91,17 @@ def recognise(xyz: Cloud, rule: str) -> NotMeasured:
             where = ', '.join(f'{value:g}' for value in point.tolist())
             return NotMeasured(points, f'{count} points are exactly at ({where}) {_COUNT_AS}')
     return _far_height(xyz, heights, counts)
+
+
+def without_marks(xyz: Cloud, rule: str) -> Cloud:
+    """The cloud with NaN at the points that a mark calls not measured; itself if there are none.
+
+    Args:
+        xyz: (H, W, 3), unchanged.
+        rule: as for `recognise`.
+    """
+    marked = recognise(xyz, rule).points
+    return xyz if marked is None else measured_only(xyz, ~marked)
 
 
 @lru_cache(maxsize=8)

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from socialcircle_ros import interface
+from socialcircle_ros.cloud import measured_only
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.interface import STAGE_TIME, MeasurementValues
 from socialcircle_ros.messages import diagnostics
-from socialcircle_ros.messages.image import OUTLIER, decode_mono8
+from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pictures.drawings import before_and_after
@@ -224,14 +225,14 @@ class _Session:
     def _draw(
         self, cloud: bytes, unit: str | None, truth: RecordedTruth | None, responses: Sequence[Response]
     ) -> None:
-        found = {
-            response.measurement.values[_MODE]: decode_mono8(response.mask) == OUTLIER for response in responses
-        }
+        masks = {response.measurement.values[_MODE]: decode_mono8(response.mask) for response in responses}
+        found = {mode: mask == OUTLIER for mode, mask in masks.items()}
+        xyz = measured_only(PointCloud.decode(cloud).xyz(), next(iter(masks.values())) != NOT_MEASURED)
         file = self._output / f'{self._name}.png'
         undecided = None if truth is None else ~truth.counted
         title = f'{self._name}: circle.mode {" and ".join(found)}'
         outliers = next(iter(found.values()))
-        before_and_after(file, PointCloud.decode(cloud).xyz(), outliers, title, unit, found, undecided)
+        before_and_after(file, xyz, outliers, title, unit, found, undecided)
         self._demo.written.append(file)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from socialcircle_ros.circle import CircleResult, remove_outliers
-from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.cloud import Cloud, Mask, measured_only
 from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import (
     FAILED,
@@ -243,7 +243,8 @@ class _Outputs:
 
     def repaired(self) -> bytes:
         """The cloud with its holes filled."""
-        repair = repair_holes(self._xyz, self._result.outliers, self._repair)
+        measured = self._result.inliers | self._result.outliers  # without marks, which are no surface
+        repair = repair_holes(measured_only(self._xyz, measured), self._result.outliers, self._repair)
         self.filled = int(np.count_nonzero(repair.filled))
         dense = self.measured - self.outliers + self.filled == self.points
         return self._cloud.replaced(self._result.outliers, repair.xyz, dense=dense)

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import measured_only
 from socialcircle_ros.errors import CloudError, MessageError, RecordingError, SocialCircleError, install_command
 from socialcircle_ros.formats import Format, OrganizedCloud, format_of, suffixes, write_cloud_file
 from socialcircle_ros.interface import FILTERED, MASK, MEASUREMENT, POINTS, REPAIRED, NodeTopic
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import stamp_of, stamp_text
-from socialcircle_ros.messages.image import decode_mono8
+from socialcircle_ros.messages.image import NOT_MEASURED, decode_mono8
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud
 from socialcircle_ros.settings import PipelineSettings
 
@@ -222,7 +223,8 @@ class _Clouds:
         key = (namespaces[0] or '', cloud.header.stamp)
         if namespaces[0] is not None and key in self._masks:
             pixels = np.array(decode_mono8(zlib.decompress(self._masks[key])))
-            mask = pixels if pixels.shape == points.shape[:2] else None
+            if pixels.shape == points.shape[:2]:
+                mask, points = pixels, measured_only(points, pixels != NOT_MEASURED)
         unit = unit_of(self._reader, message.topic) or self._unit
         origin = self._origins.get((message.topic.rpartition('/')[0], cloud.header.stamp))
         if origin is not None:

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
-from socialcircle_ros.cloud import Mask
+from socialcircle_ros.cloud import Mask, measured_only
 from socialcircle_ros.errors import RecordingError, SettingError, SocialCircleError
 from socialcircle_ros.kernels.ordered import in_order
+from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.areal import Texture, texture
 from socialcircle_ros.metrics.scores import Scores, score
@@ -27,7 +29,7 @@ from socialcircle_ros.settings.effects import has_effect
 from socialcircle_ros.storage import check_place, folder_of_results, write_file
 
 from .content import Cell, Column, Picture, Pictures, Section, Table
-from .entry import length_with_unit, outliers_of, value_text
+from .entry import length_with_unit, mask_of, value_text
 from .page import environment, render
 
 _MAKE_CLOUDS = ('focus.', 'stack.')
@@ -161,21 +163,28 @@ def _compared(
                 return item
             cloud = item.cloud
             try:
-                found = [outliers_of(filter_cloud(cloud.points, each, cloud.depth_of_field)) for each in settings]
+                masks = [mask_of(filter_cloud(cloud.points, each, cloud.depth_of_field)) for each in settings]
             except SocialCircleError as error:
                 return Refusal(f'{item.name}: {error}')
             truth = truths(cloud.namespace, cloud.points)
-            masks = None if truth is None else (truth.outlier, truth.counted)
+            scored = None if truth is None else (truth.outlier, truth.counted)
             unit = 'm' if cloud.image is not None else unit_of(reader, cloud.topic)
-            return _compared_cloud(item.name, cloud.points, unit, (found[0], found[1]), masks)
+            return _compared_cloud(item.name, cloud.points, unit, (masks[0], masks[1]), scored)
 
         yield from in_order(compare, named_clouds(reader, settings[0], topics=topics, progress=progress))
 
 
 def _compared_cloud(
-    name: str, points: bytes, unit: str | None, found: tuple[Mask, Mask], truth: tuple[Mask, Mask] | None
+    name: str,
+    points: bytes,
+    unit: str | None,
+    masks: tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]],
+    truth: tuple[Mask, Mask] | None,
 ) -> ComparedCloud:
-    xyz = PointCloud.decode(points).xyz()
+    # What is not measured by one setting only is measured: the other may have called it an outlier.
+    unmeasured = (masks[0] == NOT_MEASURED) & (masks[1] == NOT_MEASURED)
+    xyz = measured_only(PointCloud.decode(points).xyz(), ~unmeasured)
+    found: tuple[Mask, Mask] = (masks[0] == OUTLIER, masks[1] == OUTLIER)
     first = CloudPictures(xyz, found[0], unit)
     second = CloudPictures(xyz, found[1], unit, first.colour_range)
     measured = np.isfinite(first.heights)

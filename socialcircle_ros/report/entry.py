@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 
 import numpy as np
+import numpy.typing as npt
 
-from socialcircle_ros.cloud import Mask
+from socialcircle_ros.cloud import Mask, measured_only
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.interface import FAILED, MASK, REPAIRED, MeasurementValues
 from socialcircle_ros.lengths import LengthScale, length_text
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import FIRST_DATE
-from socialcircle_ros.messages.image import OUTLIER, decode_mono8
+from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.areal import FILTERS, ArealTexture, areal_texture
 from socialcircle_ros.metrics.scores import Scores, score
@@ -196,7 +197,8 @@ def make_entry(
         SocialCircleError: matplotlib is not installed.
     """
     decoded = PointCloud.decode(cloud)
-    drawn = CloudPictures(decoded.xyz(), outliers_of(result), unit)
+    pixels = mask_of(result)
+    drawn = CloudPictures(measured_only(decoded.xyz(), pixels != NOT_MEASURED), pixels == OUTLIER, unit)
     measurement = result.measurement.values
     circle = result.measurement.settings
     warnings = [source.warning] if source is not None and source.warning else []
@@ -240,16 +242,15 @@ def value_text(name: str, value: str, unit: str | None) -> str:
     return f'{value} {parameter.unit}'.strip()
 
 
-def outliers_of(result: CloudOutputs) -> Mask:
-    """The outlier mask of a result, (H, W).
+def mask_of(result: CloudOutputs) -> npt.NDArray[np.uint8]:
+    """The pixels of the outlier mask of a result, (H, W) uint8, as `mask_pixels` defines them.
 
     Raises:
         ValueError: the result was made without a mask.
     """
     if MASK not in result.messages:
         raise ValueError('The result has no mask; ask for it with OutputSettings(mask=True).')
-    outliers: Mask = decode_mono8(result.messages[MASK]) == OUTLIER
-    return outliers
+    return decode_mono8(result.messages[MASK])
 
 
 def stamp_text(stamp: int) -> str:

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 from socialcircle_ros.baselines import median_filter
 from socialcircle_ros.baselines.settings import MedianSettings
+from socialcircle_ros.circle.not_measured import AUTO, without_marks
 from socialcircle_ros.cloud import Cloud, Mask, measured_points
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.kernels.ordered import in_order
@@ -43,6 +44,7 @@ class SweepCloud:
         has_truth: whether `outlier` is the truth.
         depth_of_field: depth of field of a cloud from a stack, in the unit of the cloud; None if not known.
         unit: of the cloud; None if not known.
+        not_measured: which points are not measured, as `circle.not_measured`.
     """
 
     name: str
@@ -52,11 +54,12 @@ class SweepCloud:
     has_truth: bool
     depth_of_field: float | None = None
     unit: str | None = None
+    not_measured: str = AUTO
 
     @property
     def xyz(self) -> Cloud:
-        """The coordinates, (H, W, 3)."""
-        return PointCloud.decode(self.points).xyz()
+        """The coordinates, (H, W, 3), NaN where not measured."""
+        return without_marks(PointCloud.decode(self.points).xyz(), self.not_measured)
 
 
 def sweep_cloud(
@@ -65,6 +68,7 @@ def sweep_cloud(
     truth: tuple[Mask, Mask] | None,
     depth_of_field: float | None = None,
     unit: str | None = None,
+    not_measured: str = AUTO,
 ) -> SweepCloud:
     """Make a cloud of a sweep, with `CRITERION` where the truth is not known.
 
@@ -74,15 +78,16 @@ def sweep_cloud(
         truth: (H, W) the outliers, and (H, W) the points with a certain truth; None where not known.
         depth_of_field: depth of field of a cloud from a stack, in the unit of the cloud.
         unit: of the cloud; None if not known.
+        not_measured: as in `SweepCloud`.
 
     Raises:
         MessageError: the message is not an organized cloud.
     """
-    if truth is not None:
-        return SweepCloud(name, points, *truth, has_truth=True, depth_of_field=depth_of_field, unit=unit)
-    xyz = PointCloud.decode(points).xyz()
-    outlier, counted = median_filter(xyz).outliers, measured_points(xyz)
-    return SweepCloud(name, points, outlier, counted, has_truth=False, depth_of_field=depth_of_field, unit=unit)
+    has_truth = truth is not None
+    if truth is None:
+        xyz = without_marks(PointCloud.decode(points).xyz(), not_measured)
+        truth = median_filter(xyz).outliers, measured_points(xyz)
+    return SweepCloud(name, points, *truth, has_truth, depth_of_field, unit, not_measured)
 
 
 CloudSource = Callable[[FocusSettings], Sequence[SweepCloud]]
@@ -135,7 +140,8 @@ class SweptRecording:
                 truth = truths(cloud.namespace, cloud.points)
                 masks = None if truth is None else (truth.outlier, truth.counted)
                 unit = 'm' if cloud.image is not None else units[cloud.topic]
-                return sweep_cloud(name, cloud.points, masks, cloud.depth_of_field, unit)
+                rule = settings.circle.not_measured
+                return sweep_cloud(name, cloud.points, masks, cloud.depth_of_field, unit, rule)
             except SocialCircleError as error:
                 return Refusal(str(error))
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.baselines.median import window_median
-from socialcircle_ros.circle.not_measured import recognise
+from socialcircle_ros.circle.not_measured import without_marks
 from socialcircle_ros.cloud import Cloud, Floats, Mask, measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.messages.point_cloud import PointCloud
@@ -136,10 +136,7 @@ def good_cloud(
     Raises:
         MessageError: the message is no organized cloud.
     """
-    xyz = PointCloud.decode(message).xyz()
-    unmeasured = recognise(xyz, not_measured).points
-    if unmeasured is not None:
-        xyz = np.where(unmeasured[..., None], xyz.dtype.type(np.nan), xyz)
+    xyz = without_marks(PointCloud.decode(message).xyz(), not_measured)
     return GoodCloud(name, xyz, depth_of_field, unit)
 
 

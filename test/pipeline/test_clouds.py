@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from examples import MARKS, NAN, marked
 
 from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
 from socialcircle_ros.interface import FILTERED, MASK, MEASUREMENT, REPAIRED, SCORE, outputs_of
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.image import Image, decode_mono8
+from socialcircle_ros.messages.image import NOT_MEASURED, Image, decode_mono8
 from socialcircle_ros.messages.point_cloud import PointCloud, encode_point_cloud
 from socialcircle_ros.pipeline import clouds
 from socialcircle_ros.pipeline.clouds import filter_cloud, process_cloud
@@ -43,6 +44,19 @@ def test_the_published_cloud_is_the_input_with_nan_for_its_outliers():
     published = PointCloud.decode(outputs(xyz).messages[FILTERED])
     np.testing.assert_array_equal(published.xyz(), expected)
     assert published.header == HEADER
+
+
+@pytest.mark.parametrize('mark', MARKS.values(), ids=MARKS)
+@pytest.mark.parametrize('method', ['spline', 'biharmonic'])
+def test_a_mark_of_what_is_not_measured_is_no_surface_that_a_hole_is_filled_from(mark, method):
+    wanted = PipelineSettings.from_ros({'output.repaired': True, 'repair.method': method, 'repair.largest': 200})
+    results = [filter_cloud(encode_point_cloud(HEADER, marked(each)), wanted) for each in (mark, NAN)]
+    of_mark, of_nan = (PointCloud.decode(each.messages[REPAIRED]).xyz() for each in results)
+    assert results[0].messages[MASK] == results[1].messages[MASK]
+    assert results[0].measurement.values.repaired == results[1].measurement.values.repaired
+    unmeasured = decode_mono8(results[0].messages[MASK]) == NOT_MEASURED
+    np.testing.assert_array_equal(of_mark[~unmeasured], of_nan[~unmeasured])
+    np.testing.assert_array_equal(of_mark[unmeasured], marked(mark)[unmeasured])  # as they came
 
 
 @pytest.mark.parametrize('mode', ['paper', 'adaptive'])

@@ -157,6 +157,17 @@ def test_one_file_is_filtered_into_another(tmp_path, suffix):
     assert read_surface(tmp_path / f'cleaned{suffix}').pitch == surface.pitch
 
 
+@pytest.mark.parametrize('suffix', ['.npz', '.x3p', '.ply'])
+def test_what_a_mark_calls_not_measured_is_not_measured_in_the_file(tmp_path, suffix):
+    z = 100 + np.random.default_rng(0).normal(size=(60, 70)).astype(np.float32)
+    z[:, :10] = 0
+    write_surface(tmp_path / 'part.npz', MeasuredSurface(z, (1.0, 1.0), 'µm'))
+    filter_to_file(tmp_path / 'part.npz', tmp_path / f'clean{suffix}', PipelineSettings())
+    points = import_cloud(tmp_path / f'clean{suffix}').points
+    assert np.isnan(points[:, :10, 2]).all()
+    assert np.isfinite(points[:, 10:, 2]).mean() > 0.9
+
+
 def test_a_recording_of_several_clouds_does_not_become_one_file(tmp_path):
     write_surface(tmp_path / 'a.ply', measured_surface())
     record_clouds([tmp_path / 'a.ply'] * 2, tmp_path / 'two.mcap')

@@ -3,13 +3,15 @@
 
 import numpy as np
 import pytest
-from examples import cloud, surface
+from examples import MARKS, NAN, cloud, marked, surface
 
 from socialcircle_ros.messages.diagnostics import Status
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.metrics.areal import areal_texture
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.report.content import Banner
-from socialcircle_ros.report.entry import make_entry, outliers_of, stamp_text, value_text
+from socialcircle_ros.report.entry import make_entry, mask_of, stamp_text, value_text
 from socialcircle_ros.settings import CircleSettings, LimitSettings, OutputSettings, PipelineSettings
 
 pytest.importorskip('PIL')
@@ -41,6 +43,15 @@ def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
     assert shown['circle.radius_scale'] == ['1.0']
     assert 'circle.depth_of_field' not in shown  # has no effect in this mode
     assert found.row(None)[:6] == ['/points 0', '1.000 s', '–', 5594 / 5600, 26, 26 / 5594]
+
+
+@pytest.mark.parametrize('mark', MARKS.values(), ids=MARKS)
+def test_a_mark_of_what_is_not_measured_is_no_height(mark):
+    of_mark, of_nan = (entry(encode_point_cloud(Header(1, 0, 'm'), marked(each))) for each in (mark, NAN))
+    assert of_mark.before == of_nan.before
+    assert of_mark.after == of_nan.after
+    assert of_mark.after.sz < 10
+    assert of_mark.pictures == of_nan.pictures
 
 
 def test_a_setting_of_a_judge_that_does_not_judge_is_not_shown():
@@ -120,7 +131,7 @@ def test_differences_from_a_recorded_measurement_are_warnings(values, sentences)
 
 def test_a_result_without_a_mask_cannot_be_shown():
     with pytest.raises(ValueError, match=r'ask for it with OutputSettings\(mask=True\)'):
-        outliers_of(filter_cloud(cloud(), PipelineSettings(output=OutputSettings(mask=False))))
+        mask_of(filter_cloud(cloud(), PipelineSettings(output=OutputSettings(mask=False))))
 
 
 def test_a_stamp_is_shown_as_a_date_if_it_counts_from_the_epoch():

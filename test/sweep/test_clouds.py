@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from examples import cloud
+from examples import MARKS, NAN, cloud, marked
 from hypothesis import given
 from hypothesis import strategies as st
 from sweep.sweep_examples import BASE, labelled, truth
@@ -22,6 +22,17 @@ def test_the_criterion_takes_the_place_of_an_unknown_truth():
     assert not found.has_truth
     assert (found.outlier & truth()[0]).sum() == 26
     assert (found.counted == truth()[1]).all()
+
+
+@pytest.mark.parametrize('mark', MARKS.values(), ids=MARKS)
+def test_a_mark_of_what_is_not_measured_is_no_outlier_and_not_shown(mark):
+    of_mark, of_nan = (
+        sweep_cloud('/points 0', point_cloud.encode_point_cloud(Header(1, 0, 'm'), marked(each)), None)
+        for each in (mark, NAN)
+    )
+    np.testing.assert_array_equal(of_mark.outlier, of_nan.outlier)
+    np.testing.assert_array_equal(of_mark.counted, of_nan.counted)
+    np.testing.assert_array_equal(of_mark.xyz, of_nan.xyz)
 
 
 def test_a_cloud_that_is_not_organized_is_refused():
