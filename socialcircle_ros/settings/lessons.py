@@ -6,9 +6,10 @@ A lesson is a small JSON file. How communities are judged by it is in `circle.ad
 
 import json
 import math
+import os
+import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Literal, cast, get_args
 
 from socialcircle_ros.errors import SettingError
@@ -34,6 +35,8 @@ TRAITS = (
 WEIGHTS = (len(TRAITS) + 1) * (len(TRAITS) + 2) // 2
 """One for each trait, one for each product of two, and a constant."""
 
+LESSON_MARK = 'socialcircle_lesson'
+"""The first key of a lesson file; its value is the version."""
 _VERSION = 2
 _LARGEST_FILE = 1_000_000  # bytes; a lesson has about 4,000
 
@@ -69,7 +72,7 @@ class Lesson:
 
     def to_text(self) -> str:
         """The content of a lesson file."""
-        return json.dumps({'socialcircle_lesson': _VERSION, **asdict(self)}, indent=1) + '\n'
+        return json.dumps({LESSON_MARK: _VERSION, **asdict(self)}, indent=1) + '\n'
 
     @classmethod
     def from_text(cls, text: str) -> 'Lesson':
@@ -79,7 +82,7 @@ class Lesson:
             ValueError: it is not the content of a lesson; the message says what is wrong.
         """
         found = json.loads(text)
-        if not isinstance(found, dict) or found.pop('socialcircle_lesson', None) != _VERSION:
+        if not isinstance(found, dict) or found.pop(LESSON_MARK, None) != _VERSION:
             raise ValueError('it is not a lesson of this version')
         spread = _numbers(found, 'spread', 2)
         mean, scale = _numbers(found, 'mean', len(TRAITS)), _numbers(found, 'scale', len(TRAITS))
@@ -108,13 +111,18 @@ def read_lesson(path: str) -> Lesson:
         SettingError: the file cannot be read, or it is not a lesson.
     """
     try:
-        found = Path(path).stat()
-        stamp = (found.st_mtime_ns, found.st_size, found.st_ino)
-        if path in _known and _known[path][0] == stamp:
-            return _known[path][1]
-        if found.st_size > _LARGEST_FILE:
+        # A pipe without a writer would hold up the node for good, and a device such as /dev/zero has no end.
+        with open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+            found = os.fstat(file.fileno())
+            stamp = (found.st_mtime_ns, found.st_size, found.st_ino)
+            if path in _known and _known[path][0] == stamp:
+                return _known[path][1]
+            if not stat.S_ISREG(found.st_mode):
+                raise ValueError('it is not a file')  # noqa: TRY301 - one message for all
+            content = file.read(_LARGEST_FILE + 1)
+        if len(content) > _LARGEST_FILE:
             raise ValueError('it is too large')  # noqa: TRY301 - one message for all
-        lesson = Lesson.from_text(Path(path).read_text(encoding='utf-8'))
+        lesson = Lesson.from_text(content.decode('utf-8'))
     except (OSError, ValueError, RecursionError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise SettingError(

@@ -78,6 +78,14 @@ def test_other_files_are_refused(tmp_path, content):
         read_lesson(str(tmp_path))
 
 
+@pytest.mark.parametrize('make', [os.mkfifo, lambda path: path.symlink_to('/dev/zero')])
+def test_what_is_not_a_file_is_refused_at_once(tmp_path, make):
+    path = tmp_path / 'other'
+    make(path)
+    with pytest.raises(SettingError, match=r'other cannot be used \(it is not a file\)'):
+        read_lesson(str(path))
+
+
 def test_a_lesson_that_changes_is_read_again_only_when_settings_are_made(tmp_path):
     path = tmp_path / 'part.teach'
     path.write_text(PLAIN.to_text())
