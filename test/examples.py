@@ -13,9 +13,9 @@ def cloud(rows=70, columns=80, *, seed=0, stamp=1_000_000_000):
 
 
 def marked(mark, rows=70, columns=80):
-    """The surface 100 higher, with its left sixth and the places left of a cluster not measured, as `mark` says, (3,), or NaN.
+    """The surface 100 higher. Its left sixth and the points left of a cluster are not measured: `mark`, (3,).
 
-    None in the mark leaves the coordinate as it is.
+    None in the mark leaves a coordinate as it is.
     """
     xyz = surface(rows, columns)
     xyz[..., 2] += 100

@@ -7,6 +7,8 @@ import click
 
 from .options import parameter_options, parameter_values, progress_bar, quantity, tell_refusals
 
+_BEGINNING = 4096  # bytes of a file that tell what it is
+
 
 @click.command('teach', epilog='Example: socialcircle teach good.mcap -o part.teach')
 @click.argument('good', nargs=-1, required=True, metavar='GOOD...', type=click.Path(path_type=Path))
@@ -49,17 +51,18 @@ def command(
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.settings import PipelineSettings
-    from socialcircle_ros.storage import check_place, write_file
+    from socialcircle_ros.settings.lessons import LESSON_MARK
+    from socialcircle_ros.storage import write_file
     from socialcircle_ros.teaching.clouds import read_good_clouds
-    from socialcircle_ros.teaching.page import check_libraries, lesson_page
+    from socialcircle_ros.teaching.page import TITLE, check_libraries, lesson_page
     from socialcircle_ros.teaching.teach import teach
 
     page = output.with_suffix('.html')
     if page == output:
         raise click.UsageError(f'{output} would be the page of the lesson; choose a name such as part.teach.')
     check_libraries()
-    for path in (page, output):
-        check_place(path)  # not after minutes
+    _check_place(page, good, f'<title>{TITLE}</title>', 'page about a lesson')
+    _check_place(output, good, LESSON_MARK, 'lesson')
     settings = PipelineSettings.from_ros(parameter_values(params_file, parameters, good[0]))
     clouds, refused = read_good_clouds(
         good, settings, topics=topics, most=most, progress=lambda text: click.echo(text, err=True)
@@ -78,3 +81,29 @@ def command(
         f'Good points removed: {taught.before.removed:.3%} before, {taught.after.removed:.3%} with the lesson.'
     )
     click.echo(f'Next: open {page}, then set circle.lesson to {output}')
+
+
+def _check_place(path: Path, good: tuple[Path, ...], mark: str, kind: str) -> None:
+    """Check now, and not after minutes, that the result can be written and replaces nothing but an earlier one.
+
+    Args:
+        path: of the result.
+        good: the files that are read.
+        mark: what the beginning of an earlier result holds.
+        kind: of the result, in words.
+
+    Raises:
+        SocialCircleError: it cannot, or does not.
+    """
+    from socialcircle_ros.errors import SocialCircleError
+    from socialcircle_ros.storage import check_place, lies_in
+
+    source = next((each for each in good if lies_in(path, each)), None)
+    if source is not None:
+        raise SocialCircleError(f'{path} would be written into {source}, which is read: give another name.')
+    if path.is_file():
+        with path.open('rb') as file:
+            beginning = file.read(_BEGINNING)
+        if mark.encode() not in beginning:
+            raise SocialCircleError(f'{path} is no {kind}, and is not replaced: give another name.')
+    check_place(path)

@@ -11,7 +11,7 @@ from typing import cast
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.messages.header import FIRST_DATE, stamp_text
-from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_target, remove_leftovers
+from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_target, lies_in, remove_leftovers
 
 from .mcap_output import LAST_TIME, McapOutput
 from .mcap_writer import Compression
@@ -245,12 +245,10 @@ class RecordingWriter:
 
     def _check_target(self, source: str | Path | None) -> None:
         target = self.path.resolve()
-        if source is not None:
-            read = Path(source).resolve()
-            if target == read or target in read.parents or (read.is_dir() and read in target.parents):
-                raise RecordingError(
-                    f'{self.path} would be written into the recording that is read, {source}: give another name.'
-                )
+        if source is not None and lies_in(self.path, Path(source)):
+            raise RecordingError(
+                f'{self.path} would be written into the recording that is read, {source}: give another name.'
+            )
         if not target.parent.is_dir():
             raise RecordingError(f'{self.path} cannot be written: make the directory {self.path.parent} first.')
         if not os.path.lexists(self.path):

@@ -26,7 +26,7 @@ from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.settings.effects import has_effect
-from socialcircle_ros.storage import check_place, folder_of_results, write_file
+from socialcircle_ros.storage import check_place, folder_of_results, lies_in, write_file
 
 from .content import Cell, Column, Picture, Pictures, Section, Table
 from .entry import length_with_unit, mask_of, value_text
@@ -112,6 +112,10 @@ def make_comparison(
     differing = _differing(*settings)
     new_figure(1, 1)  # fails now if matplotlib or Jinja2 is missing, and not after minutes
     environment()
+    if lies_in(output, recording):
+        raise SocialCircleError(
+            f'{output} would be written into the recording that is read, {recording}: give another name.'
+        )
     if output.is_dir():
         raise SocialCircleError(
             f'{output} is a directory; give the name of a page, such as {output}/compare.html.'

@@ -24,7 +24,7 @@ from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettings, RosValue
 from socialcircle_ros.settings.effects import has_effect
-from socialcircle_ros.storage import check_place, folder_of_results, write_file
+from socialcircle_ros.storage import check_place, folder_of_results, lies_in, write_file
 
 from .content import Banner, Cell, Column, Section, Table
 from .entry import ReportEntry, make_entry, value_text
@@ -121,6 +121,10 @@ def make_report(
     recording, output, settings = Path(recording), Path(output), settings or PipelineSettings()
     new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after minutes
     environment()
+    if lies_in(output, recording):
+        raise SocialCircleError(
+            f'{output} would be written into the recording that is read, {recording}: give another name.'
+        )
     if output.is_dir():
         raise SocialCircleError(f'{output} is a directory; give the name of a page, such as {output}/report.html.')
     with folder_of_results(output.parent):

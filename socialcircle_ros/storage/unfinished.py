@@ -72,6 +72,12 @@ def check_place(path: Path) -> None:
         raise SocialCircleError(f'{path} cannot be written: {error.strerror}.') from None
 
 
+def lies_in(target: Path, source: Path) -> bool:
+    """Whether writing the target would change the source, a file or a folder; both names are followed."""
+    written, read = target.resolve(), source.resolve()
+    return written == read or written in read.parents or (read.is_dir() and read in written.parents)
+
+
 def open_in_place(path: Path, *, append: bool = False) -> BinaryIO:
     """Open a file that grows where it stands, such as a log; links, devices and pipes are refused.
 

@@ -17,6 +17,9 @@ _SHOWN = 8
 """Most fields with pictures."""
 
 
+TITLE = 'A lesson'
+
+
 def check_libraries() -> None:
     """Fail now if a library for the page is missing, and not after the work.
 
@@ -42,7 +45,7 @@ def lesson_page(teaching: Teaching) -> str:
     ]
     verdict = teaching.refusal or 'The lesson helps on the fields kept back.'
     check = Section('Check', findings=[verdict], items=[_figures(teaching)], warnings=[*teaching.warnings])
-    return render('A lesson', introduction, [check, *_pictures(teaching.fields)])
+    return render(TITLE, introduction, [check, *_pictures(teaching.fields)])
 
 
 def _figures(teaching: Teaching) -> Table:

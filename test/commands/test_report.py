@@ -71,6 +71,8 @@ def test_refused_clouds_are_named_and_the_others_shown(run, tmp_path):
         ([BAGS / 'stack.mcap'], 'stack.pitch_x is not set'),
         ([BAGS / 'parts.mcap', '-o', '.'], 'is a directory'),
         ([BAGS / 'parts.mcap', '-o', '/proc/nowhere/x.html'], '/proc/nowhere cannot be written'),
+        ([BAGS / 'parts.mcap', '-o', BAGS / 'parts.mcap'], 'would be written into the recording that is read'),
+        ([BAGS, '-o', BAGS / 'parts.mcap'], 'would be written into the recording that is read'),
         (['nowhere.mcap', '-o', '/proc/x.html'], '/proc/x.html cannot be written'),  # found first
         ([BAGS / 'parts.mcap', '-p', 'circle.window:=4'], 'circle.window must be odd'),
         ([BAGS / 'parts.mcap', '--topic', '/nowhere'], 'has no topic /nowhere'),

@@ -25,6 +25,7 @@ def test_a_lesson_is_written_with_a_page_and_used(run, tmp_path, good):
     assert 'F1 of the outliers put in' in done.out
     assert 'Next: open part.html, then set circle.lesson to part.teach' in done.out
     assert '<img' in (tmp_path / 'part.html').read_text()
+    assert 'is no' not in run('teach', 'nowhere.npz', '-o', 'part.teach').err  # an earlier one may be replaced
     removed = []
     for lesson in ((), ('-p', 'circle.lesson:=part.teach')):
         filtered = run(
@@ -42,6 +43,27 @@ def test_a_lesson_that_does_not_help_is_not_written(run, tmp_path):
     assert done.code == 1
     assert 'No lesson was written; part.html shows what was found.' in done.err
     assert not (tmp_path / 'part.teach').exists()
+
+
+@pytest.mark.parametrize(
+    ('words', 'sentence'),
+    [
+        (['good.npz', '-o', 'good.npz'], 'good.npz would be written into good.npz, which is read'),
+        (['bag', '-o', 'bag/part.teach'], 'would be written into bag, which is read'),
+        (['good.npz', '-o', 'notes.teach'], 'notes.teach is no lesson, and is not replaced'),
+        (['good.npz', '-o', 'mine.teach'], 'mine.html is no page about a lesson, and is not replaced'),
+    ],
+)
+def test_nothing_but_an_earlier_lesson_is_replaced(run, tmp_path, words, sentence):
+    np.savez(tmp_path / 'good.npz', z=np.zeros((110, 120)), dx=1.0, dy=1.0)
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'notes.teach').write_text('Remember the milk.')
+    (tmp_path / 'mine.html').write_text('<p>Remember the milk.</p>')
+    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    done = run('teach', *words)
+    assert done.code == 1
+    assert sentence in done.err
+    assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 
 
 def test_bad_arguments_are_told(run):
