@@ -14,14 +14,12 @@ from socialcircle_ros.messages.image import Image
 from socialcircle_ros.settings import StackSettings
 
 from .frame_stamps import GAP_PERIODS, frame_numbers, period_of
+from .rest_of_scan import PAUSE_PERIODS, RestOfScan
 from .stack_cloud import StackCloud, make_cloud
 
 _MOST_DRIFT = 2.0
 """Pixels that a part may move sideways in a stack. On a simulated rough plane of 15 frames, the error of the good
 pixels is 0.09 steps without drift, 0.11 with 1 pixel, 0.14 with 2, 0.17 with 3 and 0.22 with 5."""
-
-_PAUSE_PERIODS = 8
-"""Time between two frames, in periods, after which they may be of two scans."""
 
 
 @dataclass
@@ -37,6 +35,7 @@ class RunningStack:
         stamps: of the frames that were measured, ns.
         offered: frames that were offered, with those that could not be measured.
         ended_by: what ended the stack before its time; '': nothing did.
+        after_jump: whether time went backwards before it, while another stack ran.
     """
 
     focus: FocusStack
@@ -47,6 +46,7 @@ class RunningStack:
     stamps: list[int] = field(default_factory=list)
     offered: int = 0
     ended_by: str = ''
+    after_jump: bool = False
     _first_z: float = math.nan
     _last_z: float = math.nan
     _furthest_z: float = math.nan
@@ -78,7 +78,7 @@ class RunningStack:
         self.focus.add(pixels, z, frame.colours())
         header = frame.header
         self._blue_first = frame.blue_first
-        self._gap |= self._counts and self._periods_to(header.stamp) >= GAP_PERIODS
+        self._gap |= self.counts and self._periods_to(header.stamp) >= GAP_PERIODS
         self.header = header
         self.stamps.append(header.stamp)
         if self.frames == 1:
@@ -98,14 +98,14 @@ class RunningStack:
                 self.ended_by = ', and the stage began again'
                 return True
             return False
-        if not self._counts:
+        if not self.counts:
             return False
         periods = self._periods_to(stamp)
         if periods < GAP_PERIODS:
             return False
         if self.settings.frames:
             return self._last_number() + round(periods) > self.settings.frames
-        if periods >= _PAUSE_PERIODS:
+        if periods >= PAUSE_PERIODS:
             self.ended_by = f', before a pause of {periods:.0f} periods'
             return True
         return False
@@ -122,7 +122,7 @@ class RunningStack:
         Raises:
             StackError: there are too few different z, or the stamps of the frames do not fit.
         """
-        numbers = frame_numbers(self.stamps) if self._counts else None
+        numbers = frame_numbers(self.stamps) if self.counts else None
         z = None if numbers is None else self._counted(numbers)
         lost = 0 if numbers is None else int(numbers[-1]) + 1 - self.frames
         result = self.focus.finish(z)
@@ -144,9 +144,13 @@ class RunningStack:
         return 1e9 * (self._last_z - self._first_z) / time_ns if time_ns else 0.0
 
     @property
-    def _counts(self) -> bool:
+    def counts(self) -> bool:
         """Whether z is counted by the stamps."""
         return self.settings.z_source == 'step' and self.settings.check_stamps
+
+    def rest(self, last: int, period: int) -> RestOfScan:
+        """The rest of the scan behind the frame with the stamp `last`; `period` as in `RestOfScan`."""
+        return RestOfScan(self.stamps[0] if self.stamps else last, last, period, self.settings.frames)
 
     def _counted(self, numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.float64] | None:
         """Z of the frames in ascending order; None: some frame was not measured, or no frame was lost."""
@@ -182,7 +186,7 @@ class RunningStack:
 
     def _resumed_elsewhere(self, stamp: int, z: float) -> bool:
         """Whether z is not one step on after a pause: the stage went to where the next scan begins."""
-        if self.frames < 3 or self._furthest_z == self._first_z or self._periods_to(stamp) < _PAUSE_PERIODS:
+        if self.frames < 3 or self._furthest_z == self._first_z or self._periods_to(stamp) < PAUSE_PERIODS:
             return False
         step = (self._furthest_z - self._first_z) / (self.frames - 1)
         return abs((z - self._last_z) / step - 1) > 0.5
@@ -212,6 +216,11 @@ class RunningStack:
             sentences.append(
                 f'{_frames(lost)} of a stack {"was" if lost == 1 else "were"} lost on the way, as the stamps show;'
                 ' z is counted with the gaps.'
+            )
+        if self.after_jump and self.counts:
+            sentences.append(
+                'Time went backwards before the first frame of a stack: if that was in the middle of a scan, its'
+                ' heights are wrong.'
             )
         wanted = self.settings.frames
         if self.frames + lost < wanted:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Focus stacks: frames and stage positions → clouds. The node does this live, `socialcircle filter` offline.
 
-A stack is closed at its end, or given up where a frame cannot belong to it. In both cases the next frame begins
-the next stack.
+A stack is closed at its end, and the next frame begins the next stack. It is given up where a frame cannot belong
+to it. Where z is counted, the next stack then begins with the next scan.
 """
 
 import contextlib
@@ -18,6 +18,8 @@ from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.joint_state import JointState
 from socialcircle_ros.settings import FocusSettings, StackSettings
 
+from .frame_stamps import period_of
+from .rest_of_scan import RestOfScan  # noqa: TC001
 from .running_stack import RunningStack
 from .stack_cloud import StackCloud, fields_of
 
@@ -35,6 +37,10 @@ GAP_NS = 500_000_000
 """Joint states that are further apart than this are not interpolated."""
 
 _NEVER = -(2**63)  # before every stamp
+_OF_GIVEN_UP = (
+    'A frame was refused: the stack of its scan was given up, so that its z is not known. The next scan makes the'
+    ' next stack.'
+)
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,12 @@ class StackAssembler:
         self._track: deque[tuple[int, float]] = deque(maxlen=MOST_STATES)
         self._track_is_new = False  # whether it began again since the last frame
         self._last_stamp = self._last_placed = _NEVER
+        self._recent: deque[int] = deque(maxlen=4)  # stamps of the last frames, ascending
+        self._last_message = b''
+        self._jumped = False  # whether time went backwards since the last stack began, while one ran
+        self._was_late = False  # whether the last frame was refused, because it came after a later one
+        self._rest: RestOfScan | None = None  # of a stack that was given up
+        self._ended: RestOfScan | None = None  # of the stack that the last frame ended
 
     def configure(self, focus: FocusSettings, settings: StackSettings) -> None:
         """Set how the next stack is measured; the running one keeps its settings."""
@@ -81,7 +93,7 @@ class StackAssembler:
     @property
     def running(self) -> bool:
         """Whether a stack has begun."""
-        return self._stack is not None or bool(self._waiting)
+        return self._stack is not None or bool(self._waiting) or self._rest is not None
 
     @property
     def cloud_size(self) -> int:
@@ -98,13 +110,27 @@ class StackAssembler:
             yield Refusal(f'A frame was refused: {error}')
             return
         stamp = frame.header.stamp
+        if self._rest is not None:
+            if self._rest.takes(stamp):
+                self._last_stamp = stamp
+                yield Refusal(_OF_GIVEN_UP)
+                return
+            self._rest, self._last_stamp, self._last_placed = None, _NEVER, _NEVER
+            self._recent.clear()
+        counts = self._settings_now.z_source == 'step' and self._settings_now.check_stamps
+        if counts and stamp == self._last_stamp and message == self._last_message:
+            yield Refusal('A frame was refused: it came twice.')
+            return
         if stamp < self._last_stamp:
+            if counts and (refusals := self._refused_late(stamp)):
+                yield from refusals
+                return
             if self._goes_on(stamp):
                 yield from self._refuse_after(stamp)
             else:
                 yield from self._go_back(stamp)
-        self._track_is_new = False
-        self._last_stamp = stamp
+        self._track_is_new = self._was_late = False
+        self._last_stamp, self._last_message = stamp, message
         if self._settings_now.z_source == 'joint_states':
             self._waiting.append(frame)
             yield from self._place_waiting()
@@ -145,6 +171,7 @@ class StackAssembler:
 
     def finish(self) -> Iterator[StackEvent]:
         """Close the running stack, on request or after the timeout."""
+        self._rest = self._ended = None
         if self._waiting:
             count = len(self._waiting)
             self._waiting.clear()
@@ -157,6 +184,7 @@ class StackAssembler:
     def _close(self) -> Iterator[StackEvent]:
         """Make a cloud of the running stack; waiting frames belong to the next one."""
         stack, self._stack = self._stack, None
+        self._last_message = b''
         if stack is None:
             return
         try:
@@ -178,11 +206,31 @@ class StackAssembler:
         if self.running:
             back_s = (self._last_stamp - stamp) / 1e9
             yield Refusal(f'Time went backwards by {back_s:.3f} s: the running stack was given up.')
+            self._jumped = True
         self._stack = None
         self._waiting.clear()
         self._last_placed = _NEVER
         if not self._track_is_new:
             self._track.clear()  # its stamps are from before
+
+    def _refused_late(self, stamp: int) -> list[StackEvent]:
+        """Refuse a frame, of which z is counted, that came after a frame with a later stamp; none: it is no such.
+
+        One such frame counts as lost. After two of them it is the later stamp that is wrong, and z is not known.
+        """
+        stack, late_s = self._stack, (self._last_stamp - stamp) / 1e9
+        if self._ended is not None and stack is not None and stack.frames == 1 and self._ended.takes(stamp):
+            # The stamp of one frame, far ahead, ended the stack before.
+            self._stack, self._rest, self._last_stamp = None, self._ended, stamp
+            return [Refusal(f'Time went backwards by {late_s:.3f} s: the running stack was given up.')]
+        if stack is None or stamp <= stack.stamps[0]:
+            return []
+        if not self._was_late:
+            self._was_late = True
+            return [Refusal(f'A frame was refused: it came {late_s:.3f} s after a later one.')]
+        self._was_late = False
+        self._stack, self._rest, self._last_stamp = None, stack.rest(stamp, period_of(stack.stamps)), stamp
+        return [Refusal(f'Time went backwards by {late_s:.3f} s: the running stack was given up.')]
 
     def _goes_on(self, stamp: int) -> bool:
         """Whether time goes on with a frame, although a later stamp came before: that stamp is the wrong one.
@@ -221,18 +269,26 @@ class StackAssembler:
             frame: the frame.
             z: position of the stage in m; None: counted from z_start by z_step.
         """
-        self._last_placed = frame.header.stamp
+        stamp = self._last_placed = frame.header.stamp
+        if self._recent and stamp < self._recent[-1]:
+            self._recent.clear()
+        self._recent.append(stamp)
         pixels = frame.gray()
         stack = self._stack
+        if stack is not None and stack.ends_before(stamp, z):
+            self._ended = stack.rest(stack.stamps[-1], period_of(stack.stamps)) if stack.counts else None
+            yield from self._close()
+            stack = None
         if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):
             yield Refusal(
                 f'A stack of {_frames(stack.frames)} broke off: a frame of {pixels.shape} {frame.encoding} came'
                 f' after {stack.shape} {stack.encoding}.'
             )
+            rest = stack.rest(stamp, period_of(self._recent) if stack.counts else 0)
             stack = self._stack = None
-        if stack is not None and stack.ends_before(frame.header.stamp, z):
-            yield from self._close()
-            stack = None
+            if z is None and rest.takes(stamp):
+                self._rest = rest
+                return
         if stack is None:
             stack = self._begin(frame, pixels.shape)
         try:
@@ -281,6 +337,7 @@ class StackAssembler:
         focus.reset()
         focus.register = self._settings.register
         self._stack = RunningStack(focus, self._settings, shape, frame.encoding, frame.header)
+        self._stack.after_jump, self._jumped = self._jumped, False
         return self._stack
 
     def release_memory(self) -> None:

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from simulated_drift import drifting_frames
 
@@ -211,6 +211,57 @@ def test_a_frame_of_another_size_or_encoding_breaks_the_stack_off_and_begins_the
     assert made.running
     events = [event for number in (6, 7) for event in made.add_frame(image(other, number))]
     assert len(clouds(events)) == 1
+
+
+FAULTS = {
+    'lost': lambda scan, k: scan[:k] + scan[k + 1 :],
+    'twice': lambda scan, k: scan[: k + 1] + scan[k:],
+    'late': lambda scan, k: [*scan[:k], *reversed(scan[k : k + 2]), *scan[k + 2 :]],
+    'two late': lambda scan, k: [*scan[:k], *scan[k + 2 : k + 3], *scan[k : k + 2], *scan[k + 3 :]],
+    'other encoding': lambda scan, k: [*scan[:k], (scan[k][0].astype(np.uint16), scan[k][1]), *scan[k + 1 :]],
+    'other size': lambda scan, k: [*scan[:k], (scan[k][0][:-1], scan[k][1]), *scan[k + 1 :]],
+    'far ahead': lambda scan, k: [*scan[:k], (scan[k][0], scan[k][1] + 1000), *scan[k + 1 :]],
+    'far behind': lambda scan, k: [*scan[:k], (scan[k][0], scan[k][1] - 1000), *scan[k + 1 :]],
+    'far ahead from then on': lambda scan, k: [*scan[:k], *((pixels, at + 1000) for pixels, at in scan[k:])],
+}
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    fault=st.sampled_from(list(FAULTS)), k=st.integers(0, 14), known=st.booleans(), pause=st.sampled_from([0, 20])
+)
+def test_a_fault_of_one_frame_gives_no_wrong_height_without_a_warning_and_the_next_scan_is_right(
+    fault, k, known, pause
+):
+    """Where z is counted, and the stamps are those of a camera."""
+    count = 15
+    assume(k > 0 or fault.startswith('far'))  # nothing tells that the first frame is lost
+    if not known:
+        pause = 20  # nothing but a pause tells where a scan ends
+    made = assembler(frames=count if known else 0)
+    scan = [(pixels, 2000 + number) for number, pixels in enumerate(frames(count))]
+    later = 4000 if 'ahead' in fault and pause else 2000 + count + pause  # after the stamp that is far ahead
+    events = [
+        event for pixels, number in FAULTS[fault](scan, k) for event in made.add_frame(image(pixels, number))
+    ]
+    if pause:
+        events += made.finish()  # the caller does this after the pause
+    following = [
+        event
+        for number, pixels in enumerate(frames(count))
+        for event in made.add_frame(image(pixels, later + number))
+    ]
+    following += made.finish()
+    for cloud in clouds(events):
+        z = PointCloud.decode(cloud.points).xyz()[..., 2]
+        right = np.abs(z / STEP - (count - 1) / 2) < 0.5
+        # A clock that is set looks like a pause, of which the cloud before it warns.
+        warned = cloud.warning or (fault == 'far ahead from then on' and clouds(events)[0].warning)
+        assert right[np.isfinite(z)].all() or warned
+    if pause:
+        (last,) = clouds(following)
+        z = PointCloud.decode(last.points).xyz()[..., 2]
+        assert np.abs(np.nanmedian(z) / STEP - (count - 1) / 2) < 0.1
 
 
 def test_time_that_goes_backwards_gives_the_stack_up_and_begins_the_next():
