@@ -94,7 +94,7 @@ def trend(path: Path, folder: Path) -> None:
         page.goto(page_file.as_uri())
         page.get_by_role('combobox').select_option('cell3, lid')
         page.locator('canvas').first.wait_for()
-        write_file(path, few_colours(page.screenshot()))
+        write_file(path, _small(page.screenshot()))
 
 
 def tune(path: Path, folder: Path) -> None:
@@ -127,7 +127,7 @@ def tune(path: Path, folder: Path) -> None:
         page.get_by_role('tab', name='Tune').click()
         page.get_by_text('heights, number of points').scroll_into_view_if_needed()
         page.wait_for_timeout(3000)  # the view turns
-        write_file(path, few_colours(page.screenshot()))
+        write_file(path, _small(page.screenshot()))
 
 
 def learned_curve(path: Path, _: Path) -> None:
@@ -152,9 +152,11 @@ def learned_worst(path: Path, folder: Path) -> None:
         whole.paste(strip, (0, top))
         top += strip.height
     whole.thumbnail((1200, 100_000))
-    out = io.BytesIO()
-    whole.save(out, format='png')
-    write_file(path, few_colours(out.getvalue()))
+    write_file(path, few_colours(whole))
+
+
+def _small(png: bytes) -> bytes:
+    return few_colours(Image.open(io.BytesIO(png)).convert('RGB'))
 
 
 PICTURES: dict[str, Callable[[Path, Path], None]] = {

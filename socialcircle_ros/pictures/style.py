@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib import RcParams
     from matplotlib.artist import Artist
     from matplotlib.figure import Figure
+    from PIL.Image import Image as PictureOfDots
 
 COLOUR_MAPS = ('viridis', 'cividis', 'gray')
 """The colour maps for heights, by matplotlib's names; the first is the default.
@@ -99,18 +100,27 @@ def picture(width: float, height: float, draw: 'Callable[[Figure], None]') -> by
 
 
 def png_of(figure: 'Figure') -> bytes:
-    """A PNG of the figure, with few colours: they make it a quarter as large.
+    """A PNG of the figure, with few colours.
 
-    A colour that few dots have stays, such as that of a single outlier: an octree keeps it apart, where a median
-    cut would join it with others. `savefig` takes twice as long: it draws the figure twice, and its PNG would have
-    to be read again.
+    `savefig` takes twice as long: it draws the figure twice, and its PNG would have to be read again.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - an extra
     from PIL import Image  # noqa: PLC0415 - comes with matplotlib
 
     canvas = FigureCanvasAgg(figure)
     canvas.draw()  # type: ignore[no-untyped-call]
-    whole = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
+    dots = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+    return few_colours(Image.fromarray(dots[..., :3]))
+
+
+def few_colours(whole: 'PictureOfDots') -> bytes:
+    """A PNG of the picture, red, green and blue, with fewer colours, which is a quarter as large.
+
+    A colour that few dots have stays, such as that of a single outlier: an octree keeps it apart, where a median
+    cut would join it with others.
+    """
+    from PIL import Image  # noqa: PLC0415 - comes with matplotlib
+
     few = whole.quantize(_LEVELS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     # The background becomes the mean of whites and near-whites, which shows on a white page.
     palette = few.getpalette() or []
