@@ -16,7 +16,7 @@ TREES = {path.relative_to(PACKAGE): ast.parse(path.read_text(encoding='utf-8')) 
 
 MOST_LINES_OF_A_MODULE = 450
 MOST_LINES_OF_A_FUNCTION = 80
-MOST_EXPLICIT_ANY = 150
+MOST_EXPLICIT_ANY = 3
 
 
 def functions(tree):
@@ -88,7 +88,7 @@ def test_no_public_signature_holds_any(path):
 
 def test_any_is_rare():
     found = [node for tree in TREES.values() for node in ast.walk(tree) if is_any(node)]
-    assert len(found) < MOST_EXPLICIT_ANY
+    assert len(found) <= MOST_EXPLICIT_ANY
 
 
 def names_of_types(tree):

@@ -71,11 +71,12 @@ def test_a_topic_that_comes_when_the_disk_is_full_ends_the_recording(tmp_path, m
         assert damage is None
 
 
-def test_a_least_of_zero_never_warns(tmp_path):
-    watch = recorder._DiskWatch(tmp_path / 'nowhere', 0)
-    told = []
-    watch.look(told.append)
-    assert told == []
+def test_a_least_of_zero_never_warns(tmp_path, monkeypatch):
+    monkeypatch.setattr(recorder, 'free_bytes', lambda folder: -1)
+    told = {0: [], 1: []}
+    for least, sentences in told.items():
+        recorder._DiskWatch(tmp_path, least).look(sentences.append)
+    assert [len(sentences) for sentences in told.values()] == [0, 1]
 
 
 def test_messages_that_did_not_arrive_are_counted_and_told(tmp_path, monkeypatch):

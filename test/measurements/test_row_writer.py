@@ -106,21 +106,24 @@ def test_a_full_disk_keeps_rows_waiting_until_there_is_room(tmp_path):
 
 def test_a_cloud_never_waits_for_the_disk(tmp_path, monkeypatch):
     """While the disk hangs, rows are taken, and only the first clouds keep their points in memory."""
-    hangs = threading.Event()
+    hangs, works = threading.Event(), threading.Event()
+    waited = []
     real = row_writer.write_rows
 
     def write_rows(*arguments):
-        hangs.wait(60)
+        hangs.set()
+        waited.append(works.wait(60))
         return real(*arguments)
 
     monkeypatch.setattr(row_writer, 'write_rows', write_rows)
     writer = RowWriter(tmp_path, 'live', 0.01, pytest.fail)
     for number in range(50):
         writer.put(LiveCloud(origin(number=number), 'It is not organized.', xyz=number, kept=number))
-    wait_for(lambda: True)
-    assert sum(each.xyz is not None for each in writer._coming) <= row_writer._MOST_CLOUDS
-    hangs.set()
+        assert hangs.wait(60)
+    assert sum(each.xyz is not None for each in writer._coming) == row_writer._MOST_CLOUDS
+    works.set()
     writer.close()
+    assert all(waited)  # a disk that hung until its time was over would have kept a cloud waiting
     assert numbers(tmp_path) == list(range(50))
 
 
