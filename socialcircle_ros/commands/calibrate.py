@@ -6,20 +6,22 @@ from pathlib import Path
 
 import click
 
-from .options import parameter_options, parameter_values, progress_bar
+from socialcircle_ros.errors import SettingError
 
-_METRES = {'m': 1.0, 'mm': 1e-3, 'um': 1e-6, 'µm': 1e-6, 'nm': 1e-9}
+from .options import parameter_options, parameter_values, progress_bar
 
 
 def _length(context: click.Context, parameter: click.Parameter, text: str) -> float:  # noqa: ARG001 - click's signature
     """Read a length with its unit, in m."""
-    found = re.fullmatch(r'\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(m|mm|um|µm|nm)\s*', text)
+    from socialcircle_ros.lengths import metres_per
+
+    found = re.fullmatch(r'\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\D+)', text)
     try:
-        value = float(found[1]) * _METRES[found[2]] if found else 0.0
-    except ValueError:
+        value = float(found[1]) * metres_per(found[2]) if found else 0.0
+    except (ValueError, SettingError):
         value = 0.0
     if not value > 0:
-        raise click.BadParameter(f'{text!r} is no length; give a number and m, mm, um or nm, such as 10um.')
+        raise click.BadParameter(f'{text!r} is no length; give a number and a unit, such as 10um.')
     return value
 
 

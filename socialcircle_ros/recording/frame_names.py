@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.lengths import metres_per
 
 from .reader import natural_order
 
@@ -24,8 +25,8 @@ ZFrom = Literal['auto', 'name', 'order', 'file']
 Order = Literal['auto', 'natural', 'name', 'time']
 """How frames are sorted: 9 before 10, as text, or by the times of the files; auto: natural, given numbers."""
 
+# Few units: a number before "pm" or "in" is more likely a time of day or a part of a sentence.
 _NUMBER = re.compile(r'(\d+(?:[.,]\d+)?)(?:[ _]?(nm|um|µm|μm|micron|mm|cm|m)(?![A-Za-z]))?', re.IGNORECASE)
-_METRES = {'nm': 1e-9, 'um': 1e-6, 'µm': 1e-6, 'μm': 1e-6, 'micron': 1e-6, 'mm': 1e-3, 'cm': 1e-2, 'm': 1.0}
 _SIGNS = '+-−'
 # Before a number that is z and not the number of a frame.
 _Z = re.compile(r'(?:^|[^a-z])(?:z|zpos|zposition|z[ _-]pos(?:ition)?|height)[ _=:.-]*$', re.IGNORECASE)
@@ -63,6 +64,11 @@ class _Token(NamedTuple):
         return float(self.digits.replace(',', '.'))
 
     @property
+    def scale(self) -> float:
+        """The unit in metres; 1 if there is none."""
+        return metres_per(self.unit) if self.unit else 1.0
+
+    @property
     def is_minus(self) -> bool:
         return self.sign in ('-', '−')
 
@@ -94,7 +100,7 @@ def order_frames(folder: Path, files: Sequence[Path], z_from: ZFrom, order: Orde
     signed = _is_signed(folder, tokens, z_from)
     in_names = signed or z_from == 'name' or _holds_z(folder, tokens)
     values = {file: -token.number if signed and token.is_minus else token.number for file, token in tokens.items()}
-    places = {file: values[file] * _METRES.get(tokens[file].unit, 1.0) for file in values}
+    places = {file: z * tokens[file].scale for file, z in values.items()}
     ordered = sorted(places, key=lambda file: places[file])
     for one, other in pairwise(ordered):
         if math.isclose(places[one], places[other], rel_tol=1e-9):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.lengths import METRES, known_unit
 
 from .pictures import open_image
 
@@ -16,10 +17,6 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 _DESCRIPTION, _X_RESOLUTION, _Y_RESOLUTION = 270, 282, 283  # tags
-_METRES = {
-    'm': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'millimeter': 1e-3, 'um': 1e-6, 'µm': 1e-6, 'μm': 1e-6, 'micron': 1e-6,
-    'microns': 1e-6, 'micrometer': 1e-6, 'nm': 1e-9, 'nanometer': 1e-9, 'å': 1e-10, 'inch': 0.0254, 'in': 0.0254,
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,7 @@ def _imagej(path: Path, count: int, description: str, image: 'Image') -> TiffSta
             f'{path} has {images} images in one block, of which {count} can be read: save it as an image sequence.'
         )
     unit, z_unit = (re.sub(r'\\u00[bB]5', 'µ', entries.get(key, '').strip()) for key in ('unit', 'zunit'))
-    metres, z_metres = _METRES.get(unit.lower()), _METRES.get((z_unit or unit).lower())
+    metres, z_metres = _metres(unit), _metres(z_unit or unit)
     notes = [f'ImageJ says unit {unit}' if metres else 'ImageJ names no unit of length']
     pitch = z = None
     tags = getattr(image, 'tag_v2', {})
@@ -170,14 +167,20 @@ def _tag(element: ET.Element) -> str:
 
 def _length(element: ET.Element, name: str) -> float:
     """A length in metres; 0 if it is missing or has no unit of length. OME's default unit is µm."""
-    return _real(element.get(name)) * _METRES.get(element.get(f'{name}Unit', 'µm').lower(), 0.0)
+    return _real(element.get(name)) * (_metres(element.get(f'{name}Unit', 'µm')) or 0.0)
 
 
 def _position(plane: ET.Element) -> float | None:
     """The z of a plane in metres; None if it is missing, or in the "reference frame" of a stage."""
-    scale = _METRES.get(plane.get('PositionZUnit', '').lower())
+    scale = _metres(plane.get('PositionZUnit'))
     value = _real(plane.get('PositionZ'), math.nan)
     return None if scale is None or math.isnan(value) else value * scale
+
+
+def _metres(unit: str | None) -> float | None:
+    """The length of a unit in metres; None if it is none of length."""
+    known = known_unit(unit)
+    return None if known is None else METRES[known]
 
 
 def _whole(text: str) -> int:

@@ -62,6 +62,7 @@ def test_names_are_sorted_by_what_their_numbers_are(names, z):
         (['500nm', '1um', '1.5µm', '0.002mm'], [5e-7, 1e-6, 1.5e-6, 2e-6]),
         (['z 0.5 μm a', 'z 1.5 μm a', 'z 2.5 μm a'], [5e-7, 1.5e-6, 2.5e-6]),
         (['z0.001m', 'z0.002m', 'z0.003m'], [1e-3, 2e-3, 3e-3]),
+        (['z0.1cm', 'z0.2cm', 'z0.3cm'], [1e-3, 2e-3, 3e-3]),
     ],
 )
 def test_a_unit_in_the_names_makes_metres(names, z):

@@ -91,6 +91,15 @@ def test_ome_gives_pitch_and_z(tmp_path):
     assert stack.z == pytest.approx([0, 2e-6, 4e-6])
 
 
+@pytest.mark.parametrize(
+    ('unit', 'metres'), [('pm', 1e-12), ('cm', 1e-2), ('µm', 1e-6), ('μm', 1e-6), ('Å', 1e-10), ('pixel', None)]
+)
+def test_the_units_of_ome_are_read(tmp_path, unit, metres):
+    physical = f'PhysicalSizeX="2" PhysicalSizeXUnit="{unit}" PhysicalSizeY="2" PhysicalSizeYUnit="{unit}"'
+    pitch = read_tiff_stack(ome(tmp_path / 'a.tif', physical=physical)).pitch
+    assert pitch == (metres and pytest.approx((2 * metres, 2 * metres)))
+
+
 def test_positions_of_planes_come_before_the_step(tmp_path):
     planes = ''.join(
         f'<Plane TheZ="{z}" TheC="0" TheT="0" PositionZ="{position}" PositionZUnit="mm"/>'
