@@ -98,7 +98,7 @@ def names_of_types(tree):
             yield node.name.strip('_')
         elif isinstance(node, ast.Assign) and isinstance(node.value, (ast.Subscript, ast.BinOp)):
             for target in node.targets:
-                if isinstance(target, ast.Name) and re.fullmatch(r'_?[A-Z][a-z]+([A-Z][a-z]*)*', target.id):
+                if isinstance(target, ast.Name) and re.fullmatch(r'_?[A-Z][a-z\d]+([A-Z][a-z\d]*)*', target.id):
                     yield target.id.strip('_')
 
 

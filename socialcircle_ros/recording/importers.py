@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.cloud import Cloud
+from socialcircle_ros.cloud import Cloud, Floats
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file
 from socialcircle_ros.formats.points import comments_of
@@ -17,8 +17,6 @@ from .npz import Npz, open_npz
 from .pcd import read_pcd
 from .ply import read_ply
 from .point_table import FieldValues, PointTable
-
-Coordinates = NDArray[np.float32] | NDArray[np.float64]
 
 _Number = TypeVar('_Number', bound=np.generic)
 _OWN_ARRAYS = {'z', 'x', 'y', 'dx', 'dy', 'unit', 'metadata'}
@@ -136,7 +134,7 @@ def _text_of(archive: Npz, name: str) -> str | None:
     return (str(values[0]).strip() or None) if values.size == 1 else None
 
 
-def _lateral(archive: Npz, rows: int, columns: int) -> tuple[Coordinates, Coordinates]:
+def _lateral(archive: Npz, rows: int, columns: int) -> tuple[Floats, Floats]:
     """The coordinates x and y of a height map: its own, or those of the pitches.
 
     Returns:
@@ -301,7 +299,7 @@ class _Fields:
         self.by_name[free] = values
 
 
-def _as_coordinates(path: Path, name: str, values: FieldValues) -> Coordinates:
+def _as_coordinates(path: Path, name: str, values: FieldValues) -> Floats:
     """Convert to float32 if that holds every value of the type, as it does for half floats; else to float64.
 
     Raises:

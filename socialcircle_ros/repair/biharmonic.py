@@ -8,10 +8,11 @@ minimizing rotation-invariant semi-norms in Sobolev spaces, 1977, DOI 10.1007/BF
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Floats
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, UNUSABLE, Floats64, Holes
+from .holes import MEASURED, PADDING, UNUSABLE, Holes
 from .profile import Profile, find_profile, height_on
 from .second_differences import DifferenceTables, measured_heights, sum_differences, usual_squared_difference
 
@@ -66,7 +67,7 @@ def _stencil() -> NDArray[np.float64]:
 _STENCIL = _stencil()
 
 
-def biharmonic_heights(z: Floats64, unknowns: NDArray[np.int32], holes: Holes) -> NDArray[np.float64]:
+def biharmonic_heights(z: Floats, unknowns: NDArray[np.int32], holes: Holes) -> NDArray[np.float64]:
     """Find the heights of least thin-plate energy, one hole at a time.
 
     A difference that needs a point that is neither measured nor in the hole is left out of the energy. The normal
@@ -101,7 +102,7 @@ def biharmonic_heights(z: Floats64, unknowns: NDArray[np.int32], holes: Holes) -
 
 @kernel
 def _solve_holes(
-    measured: Floats64,
+    measured: Floats,
     tables: DifferenceTables,
     unknowns: NDArray[np.int32],
     holes: Holes,
@@ -163,7 +164,7 @@ def _bandwidth(unknowns: NDArray[np.int32], points: NDArray[np.int32], first: in
 
 @kernel
 def _ring(
-    measured: Floats64,
+    measured: Floats,
     unknowns: NDArray[np.int32],
     points: NDArray[np.int32],
     first: int,
@@ -186,7 +187,7 @@ def _ring(
 
 @kernel
 def _assemble(
-    measured: Floats64,
+    measured: Floats,
     profile: Profile,
     unknowns: NDArray[np.int32],
     points: NDArray[np.int32],

@@ -6,12 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.cloud import Mask
+from socialcircle_ros.cloud import Floats, Mask
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.union_find import root_of
-
-Floats64 = NDArray[np.float32] | NDArray[np.float64]
-"""Values in either data type of a cloud."""
 
 MEASURED, UNUSABLE = -1, -2
 """Values in a map of unknowns: a measured height; no height. A value from 0 on is the number of an unknown."""
@@ -125,7 +122,7 @@ def find_rims(holes: Holes, mask: Mask, measured: Mask, largest: int) -> NDArray
 
 @kernel
 def choose_points(
-    holes: Holes, rims: NDArray[np.int32], measured: Mask, z: Floats64, sides: int, heights_agree: float
+    holes: Holes, rims: NDArray[np.int32], measured: Mask, z: Floats, sides: int, heights_agree: float
 ) -> tuple[Mask, Mask]:
     """Choose the points to fill, and the points that need a height for that.
 

@@ -19,9 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Floats
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import PADDING, Floats64
+from .holes import PADDING
 from .second_differences import DifferenceTables, squared_differences
 
 _MARGIN = 4
@@ -83,7 +84,7 @@ class _Surround(NamedTuple):
 
 @kernel
 def find_profile(
-    measured: Floats64, tables: DifferenceTables, points: NDArray[np.int32], first: int, last: int
+    measured: Floats, tables: DifferenceTables, points: NDArray[np.int32], first: int, last: int
 ) -> Profile:
     """Find the profile that is nearest to the heights in the neighbourhood of a hole, see the module.
 
@@ -140,7 +141,7 @@ def _sum_in_box(table: NDArray[np.float64], box: _Surround) -> float:
 
 @kernel
 def _collect(
-    measured: Floats64, box: _Surround, count: float
+    measured: Floats, box: _Surround, count: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Collect the measured points in a box.
 

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Floats
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, Floats64
+from .holes import MEASURED, PADDING
 
 _SAMPLES = 20000
 """Approximate number of points from which the usual second difference of a cloud is found."""
@@ -35,7 +36,7 @@ class DifferenceTables(NamedTuple):
 
 
 @kernel
-def measured_heights(z: Floats64, unknowns: NDArray[np.int32]) -> Floats64:
+def measured_heights(z: Floats, unknowns: NDArray[np.int32]) -> Floats:
     """Copy the measured heights to a contiguous array.
 
     Args:
@@ -55,7 +56,7 @@ def measured_heights(z: Floats64, unknowns: NDArray[np.int32]) -> Floats64:
 
 
 @kernel
-def usual_squared_difference(heights: Floats64) -> float:
+def usual_squared_difference(heights: Floats) -> float:
     """Estimate the mean squared second difference along rows and columns, from the median: steps do not change it.
 
     Args:
@@ -78,7 +79,7 @@ def usual_squared_difference(heights: Floats64) -> float:
 
 
 @kernel
-def squared_differences(heights: Floats64, row: int, column: int) -> tuple[float, float]:
+def squared_differences(heights: Floats, row: int, column: int) -> tuple[float, float]:
     """Squared second differences along the row and along the column; NaN where one of the points is missing."""
     twice = 2.0 * heights[row, column]
     along = heights[row, column - 1] - twice + heights[row, column + 1]
@@ -87,7 +88,7 @@ def squared_differences(heights: Floats64, row: int, column: int) -> tuple[float
 
 
 @kernel
-def sum_differences(heights: Floats64, usual: float) -> DifferenceTables:
+def sum_differences(heights: Floats, usual: float) -> DifferenceTables:
     """Make the summed-area tables of the squared second differences.
 
     Args:

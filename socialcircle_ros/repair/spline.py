@@ -4,12 +4,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import Floats
 from socialcircle_ros.kernels.compiled import kernel
 
-from .holes import MEASURED, PADDING, Floats64
+from .holes import MEASURED, PADDING
 
 
-def spline_heights(z: Floats64, unknowns: NDArray[np.int32], rims: NDArray[np.int32]) -> NDArray[np.float64]:
+def spline_heights(z: Floats, unknowns: NDArray[np.int32], rims: NDArray[np.int32]) -> NDArray[np.float64]:
     """Interpolate along rows and along columns, and average the two with the weights 1/gap².
 
     The cubic B-spline through all measured points of a line is the interpolating cubic spline of that line, here
@@ -35,7 +36,7 @@ def spline_heights(z: Floats64, unknowns: NDArray[np.int32], rims: NDArray[np.in
 
 @kernel
 def _add_lines(
-    z: Floats64,
+    z: Floats,
     unknowns: NDArray[np.int32],
     rims: NDArray[np.int32],
     total: NDArray[np.float64],
