@@ -35,6 +35,7 @@ _SPELLINGS = {
 }
 
 _PREFIXES = {0: 'm', -3: 'mm', -6: 'µm', -9: 'nm', -12: 'pm'}
+_DIGITS_OF_A_RANGE = 6
 _LEAST_DIGITS = 2  # of a value that is much smaller than the largest of its series
 _SAME = 6  # digits: values closer than that to the next prefix take it
 _WHOLE = 1e-9  # relative deviation of a whole number of units in a metre
@@ -173,12 +174,13 @@ def length_text(value: float, unit: str | None, *, digits: int = 3) -> str:
     return f'{number} {_after_number(scale.name)}'
 
 
-def range_text(low: float, high: float, unit: str | None, *, digits: int = 6) -> str:
+def range_text(low: float, high: float, unit: str | None, *, separator: str = ' to ') -> str:
     """A range of lengths for a person, with one prefix, such as −482.018 to 347.481 nm; without trailing zeros."""
-    scale = length_scale((_rounded(low, digits), _rounded(high, digits)), unit, digits=digits)
-    texts = (scale.number(_rounded(each, digits)) for each in (low, high))
+    rounded = [_rounded(each, _DIGITS_OF_A_RANGE) for each in (low, high)]
+    scale = length_scale(rounded, unit, digits=_DIGITS_OF_A_RANGE)
+    texts = (scale.number(each) for each in rounded)
     numbers = (text.rstrip('0').rstrip('.') if '.' in text else text for text in texts)
-    return f'{" to ".join(numbers)} {_after_number(scale.name)}'
+    return f'{separator.join(numbers)} {_after_number(scale.name)}'
 
 
 def _after_number(name: str) -> str:

@@ -32,12 +32,10 @@ class RoundTrip:
         hears: the topic of the node's answers.
 
     Attributes:
-        hears: the topic of the node's answers.
         received: the number of answers so far.
     """
 
     def __init__(self, namespace: str, sends: NodeTopic, depth: int, hears: NodeTopic) -> None:
-        self.hears = hears
         self.received = 0
         self._received_at, self._answer = 0.0, b''
         self._changed = threading.Condition()

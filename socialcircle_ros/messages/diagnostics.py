@@ -8,7 +8,7 @@ from .cdr import CdrReader, CdrWriter
 
 TYPE = 'diagnostic_msgs/msg/DiagnosticStatus'
 
-OK, WARN, ERROR, STALE = 0, 1, 2, 3
+OK, WARN, ERROR = 0, 1, 2
 _MIN_PAIR_SIZE = 10  # bytes of a KeyValue with two empty strings, without the padding between them
 
 
@@ -17,7 +17,7 @@ class Status:
     """A DiagnosticStatus.
 
     Attributes:
-        level: `OK`, `WARN`, `ERROR` or `STALE`.
+        level: `OK`, `WARN` or `ERROR`; 3, stale, from other publishers.
         name: of the component.
         message: one sentence.
         hardware_id: of the component.

@@ -111,7 +111,7 @@ class WarmUp:
             unmap_code('libllvmlite')  # 50 MB, which only compiling and loading need
 
 
-def _compile_common(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER, *, cold: bool = False) -> None:
+def _compile_common(mode: Mode, judge: Judge, provider: str = CPU_PROVIDER, *, cold: bool) -> None:
     """Clouds of both types under default settings, and a stack of 8 bits.
 
     If the cache is `cold`, two helper processes fill it: Numba compiles one kernel at a time, and compiling leaves

@@ -73,7 +73,6 @@ class CloudScene:
         self._region: tuple[int, ...] = ()
         self._of_interest: tuple[int, ...] = ()
         self._stretch = 1.0
-        self._labels: list[viser.LabelHandle] = []
         self._set_camera()
         gui = server.gui
         self._legend = gui.add_html(markup.legend(None, 0))

@@ -160,7 +160,7 @@ def _measurement_file(path: Path) -> Description:
     }
     try:
         dx, dy = surface_of(OrganizedCloud(cloud.points, cloud.unit)).surface.pitch
-        facts['pitch'] = range_text(dx, dy, cloud.unit).replace(' to ', ' × ')
+        facts['pitch'] = range_text(dx, dy, cloud.unit, separator=' × ')
     except CloudError as reason:
         facts['pitch'] = f'none: {reason}'
     facts['heights'] = range_text(float(heights.min()), float(heights.max()), cloud.unit)

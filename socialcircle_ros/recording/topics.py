@@ -52,11 +52,6 @@ class Topic:
     metadata: Mapping[str, str]
 
     @property
-    def schema_text(self) -> str:
-        """The definition of the type as text."""
-        return self.schema.decode('utf-8', errors='replace')
-
-    @property
     def qos(self) -> str:
         """The offered QoS profiles, as recorded YAML; empty if unknown."""
         return self.metadata.get('offered_qos_profiles', '')

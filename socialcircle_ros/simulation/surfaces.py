@@ -74,19 +74,10 @@ def tilt(grid: Grid, slope_x: float, slope_y: float = 0.0) -> TrueHeights:
     return plane
 
 
-def cylinder(grid: Grid, radius: float) -> TrueHeights:
-    """The top of a cylinder along y: 0 on its crest, negative beside it; radius in µm."""
-    return _cap((grid.x - grid.centre[0]) ** 2 + 0 * grid.y, radius)
-
-
 def sphere(grid: Grid, radius: float) -> TrueHeights:
     """The top of a sphere: 0 in the middle, negative around it; radius in µm."""
     cx, cy = grid.centre
-    return _cap((grid.x - cx) ** 2 + (grid.y - cy) ** 2, radius)
-
-
-def _cap(squared: NDArray[np.float64], radius: float) -> TrueHeights:
-    """The cap of a sphere or cylinder, by the squared distances from its top or crest."""
+    squared = (grid.x - cx) ** 2 + (grid.y - cy) ** 2
     farthest = float(np.sqrt(squared.max()))
     if not radius > farthest:
         raise SettingError(

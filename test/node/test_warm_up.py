@@ -62,7 +62,7 @@ def far_off(kind):
 
 
 for mode, judge in ((CircleSettings().mode, 'rules'), ('paper', 'rules'), ('adaptive', 'network')):
-    warm_up._compile_common(mode, judge)
+    warm_up._compile_common(mode, judge, cold=False)
     before = signatures()
     settings = PipelineSettings(circle=CircleSettings(mode=mode, judge=judge))
     for kind in (np.float32, np.float64):
@@ -85,7 +85,7 @@ from socialcircle_ros.circle.adaptive import LessonJudge, communities, find_outl
 from socialcircle_ros.node import warm_up
 from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
 
-warm_up._compile_common('adaptive', 'rules')
+warm_up._compile_common('adaptive', 'rules', cold=False)
 list(call() for call in warm_up._rare())
 before = len(communities._measure.signatures)
 scales = (0.0,) * len(TRAITS), (1.0,) * len(TRAITS)

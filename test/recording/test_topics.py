@@ -6,7 +6,7 @@ from socialcircle_ros.recording import DEFAULT_QOS, ros_topic, schema_text, type
 
 def test_a_topic_has_schema_hash_and_qos_as_rosbag2_records_them():
     topic = ros_topic('/points', 'sensor_msgs/msg/PointCloud2')
-    assert topic.schema_text == schema_text('sensor_msgs/msg/PointCloud2')
+    assert topic.schema.decode() == schema_text('sensor_msgs/msg/PointCloud2')
     assert topic.type_hash == type_hash('sensor_msgs/msg/PointCloud2')
     assert topic.qos == DEFAULT_QOS
     assert (topic.encoding, topic.schema_encoding) == ('cdr', 'ros2msg')

@@ -16,7 +16,6 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import open_in_place
@@ -143,15 +142,6 @@ def two_hosts(
     finally:
         for host in hosts:
             host.end(0.0)
-
-
-def why_impossible() -> str:
-    """Why this machine cannot make two hosts, in one sentence; '': it can."""
-    try:
-        with TemporaryDirectory() as name, two_hosts((['true'], ['true']), 0.5, Path(name), os.environ):
-            return ''
-    except SocialCircleError as error:
-        return str(error)
 
 
 def _join(first: Host, second: Host, loss: float) -> None:

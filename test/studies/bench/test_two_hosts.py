@@ -9,7 +9,7 @@ import pytest
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.studies.bench import two_hosts as module
-from socialcircle_ros.studies.bench.two_hosts import ADDRESSES, two_hosts, why_impossible
+from socialcircle_ros.studies.bench.two_hosts import ADDRESSES, two_hosts
 
 on_two_hosts = pytest.mark.usefixtures('two_hosts_possible')
 
@@ -87,14 +87,19 @@ def test_a_program_that_fails_is_an_error_with_its_reason(tmp_path):
         first.run('ip', 'link', 'set', 'none', 'up')
 
 
-def test_without_root_the_reason_says_so(monkeypatch):
+def make_two_hosts(folder):
+    with two_hosts((['true'], ['true']), 0.0, folder, os.environ):
+        pass
+
+
+def test_without_root_the_reason_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr(module.os, 'geteuid', lambda: 1000)
-    assert why_impossible().endswith('this is not root; use sudo.')
+    with pytest.raises(SocialCircleError, match=r'this is not root; use sudo\.$'):
+        make_two_hosts(tmp_path)
 
 
-def test_without_the_programs_the_reason_names_them(monkeypatch):
+def test_without_the_programs_the_reason_names_them(tmp_path, monkeypatch):
     monkeypatch.setattr(module.os, 'geteuid', lambda: 0)
     monkeypatch.setattr(module.shutil, 'which', lambda tool: None if tool in ('ip', 'tc') else tool)
-    reason = why_impossible()
-    assert reason.endswith('ip, tc not found.')
-    assert 'iproute2' in reason
+    with pytest.raises(SocialCircleError, match=r'iproute2.*: ip, tc not found\.$'):
+        make_two_hosts(tmp_path)
