@@ -43,14 +43,12 @@ class CircleSettings(Settings):
         ' parameters it uses judge, provider, depth_of_field, lesson and not_measured only.'
         " 'paper': the published method, with one radius and one community; it removes nothing where the heights"
         ' are much smaller than the pitch.',
-        choices=('paper', 'adaptive'),
     )
     judge: Judge = setting(
         'network',
         "What decides in the adaptive mode. 'network': a network that has seen many surfaces. 'rules': how steep"
         ' borders are; on unknown textures they remove more good points, and find fewer irregular outliers.'
         ' Where the depth of field is known, as from a stack, the rules decide.',
-        choices=('network', 'rules'),
     )
     provider: str = setting(
         CPU_PROVIDER,
@@ -222,7 +220,6 @@ class RepairSettings(Settings):
         'biharmonic',
         "How heights are found. 'biharmonic': the smoothest surface through the points round the hole, with steps"
         " kept sharp. 'spline': the paper's cubic B-spline along rows and columns.",
-        choices=('biharmonic', 'spline'),
     )
     largest: int = setting(
         1000,

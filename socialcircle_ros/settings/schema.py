@@ -53,7 +53,6 @@ def setting(
     minimum: float | None = None,
     maximum: float | None = None,
     odd: bool = False,
-    choices: tuple[str, ...] = (),
     empty: RosValue | None = None,
     read_only: bool = False,
 ) -> Value:
@@ -66,11 +65,10 @@ def setting(
         minimum: Smallest allowed value.
         maximum: Largest allowed value.
         odd: Whether the value must be odd.
-        choices: The allowed texts; none: any.
         empty: The ROS value that stands for None.
         read_only: Whether the value is fixed once the node has started.
     """
-    column = _Declaration(sentence, unit, Limits(minimum, maximum, odd, choices), empty, read_only)
+    column = _Declaration(sentence, unit, Limits(minimum, maximum, odd), empty, read_only)
     return dataclasses.field(default=default, metadata={_OWN: column})
 
 
@@ -173,13 +171,16 @@ class Settings:
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
-        """The parameters of this group, in the order of their declaration."""
+        """The parameters of this group, in the order of their declaration; a Literal type gives the choices."""
+        hints = typing.get_type_hints(cls)
         rows = []
         for field in dataclasses.fields(cls):
             column: _Declaration = field.metadata[_OWN]
             default = cast('RosValue | None', column.empty if field.default is None else field.default)
             if default is None:
                 raise TypeError(f'{field.name} needs a default or an empty value.')
+            hint = hints[field.name]
+            choices = typing.get_args(hint) if typing.get_origin(hint) is Literal else ()
             rows.append(
                 Parameter(
                     group=cls.group,
@@ -187,7 +188,7 @@ class Settings:
                     kind=type(default),
                     default=default,
                     unit=column.unit,
-                    limits=column.limits,
+                    limits=dataclasses.replace(column.limits, choices=choices),
                     sentence=column.sentence,
                     read_only=column.read_only,
                     empty=column.empty,

@@ -45,7 +45,6 @@ class FocusSettings(Settings):
         'gauss',
         "Fit of the focus curve between frames. 'gauss': uses as many frames as the curve is wide. 'gauss3':"
         " Nayar's fit through three frames.",
-        choices=('gauss', 'gauss3'),
     )
     normalize: bool = setting(
         True,
@@ -96,7 +95,6 @@ class StackSettings(Settings):
         'step',
         "Source of the z of each frame. 'step': z_start plus z_step for each frame. 'joint_states': the stage"
         ' position, interpolated at the stamp of the frame.',
-        choices=('step', 'joint_states'),
     )
     z_start: float = setting(0.0, 'z of the first frame, with z_source step.', unit='m')
     z_step: float = setting(
