@@ -6,14 +6,13 @@ process that has threads cannot be forked: those of the task end with it.
 """
 
 import contextlib
-import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.kernels.imports import without_module
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import RecordingWriter, ros_topic
@@ -38,21 +37,9 @@ def _load_what_a_task_needs() -> None:
             cloud = point_cloud.encode_point_cloud(Header.at(0, 'microscope'), np.dstack([x, y, heights]))
             writer.write('/points', cloud, 0)
         (found,) = find_inputs([path])
-        with _without('pandas'):  # pyarrow would import it, for a quarter of a second, to see that it is not used
+        # pyarrow would import pandas, for a quarter of a second, to see that it is not used.
+        with without_module('pandas'):
             do_task(BatchTask(found, folder, PipelineSettings(), NamePattern(), (), True, False, 'none', '', ''))
-
-
-@contextlib.contextmanager
-def _without(module: str) -> Iterator[None]:
-    """Let an import of a module fail, as if it were not installed, unless it is loaded."""
-    if module in sys.modules:
-        yield
-        return
-    sys.modules[module] = None  # type: ignore[assignment] # an import then raises ModuleNotFoundError
-    try:
-        yield
-    finally:
-        del sys.modules[module]
 
 
 # An error would end the process from which workers are forked. They can also load the kernels themselves.

@@ -25,6 +25,7 @@ from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.focus import FocusStack
 from socialcircle_ros.kernels.compiled import cache_folder, is_cached, kernel
+from socialcircle_ros.kernels.imports import without_module
 from socialcircle_ros.kernels.memory import unmap_code
 from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
 from socialcircle_ros.messages.header import Header
@@ -98,7 +99,8 @@ class WarmUp:
     def _run(self, mode: Mode, judge: Judge, provider: str) -> None:
         cold = False
         try:
-            with _without_linear_algebra():
+            # Numba would import it with its first kernel, for 16 MB and a tenth of the start; no kernel uses it.
+            with without_module('scipy.linalg'):
                 cold = _is_cold()
             _compile_common(mode, judge, provider, cold=cold)
         except Exception as error:  # noqa: BLE001 - raised in the thread that waits
@@ -151,23 +153,6 @@ def steps() -> Iterator[Callable[[], object]]:
     yield lambda: _compile_common(CircleSettings().mode, 'rules', cold=_is_cold())
     yield partial(_read_network, CircleSettings())
     yield from _rare()
-
-
-@contextlib.contextmanager
-def _without_linear_algebra() -> Iterator[None]:
-    """Keep Numba from importing SciPy's linear algebra with its first kernel: no kernel uses it.
-
-    Where SciPy is installed, that takes 16 MB and a tenth of the node's start.
-    """
-    name = 'scipy.linalg'
-    if name in sys.modules:
-        yield
-        return
-    sys.modules[name] = None  # type: ignore[assignment]  # its import fails, as where SciPy is not installed
-    try:
-        yield
-    finally:
-        del sys.modules[name]
 
 
 def _is_cold() -> bool:

@@ -11,6 +11,7 @@ from socialcircle_ros.settings import PipelineSettings
 from .offline import SourceCloud, source_clouds
 from .reader import RecordingReader
 from .topics import Message
+from .units import unit_of
 
 Item = TypeVar('Item')
 
@@ -55,6 +56,42 @@ def named_clouds(
         else:
             yield NamedCloud(f'{event.topic} {counts[event.topic]}', event)
             counts[event.topic] += 1
+
+
+def spread_clouds(
+    reader: RecordingReader,
+    settings: PipelineSettings,
+    most: int,
+    refused: Counter[str],
+    *,
+    topics: tuple[str, ...] = (),
+) -> list[tuple[NamedCloud, str | None]]:
+    """Choose clouds of a recording, spread evenly over it.
+
+    Args:
+        reader: the recording.
+        settings: how stacks become clouds.
+        most: clouds to choose.
+        refused: counts the refused clouds and frames by reason.
+        topics: as for `named_clouds`.
+
+    Returns:
+        Each cloud with the unit of its coordinates; None: not known.
+
+    Raises:
+        RecordingError: as `source_clouds`.
+    """
+    chosen = evenly_spread(not_refused(named_clouds(reader, settings, topics=topics), refused), most)
+    return [(each, 'm' if each.cloud.image is not None else unit_of(reader, each.cloud.topic)) for each in chosen]
+
+
+def not_refused(items: Iterable[Item | Refusal], refused: Counter[str]) -> Iterator[Item]:
+    """Pass on all but refusals, which are counted by reason."""
+    for item in items:
+        if isinstance(item, Refusal):
+            refused[item.reason] += 1
+        else:
+            yield item
 
 
 def evenly_spread(items: Iterable[Item], count: int) -> list[Item]:

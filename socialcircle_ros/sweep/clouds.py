@@ -3,10 +3,9 @@
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from socialcircle_ros.baselines import median_filter
 from socialcircle_ros.baselines.settings import MedianSettings
@@ -17,12 +16,9 @@ from socialcircle_ros.kernels.ordered import in_order
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
-from socialcircle_ros.recording.named_clouds import NamedCloud, evenly_spread, named_clouds
+from socialcircle_ros.recording.named_clouds import NamedCloud, not_refused, spread_clouds
 from socialcircle_ros.recording.truth import truths_of
-from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import FocusSettings, PipelineSettings, RosValue
-
-Item = TypeVar('Item')
 
 CRITERION = (
     'A point should be removed if its height differs from the median of its {window}×{window} window by more than'
@@ -129,36 +125,26 @@ class SweptRecording:
         settings = PipelineSettings.from_ros(self._parameters | focus.to_ros())
         with open_recording(self._recording) as reader:
             truths = truths_of(reader)
-            events = named_clouds(reader, settings, topics=self._topics)
-            chosen = evenly_spread(self._not_refused(events), self._max_clouds)
+            chosen = spread_clouds(reader, settings, self._max_clouds, self.refused, topics=self._topics)
             self.damage = reader.damage
-            units = {topic: unit_of(reader, topic) for topic in reader.topics}
 
-        def with_truth(item: NamedCloud) -> SweepCloud | Refusal:
-            name, cloud = item
+        def with_truth(item: tuple[NamedCloud, str | None]) -> SweepCloud | Refusal:
+            (name, cloud), unit = item
             try:
                 truth = truths(cloud.namespace, cloud.points)
                 masks = None if truth is None else (truth.outlier, truth.counted)
-                unit = 'm' if cloud.image is not None else units[cloud.topic]
                 rule = settings.circle.not_measured
                 return sweep_cloud(name, cloud.points, masks, cloud.depth_of_field, unit, rule)
             except SocialCircleError as error:
                 return Refusal(str(error))
 
-        clouds = list(self._not_refused(in_order(with_truth, chosen)))
+        clouds = list(not_refused(in_order(with_truth, chosen), self.refused))
         if not clouds:
             reasons = (
                 ' '.join([*self.refused, *([self.damage] if self.damage else [])]) or 'Its topics hold no message.'
             )
             raise RecordingError(f'{self._recording} has no cloud that can be filtered. {reasons}')
         return [cloud for cloud in clouds if cloud.has_truth] or clouds
-
-    def _not_refused(self, items: Iterable[Item | Refusal]) -> Iterator[Item]:
-        for item in items:
-            if isinstance(item, Refusal):
-                self.refused[item.reason] += 1
-            else:
-                yield item
 
 
 def cached(load: CloudSource) -> CloudSource:

@@ -3,7 +3,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,10 +15,8 @@ from socialcircle_ros.circle.not_measured import without_marks
 from socialcircle_ros.cloud import Cloud, Floats, Mask, measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.messages.point_cloud import PointCloud
-from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
-from socialcircle_ros.recording.named_clouds import NamedCloud, evenly_spread, named_clouds
-from socialcircle_ros.recording.units import unit_of
+from socialcircle_ros.recording.named_clouds import spread_clouds
 from socialcircle_ros.settings import PipelineSettings
 
 LEAST_POINTS = 10_000
@@ -104,10 +102,8 @@ def read_good_clouds(
     for path in files:
         progress(f'reading {path.name}')
         with open_recording(path) as reader:
-            events = named_clouds(reader, settings, topics=topics)
-            chosen = evenly_spread(_not_refused(events, refused), most)
-            units = ['m' if cloud.image is not None else unit_of(reader, cloud.topic) for _, cloud in chosen]
-        for (name, cloud), unit in zip(chosen, units, strict=True):
+            chosen = spread_clouds(reader, settings, most, refused, topics=topics)
+        for (name, cloud), unit in chosen:
             depth = settings.circle.depth_of_field or cloud.depth_of_field
             title = f'{path.name} {name}'
             try:
@@ -202,11 +198,3 @@ def _robust(residuals: npt.NDArray[np.float32 | np.float64]) -> float:
     if not residuals.size:
         return math.ulp(0.0)
     return float(max(_SIGMA * np.median(residuals) or np.mean(residuals), np.finfo(np.float32).tiny))
-
-
-def _not_refused(events: Iterable[NamedCloud | Refusal], refused: Counter[str]) -> Iterator[NamedCloud]:
-    for event in events:
-        if isinstance(event, Refusal):
-            refused[event.reason] += 1
-        else:
-            yield event

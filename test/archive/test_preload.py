@@ -2,7 +2,6 @@
 """What the process loads from which workers are forked."""
 
 import importlib
-import sys
 import tempfile
 
 import pytest
@@ -16,13 +15,3 @@ def test_a_temporary_folder_that_cannot_be_used_does_not_end_the_process(tmp_pat
     with pytest.raises(FileNotFoundError):
         module._load_what_a_task_needs()
     importlib.reload(module)
-
-
-def test_a_module_can_be_withheld_for_a_while():
-    module = importlib.import_module('socialcircle_ros.archive.preload')
-    with module._without('tabnanny'), pytest.raises(ModuleNotFoundError):
-        importlib.import_module('tabnanny')
-    importlib.import_module('tabnanny')
-    with module._without('tabnanny'):  # what is loaded stays
-        importlib.import_module('tabnanny')
-    del sys.modules['tabnanny']  # other tests start without it
