@@ -4,7 +4,7 @@
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import click
 
@@ -134,7 +134,7 @@ def _growth(repeats: int, path: Path | None, plot: Path | None) -> None:
     keep_freed_memory()  # as the node and the other commands do
     console = Console()
     title = 'Mirrored metal groove, float32; medians in ms'
-    table = _table(title, 'million points', 'vote', 'radius and expansion', 'ns/point', first='right')
+    table = _table(title, 'million points', 'vote', 'radius and expansion', 'ns/point', left=0)
     points = []
     with console.status('measuring ...') as status:
         for point in time_growth(repeats):
@@ -160,12 +160,14 @@ def _sizes(repeats: int, path: Path | None) -> None:
     """Print the times of the filter's steps on clouds of several sizes."""
     from rich.console import Console
 
+    from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.studies.bench.sizes import SIZES, time_sizes
 
+    keep_freed_memory()  # as the node and the other commands do
     console = Console()
     title = 'Simulated metal groove, float32, 9.55 % outliers; medians in ms'
     headings = ('points', 'vote', 'circle', 'ns/point', 'of bound', 'whole', 'copy')
-    table = _table(title, *headings, first='right')
+    table = _table(title, *headings, left=0)
     table.caption = (
         'circle: radius and expansion; of bound: circle relative to 5 ms + 25 ns per point; whole: from a message'
         ' to the outputs; copy: copying the cloud once'
@@ -199,13 +201,13 @@ def _sizes(repeats: int, path: Path | None) -> None:
     _finish(console, repeats, path, {'ms': written})
 
 
-def _table(title: str, *headings: str, first: 'Literal["left", "right"]' = 'left') -> 'Table':
-    """A table without borders; all columns but the first are aligned to the right."""
+def _table(title: str, *headings: str, left: int = 1) -> 'Table':
+    """A table without borders; all columns but the first `left` are aligned to the right."""
     from rich.table import Table
 
     table = Table(title=title, box=None, padding=(0, 2, 0, 0))
     for number, heading in enumerate(headings):
-        table.add_column(heading, justify='right' if number else first)
+        table.add_column(heading, justify='left' if number < left else 'right')
     return table
 
 
@@ -235,7 +237,6 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
 
     prepare_process()
     from rich.console import Console
-    from rich.table import Table
 
     from socialcircle_ros.studies.bench import live
 
@@ -253,10 +254,8 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
         first, tenth = live.time_starts(folder, repeats)
         status.update(f'{live.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s ...')
         endurance = live.endure(folder, seconds)
-    table = Table(title=f'The live node at {columns}×{rows}, in ms', box=None, padding=(0, 2, 0, 0))
-    table.add_column('from publish() to the bytes at a subscriber')
-    for heading in ('median', 'least', 'most'):
-        table.add_column(heading, justify='right')
+    headings = ('from publish() to the bytes at a subscriber', 'median', 'least', 'most')
+    table = _table(f'The live node at {columns}×{rows}, in ms', *headings)
     for trip, times in (
         (f'last of {live.FRAMES} frames to stack/points', stacks),
         (f'the same, {live.SIDE_RATE:.0f} clouds a second beside them', beside),
@@ -331,17 +330,13 @@ def _network(clouds: int, path: Path | None) -> None:
 def _depth() -> None:
     """Print the error of depth from focus, and what its quality value predicts."""
     from rich.console import Console
-    from rich.table import Table
 
     from socialcircle_ros.studies.bench.depth_error import SEEDS, depth_errors, quality_shares
     from socialcircle_ros.studies.bench.depth_trust import trust_rows
 
     console = Console()
-    table = Table(title='Depth from focus: errors in z-steps over good pixels', box=None, padding=(0, 2, 0, 0))
-    for name in ('stack', 'specimen', 'fit'):
-        table.add_column(name)
-    for name in ('RMS', 'bias', 'good'):
-        table.add_column(name, justify='right')
+    headings = ('stack', 'specimen', 'fit', 'RMS', 'bias', 'good')
+    table = _table('Depth from focus: errors in z-steps over good pixels', *headings, left=3)
     with console.status('simulating and measuring stacks (20 s) ...'):
         for row in depth_errors():
             table.add_row(

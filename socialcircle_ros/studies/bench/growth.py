@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Growth of the filter's time with the size of the cloud, from 0.1 to 50 million points."""
 
-import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.pictures.style import new_figure, png_of
-from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.simulation import make_scene
 from socialcircle_ros.storage import write_file
+
+from .sizes import vote_and_circle_ms
 
 POINTS = (100_000, 200_000, 500_000, 1_000_000, 2_000_000, 5_000_000, 10_000_000, 20_000_000, 50_000_000)
 """Approximate numbers of points."""
@@ -60,13 +59,7 @@ def time_growth(repeats: int) -> Iterator[GrowthPoint]:
     for points in POINTS:
         rows = round((points * 3 / 4) ** 0.5)
         xyz = large_cloud(rows, round(points / rows))
-        steps = [remove_outliers(xyz, CircleSettings(mode='paper')).times_ms for _ in range(repeats + 1)][1:]
-        yield GrowthPoint(
-            xyz.shape[0],
-            xyz.shape[1],
-            vote_ms=statistics.median(step['vote'] for step in steps),
-            circle_ms=statistics.median(step['radius'] + step['expansion'] for step in steps),
-        )
+        yield GrowthPoint(xyz.shape[0], xyz.shape[1], *vote_and_circle_ms(xyz, repeats))
 
 
 def large_cloud(rows: int, columns: int) -> npt.NDArray[np.float32]:

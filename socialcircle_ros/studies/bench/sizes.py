@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from socialcircle_ros.circle import remove_outliers
+from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
@@ -57,17 +58,29 @@ def time_sizes(repeats: int) -> Iterator[SizeTimes]:
     Args:
         repeats: timed runs of each step, after one warm-up run.
     """
-    circle = CircleSettings(mode='paper')
-    settings = PipelineSettings(circle=circle)
+    settings = PipelineSettings(circle=CircleSettings(mode='paper'))
     for rows, columns in SIZES:
         xyz = make_scene('metal_groove', rows, columns).points
         message = encode_point_cloud(Header(), xyz, {'intensity': xyz[..., 2]})
-        steps = [remove_outliers(xyz, circle).times_ms for _ in range(repeats + 1)][1:]
+        vote_ms, circle_ms = vote_and_circle_ms(xyz, repeats)
         yield SizeTimes(
             rows,
             columns,
-            vote_ms=statistics.median(step['vote'] for step in steps),
-            circle_ms=statistics.median(step['radius'] + step['expansion'] for step in steps),
+            vote_ms,
+            circle_ms,
             pipeline_ms=statistics.median(repeated_ms(partial(filter_cloud, message, settings), repeats)),
             copy_ms=statistics.median(repeated_ms(np.frombuffer(message, np.uint8).copy, repeats)),
         )
+
+
+def vote_and_circle_ms(xyz: Cloud, repeats: int) -> tuple[float, float]:
+    """Median times of the exact mode: of the choice of the region and the vote; of the radius and the expansion.
+
+    Args:
+        xyz: (H, W, 3).
+        repeats: timed runs, after one warm-up run.
+    """
+    circle = CircleSettings(mode='paper')
+    steps = [remove_outliers(xyz, circle).times_ms for _ in range(repeats + 1)][1:]
+    vote_ms = statistics.median(step['vote'] for step in steps)
+    return vote_ms, statistics.median(step['radius'] + step['expansion'] for step in steps)
