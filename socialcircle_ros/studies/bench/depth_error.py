@@ -71,14 +71,17 @@ class DepthError:
     good: float
 
 
-def depth_errors(seeds: Sequence[int] = SEEDS) -> Iterator[DepthError]:
+def depth_errors(
+    seeds: Sequence[int] = SEEDS, specimens: Sequence[str] = ('flat', 'ball')
+) -> Iterator[DepthError]:
     """Measure simulated stacks of plain material (no glints, no dark spots) in each scenario.
 
     Args:
         seeds: of surface and noise.
+        specimens: what is scanned.
     """
     for scenario in SCENARIOS:
-        for specimen in ('flat', 'ball'):
+        for specimen in specimens:
             errors: dict[str, list[npt.NDArray[np.float64]]] = {'gauss': [], 'gauss3': []}
             for seed in seeds:
                 scan, z_step, stacks = _measured(scenario, specimen, seed)
