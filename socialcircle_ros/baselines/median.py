@@ -9,13 +9,12 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, organized
 from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA
 from socialcircle_ros.kernels.sorting_networks import Comparators, merge_network, run_network, sort_network
 
 from .result import FilterResult, Score, judge
 from .settings import MedianSettings
 from .window import STRIP
-
-_SIGMA = 1.4826  # standard deviations per median absolute deviation, for a normal distribution
 
 _Line = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
@@ -60,7 +59,7 @@ def median_filter(xyz: npt.ArrayLike, settings: MedianSettings | None = None) ->
     if threshold is None:
         residuals = score[np.isfinite(score)]
         middle = len(residuals) // 2
-        sigma = _SIGMA * float(np.partition(residuals, middle)[middle]) if len(residuals) else 0.0
+        sigma = MAD_TO_SIGMA * float(np.partition(residuals, middle)[middle]) if len(residuals) else 0.0
         threshold = settings.sigmas * sigma
     return judge(score, threshold)
 

@@ -4,6 +4,7 @@
 Frames are gray images here. Messages, colour, and the conversion of depth into a cloud live in other rooms.
 """
 
+from .fit import TRUSTED_QUALITY
 from .measure import Frame, focus_measure
 from .pixel_curve import FocusCurve, PixelCurve
 from .reasons import Reason, count_reasons
@@ -11,6 +12,7 @@ from .registration import Registered
 from .stack import FocusResult, FocusStack, depth_from_focus
 
 __all__ = [
+    'TRUSTED_QUALITY',
     'FocusCurve',
     'FocusResult',
     'FocusStack',

@@ -66,7 +66,9 @@ _LEAST_CONTRAST = 0.5
 _INCOMPLETE_QUALITY = 0.5
 """Highest quality of a pixel that lacks frames next to the sharpest one."""
 
-_TRUSTED = 0.9
+TRUSTED_QUALITY = 0.9
+"""Quality from which a pixel is trusted, as in reports and calibrations."""
+
 _HALF = float(np.log(0.5))
 
 
@@ -81,13 +83,13 @@ class CurveWidths:
     """(H, tiles): standard deviation of the Gaussian that its curve is taken for, in units of z; NaN: no peak."""
 
     def median(self, quality: NDArray[np.float32]) -> float | None:
-        """Return the median over the pixels with a quality of 0.9 or more; None if there is none.
+        """Return the median over the pixels of `TRUSTED_QUALITY`; None if there is none.
 
         Args:
             quality: (H, W), 0 to 1.
         """
         rows = np.arange(len(self.values))[:, np.newaxis]
-        trusted = self.values[(quality[rows, self.columns] >= _TRUSTED) & np.isfinite(self.values)]
+        trusted = self.values[(quality[rows, self.columns] >= TRUSTED_QUALITY) & np.isfinite(self.values)]
         return float(np.median(trusted)) if trusted.size else None
 
 

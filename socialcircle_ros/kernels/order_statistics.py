@@ -6,6 +6,9 @@ import numpy.typing as npt
 
 from .compiled import kernel
 
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution, in median absolute deviations."""
+
 _DIGIT = 11  # bits
 _DIGITS = 2**_DIGIT
 

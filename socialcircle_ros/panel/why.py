@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA
 from socialcircle_ros.lengths import length_text
 from socialcircle_ros.settings import CircleSettings, RosValue
 
@@ -17,7 +18,6 @@ from .display import Drawing
 
 _LEAST_NEIGHBOURS = 24  # kept points that tell what surrounds a point
 _FIRST_REACH, _LONGEST_REACH = 4, 64
-_MAD_TO_SPREAD = 1.4826  # of a normal distribution
 _MOST_OF_AN_ISLAND = 1_000_000
 
 
@@ -164,7 +164,7 @@ def _surroundings(drawing: Drawing, kept: Mask, place: tuple[int, int]) -> tuple
     heights = drawing.heights[rows, columns][near]
     fit, *_ = np.linalg.lstsq(basis, heights)
     residuals = heights - basis @ fit
-    spread = _MAD_TO_SPREAD * float(np.median(np.abs(residuals - np.median(residuals))))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(residuals - np.median(residuals))))
     return float(drawing.heights[place] - fit[0]), spread, nearest
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.errors import ImportFileError, StackError
+from socialcircle_ros.focus import TRUSTED_QUALITY
 from socialcircle_ros.interface import STACK_FRAMES, STACK_JOINT_STATES
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pipeline.stack_cloud import FIELDS, StackCloud
@@ -24,7 +25,6 @@ from .pictures import ImagePage, read_pictures
 PASSES = 3
 """How often `measure_latency` reads the recording, each time with a better latency."""
 
-_TRUSTED = 0.9
 _LEAST_PIXELS = 100
 _LEAST_PERIODS = 4
 _FINER = 4  # padding of the spectrum
@@ -104,7 +104,7 @@ def measure_latency(
         if not found:
             raise StackError(
                 f'{recording} has {len(scans)} scans, and no scan up next to a scan down with {_LEAST_PIXELS}'
-                f' pixels of quality {_TRUSTED:g} in both.'
+                f' pixels of quality {TRUSTED_QUALITY:g} in both.'
             )
         latencies = [latency + apart / speeds for apart, speeds in found]
         latency = float(np.median(latencies))
@@ -160,7 +160,7 @@ def _scan(cloud: StackCloud) -> _StageScan:
 def _difference(one: _StageScan, other: _StageScan) -> float:
     """Median height of one scan above the other, in m; NaN where too few pixels are measured in both."""
     z, quality = FIELDS.index('z'), FIELDS.index('quality')
-    both = (one.points[..., quality] >= _TRUSTED) & (other.points[..., quality] >= _TRUSTED)
+    both = (one.points[..., quality] >= TRUSTED_QUALITY) & (other.points[..., quality] >= TRUSTED_QUALITY)
     if np.count_nonzero(both) < _LEAST_PIXELS:
         return float('nan')
     apart = one.points[both][:, z].astype(np.float64) - other.points[both][:, z]

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from socialcircle_ros.focus import TRUSTED_QUALITY
 from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.pictures.drawings import CloudPictures
 from socialcircle_ros.recording.offline import SourceCloud
 
 from .content import Cell, Column, Picture, Pictures, Table
-
-_TRUSTED = 0.9
 
 _SENTENCES = {
     'no_peak': 'no peak that noise would not make too',
@@ -60,7 +59,7 @@ def summarize_stack(source: SourceCloud, cloud: PointCloud, drawn: CloudPictures
         Picture('in_focus', drawn.in_focus(pixels), ''),
         Picture('quality', drawn.quality(quality), ''),
     ]
-    rows = list(_rows(source, quality.size, float(np.mean(quality >= _TRUSTED))))
+    rows = list(_rows(source, quality.size, float(np.mean(quality >= TRUSTED_QUALITY))))
     return StackSummary(Table('', 'Focus stack', (Column(''), Column('')), rows), Pictures(pictures))
 
 
@@ -69,7 +68,7 @@ def _rows(source: SourceCloud, points: int, trusted: float) -> Iterator[list[Cel
     yield ['step of the focus measure', f'{source.focus_step} pixels']
     if source.drift is not None:
         yield ['sideways drift', f'{source.drift:.1f} pixels']
-    yield [f'quality of at least {_TRUSTED}', f'{trusted:.1%} of the pixels']
+    yield [f'quality of at least {TRUSTED_QUALITY}', f'{trusted:.1%} of the pixels']
     if source.registered is not None:
         yield [
             'registered',

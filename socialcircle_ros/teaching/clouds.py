@@ -14,6 +14,7 @@ from socialcircle_ros.baselines.median import window_median
 from socialcircle_ros.circle.not_measured import without_marks
 from socialcircle_ros.cloud import Cloud, Floats, Mask, measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
+from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.named_clouds import spread_clouds
@@ -22,8 +23,6 @@ from socialcircle_ros.settings import PipelineSettings
 LEAST_POINTS = 10_000
 """Measured points that all good clouds must have together: fewer show too little of a texture."""
 
-_SIGMA = 1.4826
-"""Standard deviation of a normal distribution, in median absolute deviations."""
 _NOISE_WINDOW, _SPIKE_WINDOW = 5, 11
 """Sides of the median windows: residuals to the first give the noise, residuals to the second the spikes."""
 _SPIKE = 10.0
@@ -197,4 +196,4 @@ def _robust(residuals: npt.NDArray[np.float32 | np.float64]) -> float:
     """Robust σ of residuals, or their mean where more than half of them are 0; at least the smallest number."""
     if not residuals.size:
         return math.ulp(0.0)
-    return float(max(_SIGMA * np.median(residuals) or np.mean(residuals), np.finfo(np.float32).tiny))
+    return float(max(MAD_TO_SIGMA * np.median(residuals) or np.mean(residuals), np.finfo(np.float32).tiny))

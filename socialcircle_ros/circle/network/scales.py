@@ -10,11 +10,9 @@ import numpy.typing as npt
 from socialcircle_ros.circle.adaptive.heights import RelativeHeights
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
-from socialcircle_ros.kernels.order_statistics import median_of_five
+from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA, median_of_five
 
 _SAMPLES = 65536
-_SIGMA = 1.4826
-"""Standard deviation of a normal distribution, in median absolute deviations."""
 _MOSTLY_ALIKE = 0.02
 """Where the robust spread is below this share of the mean residual, most heights equal their surroundings'."""
 _LEAST_SPREAD = float(np.finfo(np.float32).tiny)
@@ -68,7 +66,7 @@ def scales_of(heights: RelativeHeights) -> Scales:
     sample = sample[np.isfinite(heights.ravel()[sample])]
     parts = in_bands(lambda places: _residuals(heights, sample[places], offset, along, down), sample.size, 25)
     residuals, second = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-    robust, mean = _SIGMA * float(np.median(residuals)), float(residuals.mean(dtype=np.float64))
+    robust, mean = MAD_TO_SIGMA * float(np.median(residuals)), float(residuals.mean(dtype=np.float64))
     spread = robust if robust > _MOSTLY_ALIKE * mean else mean
     fine = float(np.median(second))
     step = _storage_step(np.concatenate([right - along, below - down]))

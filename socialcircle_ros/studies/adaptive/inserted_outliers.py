@@ -12,6 +12,7 @@ import numpy as np
 from socialcircle_ros.baselines.median import window_median
 from socialcircle_ros.baselines.result import Score
 from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA
 from socialcircle_ros.metrics.scores import Scores, f1_at, score
 from socialcircle_ros.simulation import Contamination, add_outliers
 from socialcircle_ros.simulation.outliers import Contaminated
@@ -22,8 +23,6 @@ from .irregular_outliers import add_irregular_outliers
 OutlierShapes = Literal['ellipses', 'irregular']
 """Model of the inserted outliers: clusters of 2 to 8 points radius, or irregular patches of up to 900 points."""
 
-_SIGMA = 1.4826
-"""Standard deviation of a normal distribution, in median absolute deviations."""
 _NOISE_WINDOW, _SPIKE_WINDOW = 5, 11
 """Sides of the median windows: residuals to the first give the noise, residuals to the second the spikes."""
 _PLAUSIBLE = 10.0
@@ -84,9 +83,9 @@ def measured_surface(cloud: MeasuredCloud) -> StudiedSurface:
     """
     fine, coarse = (_residuals(cloud.points, window) for window in (_NOISE_WINDOW, _SPIKE_WINDOW))
     measured = np.isfinite(coarse)
-    robust = _SIGMA * float(np.median(fine[measured]))
+    robust = MAD_TO_SIGMA * float(np.median(fine[measured]))
     noise = robust if robust > 0 else float(fine[measured].std())
-    plausible: Mask = coarse <= _PLAUSIBLE * _SIGMA * float(np.median(coarse[measured]))
+    plausible: Mask = coarse <= _PLAUSIBLE * MAD_TO_SIGMA * float(np.median(coarse[measured]))
     return StudiedSurface(cloud, noise, plausible, measured & ~plausible)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.focus import FocusResult, FocusStack
+from socialcircle_ros.focus import TRUSTED_QUALITY, FocusResult, FocusStack
 from socialcircle_ros.settings import FocusSettings
 from socialcircle_ros.simulation import INSTRUMENTS, Camera, Optics, PixelVerdict, Stage, simulate
 
@@ -76,7 +76,7 @@ class ScaleFigure:
         name: of the instrument.
         asked: `focus.step`; 0: chosen.
         used: the step that was used for most seeds.
-        trusted: share of the pixels with a quality of 0.9 or more.
+        trusted: share of the pixels with `TRUSTED_QUALITY` or more.
         rms: error of the pixels with any depth up to a depth of field off, in depths of field.
     """
 
@@ -127,7 +127,7 @@ def scale_figures(seeds: Sequence[int] = SEEDS, shape: tuple[int, int] = SHAPE) 
                 name,
                 step,
                 _usual([result.step for result, _ in found]),
-                float(np.mean([np.mean(result.quality >= 0.9) for result, _ in found])),
+                float(np.mean([np.mean(result.quality >= TRUSTED_QUALITY) for result, _ in found])),
                 float(np.sqrt(np.mean(errors**2))) / optics.depth_of_field,
             )
 

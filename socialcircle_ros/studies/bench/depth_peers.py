@@ -18,8 +18,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.focus import FocusStack, Frame
+from socialcircle_ros.focus import TRUSTED_QUALITY, FocusStack, Frame
 from socialcircle_ros.kernels import bands
+from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA
 from socialcircle_ros.simulation import INSTRUMENTS, Simulation, Stage, simulate
 
 SEEDS = (30, 31)
@@ -27,7 +28,7 @@ SEEDS = (30, 31)
 
 SHAPE = (176, 224)
 OURS = 'socialcircle'
-TRUSTED = f'{OURS}, quality ≥ 0.9'
+TRUSTED = f'{OURS}, quality ≥ {TRUSTED_QUALITY:g}'
 
 _WINDOWS = (3, 5, 9, 13, 17)
 _APERTURES = (1, 3, 5, 7)
@@ -97,7 +98,7 @@ def peer_rows(seeds: Sequence[int] = SEEDS) -> Iterator[PeerRow]:
         taken = [[(frame.image, frame.z) for frame in scan.frames()] for scan in scans]
         ours = [_ours(frames) for frames in taken]
         yield _row(stack, OURS, scans, [depth for depth, _ in ours], our_time)
-        sure = [np.where(quality >= 0.9, depth, np.nan) for depth, quality in ours]
+        sure = [np.where(quality >= TRUSTED_QUALITY, depth, np.nan) for depth, quality in ours]
         yield _row(stack, TRUSTED, scans, sure, our_time)
         for name, methods in families.items():
             rows = [
@@ -196,7 +197,7 @@ def _row(
     return PeerRow(
         stack,
         method,
-        float(1.4826 * np.median(errors)) / step,
+        float(MAD_TO_SIGMA * np.median(errors)) / step,
         float(np.mean([verdict.good.mean() for verdict in verdicts])),
         float(np.mean([verdict.bad.mean() for verdict in verdicts])),
         frame_ms,

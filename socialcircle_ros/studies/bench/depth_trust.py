@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.focus import FocusResult, FocusStack, Frame, Reason, depth_from_focus
+from socialcircle_ros.focus import TRUSTED_QUALITY, FocusResult, FocusStack, Frame, Reason, depth_from_focus
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import encode_image
 from socialcircle_ros.messages.point_cloud import PointCloud
@@ -101,9 +101,9 @@ def _losses(seeds: Sequence[int]) -> Iterator[TrustRow]:
             came = [k for k in range(len(z)) if (k % lost != 3 if lost else k not in range(middle, middle + 3))]
             cloud = _assembled([images[k] for k in came], came, float(z[0]), float(np.median(np.diff(z))))
             verdict = scan.truth.classify(cloud[0])
-            trusted = (cloud[1] >= 0.9) & (verdict.good | verdict.bad)
+            trusted = (cloud[1] >= TRUSTED_QUALITY) & (verdict.good | verdict.bad)
             bad.append(float(verdict.bad[trusted].mean()))
-        yield TrustRow(name, 'pixels of quality >= 0.9 that are bad', float(np.mean(bad)))
+        yield TrustRow(name, f'pixels of quality >= {TRUSTED_QUALITY:g} that are bad', float(np.mean(bad)))
 
 
 def _flicker(seeds: Sequence[int]) -> Iterator[TrustRow]:
@@ -195,9 +195,9 @@ def _blanks(seeds: Sequence[int]) -> Iterator[TrustRow]:
                 stack.add(sensor.expose(light * np.float32(1 + 0.005 * rng.standard_normal()), rng), k)
             result = stack.finish()
             found.append(float(np.isfinite(result.depth).mean()))
-            trusted.append(float(np.mean(result.quality >= 0.9)))
+            trusted.append(float(np.mean(result.quality >= TRUSTED_QUALITY)))
         yield TrustRow(f'blank, {name}', 'pixels with a depth', float(np.mean(found)))
-        yield TrustRow(f'blank, {name}', 'pixels of quality >= 0.9', float(np.mean(trusted)))
+        yield TrustRow(f'blank, {name}', f'pixels of quality >= {TRUSTED_QUALITY:g}', float(np.mean(trusted)))
 
 
 def _frames(scan: Simulation) -> tuple[list[Frame], npt.NDArray[np.float64]]:

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.report.content import Cell, Column, Picture, Section, Table
 from socialcircle_ros.settings import CircleSettings
@@ -86,7 +87,7 @@ def with_z_scaled(points: Cloud) -> Cloud:
     """
     along = np.abs(np.diff(points[..., 2].astype(np.float64), axis=1))
     across = np.abs(np.diff(points[..., 0].astype(np.float64), axis=1))
-    sigma = 1.4826 * float(np.nanmedian(along))
+    sigma = MAD_TO_SIGMA * float(np.nanmedian(along))
     if not sigma > 0:
         return points
     scaled = points.copy()
