@@ -111,7 +111,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns:
         The exit code: 0 for success, 1 for an error, 2 for wrong arguments, 3 if a measurement failed its limits,
-        130 after Ctrl-C.
+        130 after Ctrl-C, 129 after SIGHUP, 143 after SIGTERM.
     """
     # The last collection of a process would visit all objects of all libraries: 0.4 s at the end of a batch.
     atexit.register(gc.freeze)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The only rclpy code: lifecycle node, parameters, worker, health."""
+"""The ROS node: lifecycle, parameters, worker, health. Programs that talk to it from outside are in `clients`."""

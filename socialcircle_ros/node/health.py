@@ -37,7 +37,7 @@ class InputCounts:
 
 @dataclass
 class Health:
-    """InputCounts, rates and latencies, safe to use from several threads."""
+    """Counts, rates and latencies, safe to use from several threads."""
 
     counts: InputCounts = field(default_factory=InputCounts)
     last_reason: str = ''
@@ -176,7 +176,7 @@ class Health:
             return time.monotonic() - self._arrivals_s[-1] if self._arrivals_s else float('inf')
 
     def in_trouble(self) -> bool:
-        """Whether the last cloud was refused or failed."""
+        """Whether input was refused or failed, or a frame or joint state dropped, after the last result."""
         return self._last_was_refused
 
     def failed_limits(self) -> str:
@@ -184,7 +184,7 @@ class Health:
         return self._failed_limits
 
     def had_trouble(self) -> bool:
-        """Whether a cloud was lost within the last window."""
+        """Whether input was lost, dropped or refused, or failed, within the last window."""
         return time.monotonic() - self._trouble_at_s < WINDOW_S
 
     def values(

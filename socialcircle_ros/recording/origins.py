@@ -42,7 +42,7 @@ class FileOrigin:
         unit: of the file; None: not known.
         unit_from: how the unit is known, in words.
         converted: whether the cloud is in m and the file is not.
-        rounding: the steps of `_unrounded`, compressed; empty: there are none.
+        rounding: the steps of `_stepped`, compressed; empty: there are none.
     """
 
     topic: str

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Outliers that the network is trained on: several generators, mixed at random in each patch.
 
-None of them makes the outliers of `simulation.add_outliers` or of `checking`, which serve for checks alone.
+None of them makes the outliers of `simulation.add_outliers` or `studies.adaptive.irregular_outliers`: these serve
+for checks alone.
 """
 
 from collections.abc import Callable
