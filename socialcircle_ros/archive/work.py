@@ -4,7 +4,6 @@
 import time
 import warnings
 from collections import Counter
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,8 +128,7 @@ class _RowCollector:
         self.rows: list[MeasurementRow] = []
         self._numbers: Counter[str] = Counter()
         cell, part = task.names.read(task.found.location)
-        with ExitStack() as closing:
-            reader = closing.enter_context(open_recording(path))
+        with open_recording(path) as reader:
             recorded = {key: text for record in reader.metadata() for key, text in record.entries.items()}
         self._cell, self._part = cell or recorded.get('cell'), part or recorded.get('part')
 

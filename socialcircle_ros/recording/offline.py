@@ -166,7 +166,8 @@ def filter_recording(
                         if isinstance(event, Refusal):
                             summary.refuse(event.reason)
                         else:
-                            outputs += _filter(event, settings, summary, behind, filtered)
+                            found = _filter(event, settings, summary, behind, filtered)
+                            outputs += [] if found is None else [found]
                     seen(message, outputs)
         summary.damage = reader.damage
     return summary
@@ -342,32 +343,37 @@ def _filter(
     summary: Summary,
     writer: WriterBehind | None,
     filtered: Filtered | None,
-) -> list[CloudOutputs]:
-    """Filter one cloud and write its outputs, if there is a writer; a refusal is counted with its reason."""
+) -> CloudOutputs | None:
+    """Filter one cloud and write its outputs, if there is a writer; a refusal is counted with its reason.
+
+    Returns:
+        The outputs; None: the cloud is refused.
+    """
     messages: dict[NodeTopic, bytes] = {}
     if cloud.image is not None:
         summary.stacks += 1
         if cloud.warning:
             summary.warn(cloud.warning)
         messages = {STACK_POINTS: cloud.points, STACK_IMAGE: cloud.image}
-    outputs: list[CloudOutputs] = []
-    heights: list[HeightMap] = []
+    outputs: CloudOutputs | None = None
+    heights: HeightMap | None = None
 
     def take_heights(xyz: Cloud, kept: Mask) -> None:
+        nonlocal heights
         if filtered is not None:
-            heights.append(np.where(kept, xyz[..., 2], np.nan))
+            heights = np.where(kept, xyz[..., 2], np.nan)
 
     try:
-        outputs = [filter_cloud(cloud.points, settings, cloud.depth_of_field, take_heights)]
+        outputs = filter_cloud(cloud.points, settings, cloud.depth_of_field, take_heights)
     except SocialCircleError as refusal:
         summary.refuse(str(refusal))
         if filtered is not None:
             filtered(cloud, Refusal(str(refusal)), None)
-    for each in outputs:
+    else:
         summary.clouds += 1
-        messages |= each.messages
+        messages |= outputs.messages
         if filtered is not None:
-            filtered(cloud, each, *heights)
+            filtered(cloud, outputs, heights)
     times = cloud.message
     for topic, data in messages.items():
         name = topic.within(cloud.namespace)
