@@ -10,7 +10,7 @@ from socialcircle_ros.kernels.compiled import kernel
 
 from .result import FilterResult, Score, judge
 from .settings import RadiusSettings
-from .window import STRIP, load_row
+from .window import STRIP, load_strip_row
 
 _PITCHES = 2.5  # 20 of the 24 neighbours in a 5×5 window of a flat grid lie within √5 pitches
 
@@ -79,9 +79,9 @@ def _count_missing(xyz: Cloud, reach: int, limit: np.float32 | np.float64, score
     for left in range(0, width, STRIP):
         count = min(STRIP, width - left)
         for row in range(-reach, reach):
-            load_row(xyz, row, left - reach, rows[row % window])
+            load_strip_row(xyz, row, left - reach, rows[row % window])
         for row in range(height):
-            load_row(xyz, row + reach, left - reach, rows[(row + reach) % window])
+            load_strip_row(xyz, row + reach, left - reach, rows[(row + reach) % window])
             here = rows[row % window, :, reach : reach + count]
             x, y, z = here[0], here[1], here[2]
             missing = score[row, left : left + count]

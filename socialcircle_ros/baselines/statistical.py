@@ -12,7 +12,7 @@ from socialcircle_ros.kernels.sorting_networks import Comparators, run_network, 
 
 from .result import FilterResult, Score, judge
 from .settings import StatisticalSettings
-from .window import STRIP, load_row
+from .window import STRIP, load_strip_row
 
 
 def statistical_filter(xyz: npt.ArrayLike, settings: StatisticalSettings | None = None) -> FilterResult:
@@ -78,9 +78,9 @@ def _mean_distance(xyz: Cloud, reach: int, nearest: Comparators, neighbours: int
     for left in range(0, width, STRIP):
         count = min(STRIP, width - left)
         for row in range(-reach, reach):
-            load_row(xyz, row, left - reach, rows[row % window])
+            load_strip_row(xyz, row, left - reach, rows[row % window])
         for row in range(height):
-            load_row(xyz, row + reach, left - reach, rows[(row + reach) % window])
+            load_strip_row(xyz, row + reach, left - reach, rows[(row + reach) % window])
             here = rows[row % window, :, reach : reach + count]
             x, y, z = here[0], here[1], here[2]
             place = 0

@@ -2,9 +2,8 @@
 """Windows around points: the rows of a strip of the cloud, read once into separate x, y and z."""
 
 import numpy as np
-import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud
+from socialcircle_ros.cloud import Cloud, Floats
 from socialcircle_ros.kernels.compiled import kernel
 
 STRIP = 256
@@ -12,7 +11,7 @@ STRIP = 256
 
 
 @kernel
-def load_row(xyz: Cloud, row: int, left: int, rows: npt.NDArray[np.float32] | npt.NDArray[np.float64]) -> None:
+def load_strip_row(xyz: Cloud, row: int, left: int, rows: Floats) -> None:
     """Copy columns `left`, `left` + 1, ... of one row of the cloud into `rows` (3, n): x, y, z.
 
     x is NaN where a point is not measured or lies outside of the cloud, so that every distance to it is NaN.

@@ -116,11 +116,11 @@ def run_demo(
         client.wait_for_node(process, _START_TIMEOUT_S)
         for recording in recordings:
             status(f'Playing {recording.name} into the node.')
-            play_recording(recording, client, output, demo)
+            play_into_node(recording, client, output, demo)
     return demo
 
 
-def play_recording(recording: Path, client: Client, output: Path, demo: Demo) -> None:
+def play_into_node(recording: Path, client: Client, output: Path, demo: Demo) -> None:
     """Play one recording into a node, one cloud and one stack at a time.
 
     The node filters the first cloud, and each stack, in the other mode as well. Writes the filtered recording, and

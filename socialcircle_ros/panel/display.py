@@ -173,7 +173,7 @@ def drawing_of(cloud: PointCloud, mask: npt.NDArray[np.uint8], display: Display,
         heights = levelled(heights, kept)
     name = _FIELDS.get(display.values)
     values = heights
-    if name is not None and display.values in fields_of(cloud):
+    if name is not None and display.values in quantities_of(cloud):
         values = np.where(measured, cloud.values(name), np.nan).astype(np.float64)
     across, down = _sides(xyz)
     return Drawing(
@@ -181,7 +181,7 @@ def drawing_of(cloud: PointCloud, mask: npt.NDArray[np.uint8], display: Display,
     )  # fmt: skip
 
 
-def fields_of(cloud: PointCloud) -> tuple[Quantity, ...]:
+def quantities_of(cloud: PointCloud) -> tuple[Quantity, ...]:
     """What the colours can show of a cloud."""
     found: list[Quantity] = ['heights']
     for values, name in _FIELDS.items():

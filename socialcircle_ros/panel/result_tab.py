@@ -17,7 +17,7 @@ from socialcircle_ros.settings.effects import VOTE_REGION
 
 from . import charts, colours, markup
 from .changes import Changes
-from .display import ALONG, QUANTITIES, Display, Drawing, drawing_of, fields_of
+from .display import ALONG, QUANTITIES, Display, Drawing, drawing_of, quantities_of
 from .elements import icon, on_choice
 from .link import ShownCloud
 from .log import Log
@@ -159,7 +159,7 @@ class ResultTab:
                 self._measurement.content = markup.measurement(shown)
             try:
                 cloud = PointCloud.decode(shown.cloud)
-                offered = fields_of(cloud)
+                offered = quantities_of(cloud)
                 self._view = view_of(_drawing(cloud, shown.mask, state))
             except SocialCircleError as error:
                 self._view = None

@@ -78,7 +78,7 @@ class ReportEntry:
 
     def section(self) -> Section:
         """The entry's section of the page."""
-        stamp = stamp_text(self.stamp)
+        stamp = date_text(self.stamp)
         return Section(
             f'{self.name}, {stamp}' if stamp else self.name,
             items=[*self._banner(), *self.pictures, *self._stack_pictures(), Beside(list(self._tables()))],
@@ -99,7 +99,7 @@ class ReportEntry:
 
         return [
             self.name,
-            stamp_text(self.stamp),
+            date_text(self.stamp),
             counts.verdict or '–',
             counts.measured / counts.points,
             counts.outliers,
@@ -253,7 +253,7 @@ def mask_of(result: CloudOutputs) -> npt.NDArray[np.uint8]:
     return decode_mono8(result.messages[MASK])
 
 
-def stamp_text(stamp: int) -> str:
+def date_text(stamp: int) -> str:
     """A stamp in ns as text: date and time if it counts from the epoch, otherwise seconds; empty if it is 0."""
     seconds, nanoseconds = divmod(stamp, 1_000_000_000)
     if stamp == 0:

@@ -135,7 +135,7 @@ def good_cloud(
     return GoodCloud(name, xyz, depth_of_field, unit)
 
 
-def fields_of(clouds: Sequence[GoodCloud]) -> tuple[list[GoodField], list[GoodField]]:
+def good_fields(clouds: Sequence[GoodCloud]) -> tuple[list[GoodField], list[GoodField]]:
     """The fields to teach on, and those kept back for the check.
 
     Of several clouds every second one is kept back. One cloud is cut into strips along its longer side, of which

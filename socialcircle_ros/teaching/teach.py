@@ -14,7 +14,7 @@ from socialcircle_ros.metrics.scores import Scores, Tally, tally
 from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.settings.lessons import Lesson
 
-from .clouds import GoodCloud, GoodField, fields_of
+from .clouds import GoodCloud, GoodField, good_fields
 from .examples import (
     CHECKED,
     TAUGHT,
@@ -114,7 +114,7 @@ def teach(
     settings = settings or CircleSettings()
     by_rules = settings.judge == 'rules' or any(cloud.depth_of_field is not None for cloud in clouds)
     likelihood = None if by_rules else packaged_network(settings.provider).probabilities
-    taught, kept_back = fields_of(clouds)
+    taught, kept_back = good_fields(clouds)
     steps = _StepCounter(progress, len(taught) * (1 + len(TAUGHT)) + 2 * len(kept_back) * (1 + len(CHECKED)))
     lesson = _learn(taught, tuple(cloud.name for cloud in clouds), likelihood, steps)
     judge = LessonJudge(lesson)

@@ -13,7 +13,7 @@ pytest.importorskip('matplotlib')
 from examples import cloud
 
 from socialcircle_ros.clients.cloud_client import Response
-from socialcircle_ros.clients.demo import Demo, DemoCloud, RefusedCloud, play_recording, run_demo
+from socialcircle_ros.clients.demo import Demo, DemoCloud, RefusedCloud, play_into_node, run_demo
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.interface import FILTERED, MASK
 from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
@@ -43,7 +43,7 @@ class StandIn:
 
 def played(recording, output):
     demo = Demo()
-    play_recording(recording, StandIn(), output, demo)
+    play_into_node(recording, StandIn(), output, demo)
     return demo
 
 

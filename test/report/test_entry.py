@@ -11,7 +11,7 @@ from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.metrics.areal import areal_texture
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.report.content import Banner
-from socialcircle_ros.report.entry import make_entry, mask_of, stamp_text, value_text
+from socialcircle_ros.report.entry import date_text, make_entry, mask_of, value_text
 from socialcircle_ros.settings import CircleSettings, LimitSettings, OutputSettings, PipelineSettings
 
 pytest.importorskip('PIL')
@@ -135,9 +135,9 @@ def test_a_result_without_a_mask_cannot_be_shown():
 
 
 def test_a_stamp_is_shown_as_a_date_if_it_counts_from_the_epoch():
-    assert stamp_text(1_700_000_000_500_000_000) == '2023-11-14 22:13:20.500 UTC'
-    assert stamp_text(12_034_000_000) == '12.034 s'
-    assert not stamp_text(0)
+    assert date_text(1_700_000_000_500_000_000) == '2023-11-14 22:13:20.500 UTC'
+    assert date_text(12_034_000_000) == '12.034 s'
+    assert not date_text(0)
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,14 @@ from good_parts import part, pitted
 
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.settings import CircleSettings, PipelineSettings
-from socialcircle_ros.teaching.clouds import fields_of, read_good_clouds
+from socialcircle_ros.teaching.clouds import good_fields, read_good_clouds
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 
 
 def test_of_several_clouds_every_second_one_is_kept_back():
     clouds = [part(np.random.default_rng(seed).normal(size=(80, 90)), str(seed)) for seed in range(5)]
-    taught, kept_back = fields_of(clouds)
+    taught, kept_back = good_fields(clouds)
     assert [field.name for field in taught] == ['0', '2', '4']
     assert [field.name for field in kept_back] == ['1', '3']
 
@@ -25,7 +25,7 @@ def test_of_several_clouds_every_second_one_is_kept_back():
 def test_one_cloud_is_cut_along_its_longer_side_and_no_point_is_lost(shape, number):
     heights = np.random.default_rng(2).normal(size=shape)
     heights[3, 5] = np.nan
-    taught, kept_back = fields_of([part(heights, dtype=np.float64)])
+    taught, kept_back = good_fields([part(heights, dtype=np.float64)])
     assert len(taught) == len(kept_back) == number // 2
     fields = [field for pair in zip(taught, kept_back, strict=True) for field in pair]
     whole = np.concatenate([field.heights for field in fields], axis=int(shape[1] > shape[0]))
@@ -34,21 +34,21 @@ def test_one_cloud_is_cut_along_its_longer_side_and_no_point_is_lost(shape, numb
 
 def test_too_few_points_are_refused():
     with pytest.raises(CloudError, match='4900 measured points to teach on, and a lesson needs at least 5000'):
-        fields_of([part(np.zeros((70, 140)))])
+        good_fields([part(np.zeros((70, 140)))])
 
 
 def test_rare_points_that_stand_out_are_suspects_and_many_are_texture():
     heights = np.random.default_rng(2).normal(size=(200, 300))
     heights[::40, ::50] += 80
-    fields = [field for group in fields_of([part(heights)]) for field in group]
+    fields = [field for group in good_fields([part(heights)]) for field in group]
     suspects = np.concatenate([fields[0].suspects, fields[1].suspects], axis=1)
     np.testing.assert_array_equal(suspects, heights > 40)
     heights[::8, ::10] -= 80
-    assert not any(field.suspects.any() for group in fields_of([part(heights)]) for field in group)
+    assert not any(field.suspects.any() for group in good_fields([part(heights)]) for field in group)
 
 
 def test_the_noise_of_a_flat_field_is_above_0():
-    assert all(field.noise > 0 for group in fields_of([part(np.zeros((200, 300)))]) for field in group)
+    assert all(field.noise > 0 for group in good_fields([part(np.zeros((200, 300)))]) for field in group)
 
 
 def test_clouds_are_read_from_recordings_and_measurement_files(tmp_path):
