@@ -5,8 +5,6 @@ import io
 import threading
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from socialcircle_ros.errors import SocialCircleError, install_command
 
 if TYPE_CHECKING:
@@ -109,8 +107,9 @@ def png_of(figure: 'Figure') -> bytes:
 
     canvas = FigureCanvasAgg(figure)
     canvas.draw()  # type: ignore[no-untyped-call]
-    dots = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
-    return few_colours(Image.fromarray(dots[..., :3]))
+    dots = canvas.buffer_rgba()  # type: ignore[no-untyped-call]
+    whole = Image.frombuffer('RGBA', canvas.get_width_height(), dots, 'raw', 'RGBA', 0, 1)
+    return few_colours(whole.convert('RGB'))
 
 
 def few_colours(whole: 'PictureOfDots') -> bytes:
