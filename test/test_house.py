@@ -6,8 +6,6 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
-import pytest
-
 import socialcircle_ros
 
 PACKAGE = Path(socialcircle_ros.__file__).parent
@@ -48,16 +46,16 @@ def uses_any(annotation):
     return any(is_any(node) for node in ast.walk(annotation))
 
 
-@pytest.mark.parametrize('path', TREES, ids=str)
-def test_no_module_is_too_long(path):
-    assert len((PACKAGE / path).read_text(encoding='utf-8').splitlines()) <= MOST_LINES_OF_A_MODULE
+def test_no_module_is_too_long():
+    lines = {path: len((PACKAGE / path).read_text(encoding='utf-8').splitlines()) for path in TREES}
+    assert not {str(path): count for path, count in lines.items() if count > MOST_LINES_OF_A_MODULE}
 
 
-@pytest.mark.parametrize('path', TREES, ids=str)
-def test_no_function_but_a_kernel_is_too_long(path):
+def test_no_function_but_a_kernel_is_too_long():
     long = [
-        function.name
-        for function in functions(TREES[path])
+        f'{path}: {function.name}'
+        for path, tree in TREES.items()
+        for function in functions(tree)
         if function.end_lineno - function.lineno + 1 > MOST_LINES_OF_A_FUNCTION and not is_kernel(function)
     ]
     assert not long
@@ -76,11 +74,11 @@ def public_functions(tree):
                     yield method
 
 
-@pytest.mark.parametrize('path', TREES, ids=str)
-def test_no_public_signature_holds_any(path):
+def test_no_public_signature_holds_any():
     loose = [
-        function.name
-        for function in public_functions(TREES[path])
+        f'{path}: {function.name}'
+        for path, tree in TREES.items()
+        for function in public_functions(tree)
         if any(uses_any(annotation) for annotation in annotations(function))
     ]
     assert not loose
@@ -110,9 +108,8 @@ def test_one_name_has_one_meaning():
     assert not {name: paths for name, paths in rooms.items() if len(paths) > 1}
 
 
-@pytest.mark.parametrize('path', TREES, ids=str)
-def test_cores_are_those_that_the_process_may_use(path):
-    assert 'cpu_count' not in (PACKAGE / path).read_text(encoding='utf-8')
+def test_cores_are_those_that_the_process_may_use():
+    assert not [str(path) for path in TREES if 'cpu_count' in (PACKAGE / path).read_text(encoding='utf-8')]
 
 
 TOPICS = re.compile(
@@ -125,12 +122,12 @@ def test_topics_are_named_in_the_interface_only():
     assert named == ['interface.py']
 
 
-@pytest.mark.parametrize('path', TREES, ids=str)
-def test_kernels_use_nothing_that_the_oldest_numba_lacks(path):
+def test_kernels_use_nothing_that_the_oldest_numba_lacks():
     """Numba 0.58 compiles no `float('inf')`: np.inf is the same."""
     found = [
-        f'{function.name}: {ast.unparse(node)}'
-        for function in functions(TREES[path])
+        f'{path}: {function.name}: {ast.unparse(node)}'
+        for path, tree in TREES.items()
+        for function in functions(tree)
         if is_kernel(function)
         for node in ast.walk(function)
         if isinstance(node, ast.Call)

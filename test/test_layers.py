@@ -8,8 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import socialcircle_ros
 
 PACKAGE = Path(socialcircle_ros.__file__).parent
@@ -67,23 +65,27 @@ def imported_rooms(path):
                 yield parts[1]
 
 
-@pytest.mark.parametrize('path', modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_imports_point_downward_only(path):
-    room = room_of(path)
-    for other in imported_rooms(path):
-        assert other == room or LEVEL[other] > LEVEL[room], f'{room} must not import from {other}'
+def test_imports_point_downward_only():
+    upward = [
+        f'{path.relative_to(PACKAGE)} imports from {other}'
+        for path in modules()
+        for other in imported_rooms(path)
+        if other != room_of(path) and LEVEL[other] <= LEVEL[room_of(path)]
+    ]
+    assert not upward
 
 
-@pytest.mark.parametrize('path', modules_without_ros(), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_only_node_and_clients_know_ros_at_import(path):
-    tree = ast.parse(path.read_text(encoding='utf-8'))
-    names = set()
-    for node in tree.body:
+def imported_at_import(path):
+    """The packages that a module imports when it is imported itself."""
+    for node in ast.parse(path.read_text(encoding='utf-8')).body:
         if isinstance(node, ast.Import):
-            names |= {alias.name.split('.')[0] for alias in node.names}
+            yield from (alias.name.split('.')[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names.add((node.module or '').split('.')[0])
-    assert not names & ROS
+            yield (node.module or '').split('.')[0]
+
+
+def test_only_node_and_clients_know_ros_at_import():
+    assert not [str(path) for path in modules_without_ros() if ROS & set(imported_at_import(path))]
 
 
 # Modules that open files for writing: `storage` and the files of a recording in its unfinished folder.
@@ -107,9 +109,9 @@ def writes_files(path):
     return False
 
 
-@pytest.mark.parametrize('path', modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_files_are_written_with_storage(path):
-    assert not writes_files(path) or str(path.relative_to(PACKAGE)) in WRITERS, 'use write_file or Unfinished'
+def test_files_are_written_with_storage():
+    writing = {str(path.relative_to(PACKAGE)) for path in modules() if writes_files(path)}
+    assert writing <= set(WRITERS), 'use write_file or Unfinished'
 
 
 TRAINED_WITH = 'socialcircle_ros.studies.learned.'
