@@ -3,6 +3,7 @@
 
 import ctypes
 import sys
+from collections.abc import Sequence
 from pathlib import Path, PurePath
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
@@ -62,9 +63,7 @@ def reserve_memory(large: int, small: int = 0) -> None:
     if not _kept:
         return
     small = min(small, _BLOCK)
-    library = ctypes.CDLL(None)
-    library.malloc.restype = ctypes.c_void_p
-    library.malloc.argtypes, library.free.argtypes = [ctypes.c_size_t], [ctypes.c_void_p]
+    library = _allocator()
     sizes = [min(_BLOCK, large - begin) for begin in range(0, large, _BLOCK)]
     blocks = []
     if small:
@@ -100,6 +99,49 @@ def give_back_freed_memory() -> None:
     trim = getattr(ctypes.CDLL(None), 'malloc_trim', None)  # glibc has it
     if trim is not None:
         trim(0)
+
+
+class _Mallinfo2(ctypes.Structure):
+    """What glibc's `mallinfo2` returns: bytes and numbers of blocks."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_size_t)
+        for name in ('arena', 'ordblks', 'smblks', 'hblks', 'hblkhd', 'usmblks', 'fsmblks', 'uordblks', 'fordblks',
+                     'keepcost')
+    )  # fmt: skip
+
+
+def freed_bytes() -> int:
+    """Bytes that the process has freed and not given back to the system; 0 where the C library does not tell."""
+    look = getattr(ctypes.CDLL(None), 'mallinfo2', None)  # glibc has it from 2.33 on
+    if look is None:
+        return 0
+    look.restype = _Mallinfo2
+    found: int = look().fordblks
+    return found
+
+
+def give_back_all_but(sizes: Sequence[int]) -> None:
+    """Give the memory that is freed back to the system, but for blocks of these sizes, which stay at hand.
+
+    Args:
+        sizes: in bytes; those of the next allocations, the smallest first.
+    """
+    trim = getattr(ctypes.CDLL(None), 'malloc_trim', None)
+    if trim is None:
+        return
+    library = _allocator()
+    blocks = [library.malloc(each) for each in sizes]
+    trim(0)
+    for block in blocks:
+        library.free(block)
+
+
+def _allocator() -> ctypes.CDLL:
+    library = ctypes.CDLL(None)
+    library.malloc.restype = ctypes.c_void_p
+    library.malloc.argtypes, library.free.argtypes = [ctypes.c_size_t], [ctypes.c_void_p]
+    return library
 
 
 def unmap_code(library: str) -> None:

@@ -22,6 +22,7 @@ from .live_rows import LiveRows
 from .lost_messages import LostMessages, lost_sentence
 from .parameters import Configuration
 from .rclpy_internals import MessageInput, TakenMessage, listen
+from .spare_memory import PLANES_HELD, SpareMemory
 from .topics import CLASSES, Publishers, qos_options
 from .worker import LatestWorker
 
@@ -31,9 +32,6 @@ LOG_PERIOD_S = 5.0
 # Clouds for which the node needs memory: in the reader, two on the way from it, the last one, and in the writer.
 # The result takes the place of one on the way. Where a cloud comes while another is filtered, more are needed.
 _CLOUDS_HELD = 5
-
-# Planes of a byte per point that the exact mode and the mask need at once.
-_PLANES_HELD = 6
 
 # Bytes of a point, and of a cloud. What is reserved for it is given back if clouds are far smaller.
 _POINT_SIZE = 16
@@ -61,7 +59,7 @@ class QueuedCloud:
 
 def _reserve(size: int) -> None:
     """Reserve the memory that clouds of a size need, as the first one would wait for it otherwise."""
-    reserve_memory(_CLOUDS_HELD * size, _PLANES_HELD * size // _POINT_SIZE)
+    reserve_memory(_CLOUDS_HELD * size, PLANES_HELD * size // _POINT_SIZE)
 
 
 def _fit_memory(size: int) -> None:
@@ -96,6 +94,7 @@ class CloudFilter:
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
         self._is_first = True
+        self._spare = SpareMemory()
         self._rows = LiveRows(node, configuration().measurements)
         self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
         self._worker = LatestWorker(self._process, self._replaced, self._process_again)
@@ -109,6 +108,18 @@ class CloudFilter:
         """Reserve memory for clouds of the usual size, until one has come."""
         if self._is_first:
             _reserve(_EXPECTED_SIZE)
+
+    def look_after_memory(self, *, is_used: bool) -> None:
+        """Give back the memory that clouds no longer need; to be called once a second.
+
+        Args:
+            is_used: whether what is free will be used by others.
+        """
+        if is_used:
+            self._spare.use()
+        elif self._last is not None:
+            size = len(self._last.message)
+            self._spare.look(size, size // _POINT_SIZE)
 
     def listen(self) -> None:
         """Subscribe to clouds."""

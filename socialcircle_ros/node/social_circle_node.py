@@ -254,6 +254,8 @@ class SocialCircleNode(LifecycleNode):
     def _publish_diagnostics(self) -> None:
         if not self.context.ok():
             return
+        if self._filter is not None:
+            self._filter.look_after_memory(is_used=self._stack is not None and self._stack.reserves_memory)
         status, complaint = health_status(self, self._state(), self._health)
         if complaint:
             self.get_logger().warning(complaint, throttle_duration_sec=LOG_PERIOD_S)

@@ -107,6 +107,11 @@ class StackInput:
         """The subscriptions in force, with the types of their messages."""
         return list(self._subscriptions)
 
+    @property
+    def reserves_memory(self) -> bool:
+        """Whether memory is reserved for the clouds of stacks."""
+        return self._reserved > 0
+
     def ignore(self) -> None:
         """End the subscriptions, and forget the running stack."""
         self._unsubscribe()
