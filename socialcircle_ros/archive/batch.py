@@ -30,6 +30,7 @@ class BatchResult:
 
     Attributes:
         inputs: number of inputs.
+        left_out: number of results in the folder of the results that the search for inputs met.
         done: inputs that were filtered now.
         skipped: inputs that an earlier run had filtered.
         clouds: clouds that were filtered now.
@@ -42,6 +43,7 @@ class BatchResult:
     """
 
     inputs: int = 0
+    left_out: int = 0
     done: int = 0
     skipped: int = 0
     clouds: int = 0
@@ -79,7 +81,7 @@ def run_batch(
     Args:
         inputs: recordings, folders, globs, measurement files, and URLs, see `find_inputs`.
         output: folder of the results, or its URL: `recordings`, `measurements`, `reports`, and `inputs` with what
-            is done.
+            is done. It may lie in a folder of inputs; what these four hold is no input.
         settings: how to filter; the defaults if None.
         names: pattern of the names, which gives cell and part, see `NamePattern`. Otherwise the entries `cell`
             and `part` of a recording's metadata count, and the namespace of the topic as cell.
@@ -104,9 +106,10 @@ def run_batch(
         new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after hours
         environment()
     template = _template(results.location, settings, pattern, tuple(topics), recordings, reports, compression)
+    left_out: list[str] = []
     with results.created():
-        all_inputs = find_inputs(inputs, found)
-        result = BatchResult(inputs=len(all_inputs))
+        all_inputs = find_inputs(inputs, found, results, left_out.append)
+        result = BatchResult(inputs=len(all_inputs), left_out=len(left_out))
         earlier = {entry.location: entry for entry in Ledger(results).entries() if entry.failure is None}
         tasks = []
         for each in all_inputs:

@@ -12,7 +12,9 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
-from socialcircle_ros.storage import file_system, is_url, reason_of
+from socialcircle_ros.storage import file_system, is_below, is_url, real_location, reason_of
+
+from .results import ResultFolder
 
 if TYPE_CHECKING:
     import fsspec
@@ -55,7 +57,10 @@ class _Found:
 
 
 def find_inputs(
-    given: Sequence[str | Path], progress: Callable[[int], None] = lambda count: None
+    given: Sequence[str | Path],
+    progress: Callable[[int], None] = lambda count: None,
+    results: ResultFolder | None = None,
+    left_out: Callable[[str], None] = lambda location: None,
 ) -> list[ArchiveInput]:
     """Find all inputs, in the order of their locations; an input that is given twice is one input.
 
@@ -64,20 +69,31 @@ def find_inputs(
             them, glob patterns, and URLs of these. In folders, hidden files and measurement files whose suffix is
             also that of other files, such as .txt, are passed over.
         progress: called with the number of inputs found so far.
+        results: what is in its folders is no input, however it is named; None: there is no such folder.
+        left_out: called with the location of each such result that would have been an input.
 
     Raises:
-        SocialCircleError: one of them does not exist, holds no input, or fsspec cannot open its URL.
+        SocialCircleError: one of them does not exist, holds no input, or is a recording with the folder of the
+            results in it; all hold only such results; or fsspec cannot open a URL.
     """
     found: dict[str, _Found] = {}
+    own = _OwnResults(results)
     for text in map(str, given):
-        before = len(found)
         several = 0
         for each in _found_at(text):
-            found.setdefault(each.location, each)
             several += 1
-            progress(len(found))
-        if len(found) == before and not several:
+            if own.hold(each):
+                left_out(each.location)
+            else:
+                found.setdefault(each.location, each)
+                progress(len(found))
+        # A shell that replaces * by all names gives the folder of the results as well.
+        if not several and not own.are_at(text):
             raise RecordingError(f'{text} holds no recording and no measurement file.')
+    if not found:
+        raise RecordingError(
+            f'{", ".join(map(str, given))} holds nothing but the results: give the recordings that they came from.'
+        )
     ordered = [found[location] for location in sorted(found)]
     counts = Counter(each.relative for each in ordered)
     return [
@@ -137,6 +153,34 @@ def content_hash(path: Path) -> str:
     except OSError as error:
         raise RecordingError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
     return digest.hexdigest()
+
+
+class _OwnResults:
+    """Tells what a batch has written from its inputs, whatever path, link or URL leads there."""
+
+    def __init__(self, results: ResultFolder | None) -> None:
+        self._location = '' if results is None else results.location
+        self._real = '' if results is None else real_location(results.location)
+        self._folders = () if results is None else results.folders()
+
+    def are_at(self, location: str) -> bool:
+        """Whether a location is the folder of the results."""
+        return bool(self._real) and real_location(location) == self._real
+
+    def hold(self, found: _Found) -> bool:
+        """Whether it is a result.
+
+        Raises:
+            RecordingError: it is a recording with the folder of the results in it, which would change it.
+        """
+        if not self._real:
+            return False
+        real = real_location(found.location)
+        if is_below(self._real, real):
+            raise RecordingError(
+                f'{self._location} is in the recording {found.location}: give another folder for the results.'
+            )
+        return any(is_below(real, folder) for folder in self._folders)
 
 
 def _found_at(text: str) -> Iterator[_Found]:
@@ -215,7 +259,8 @@ def _remote(
     instants = [each for each in times if isinstance(each, datetime)]
     changed = ' '.join(map(str, states)) if all(states) else ''
     time_ns = int(max(instants).timestamp() * 1e9) if instants else 0
-    return _Found(files.unstrip_protocol(path), relative, size, changed, time_ns)
+    location = str(files.unstrip_protocol(path)).removeprefix('file://')  # local:///nights is a path
+    return _Found(location, relative, size, changed, time_ns)
 
 
 def _is_bag(names: Sequence[str]) -> bool:

@@ -11,9 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from .inputs import ArchiveInput, short_hash
-from .results import ResultFolder
-
-FOLDER = 'inputs'
+from .results import LEDGER, ResultFolder
 
 
 @dataclass(frozen=True)
@@ -66,14 +64,14 @@ class Ledger:
 
     def entries(self) -> Iterator[LedgerEntry]:
         """All entries; a file that is not an entry is passed over, and its input is done again."""
-        for content in self._output.read_all(FOLDER, '.json'):
+        for content in self._output.read_all(LEDGER, '.json'):
             entry = _parsed(content)
             if entry is not None:
                 yield entry
 
     def of_content(self, content: str) -> LedgerEntry | None:
         """The entry of a content; None: there is none."""
-        return _parsed(self._output.read(f'{FOLDER}/{content}.json'))
+        return _parsed(self._output.read(f'{LEDGER}/{content}.json'))
 
     def record(self, content: str, entry: LedgerEntry) -> None:
         """Record what is done, and remove the rows that an earlier run, or a failure, had left for this input.
@@ -85,7 +83,7 @@ class Ledger:
         for earlier in (self.of_content(content), _parsed(self._output.read(failed))):
             if earlier is not None:
                 self._remove(set(earlier.files) - set(entry.files))
-        self._write(f'{FOLDER}/{content}.json', entry)
+        self._write(f'{LEDGER}/{content}.json', entry)
         self._output.remove(failed)
 
     def record_failure(self, entry: LedgerEntry) -> None:
@@ -114,7 +112,7 @@ def failure_name(location: str) -> str:
 
 
 def _failure_file(location: str) -> str:
-    return f'{FOLDER}/{failure_name(location)}.json'
+    return f'{LEDGER}/{failure_name(location)}.json'
 
 
 def _parsed(content: bytes | None) -> LedgerEntry | None:

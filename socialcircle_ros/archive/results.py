@@ -12,6 +12,7 @@ from socialcircle_ros.storage import (
     file_system,
     folder_of_results,
     is_url,
+    real_location,
     reason_of,
     remove_leftovers_below,
     write_file,
@@ -20,8 +21,11 @@ from socialcircle_ros.storage import (
 if TYPE_CHECKING:
     import fsspec
 
-RECORDINGS, REPORTS = 'recordings', 'reports'
+RECORDINGS, REPORTS, LEDGER = 'recordings', 'reports', 'inputs'
 """Folders of the results."""
+
+FOLDERS = (RECORDINGS, REPORTS, LEDGER, 'measurements')  # the last is `measurements.FOLDER`, which loads kernels
+"""All folders of the results."""
 
 
 class ResultFolder:
@@ -49,6 +53,14 @@ class ResultFolder:
     def name(self) -> str:
         """The last part of the location."""
         return PurePosixPath(self.location).name
+
+    def folders(self) -> tuple[str, ...]:
+        """The folders in which results are, each as `real_location` spells it.
+
+        Raises:
+            SocialCircleError: the library of the URL is not installed.
+        """
+        return tuple(real_location(f'{self.location}/{folder}') for folder in FOLDERS)
 
     @contextmanager
     def created(self) -> Iterator[None]:

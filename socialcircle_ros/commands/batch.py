@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 @click.argument('inputs', nargs=-1, required=True, metavar='IN...')
 @click.option(
     '-o', '--output', required=True,
-    help='Folder of the results, or its URL. A rerun with the same folder does only what is new.',
+    help='Folder of the results, or its URL. A rerun with the same folder does only what is new. It may lie among'
+    ' the inputs; results are no inputs.',
 )  # fmt: skip
 @click.option('--no-recordings', is_flag=True, help='Write rows of measurements only, and no cleaned recordings.')
 @click.option(
@@ -117,6 +118,8 @@ def _tell(result: 'BatchResult', output: str) -> None:
         f'{quantity(result.inputs, "input")}: {result.done} filtered with {quantity(result.clouds, "cloud")}'
         f'{skipped}; {len(result.failed)} failed, {len(result.damaged)} damaged. Results are in {output}.'
     )
+    if result.left_out:
+        click.echo(f'{quantity(result.left_out, "result")} in {output} left out: results are no inputs.', err=True)
     for location, other in sorted(result.same.items()):
         click.echo(f'{location} has the content of {other}, and is not measured twice.', err=True)
     for reason, count in sorted(result.refused.items()):

@@ -6,7 +6,7 @@ Nothing here knows what a file holds; the rooms above write their recordings, re
 
 from .direct import ALIGNMENT, DirectFile
 from .folders import folder_of_results
-from .remote import file_system, is_url, reason_of
+from .remote import file_system, is_below, is_url, real_location, reason_of
 from .signals import SignalExit, noted_signals, raised_signals
 from .space import Reserve, free_bytes, is_full
 from .unfinished import (
@@ -30,6 +30,7 @@ __all__ = [
     'file_system',
     'folder_of_results',
     'free_bytes',
+    'is_below',
     'is_full',
     'is_url',
     'kind_of_target',
@@ -37,6 +38,7 @@ __all__ = [
     'noted_signals',
     'open_in_place',
     'raised_signals',
+    'real_location',
     'reason_of',
     'remove_leftovers',
     'remove_leftovers_below',

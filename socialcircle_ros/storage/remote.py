@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files at URLs, through fsspec."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,9 +11,27 @@ if TYPE_CHECKING:
     import fsspec
 
 
+def is_below(location: str, folder: str) -> bool:
+    """Whether a location is a folder or lies in it; both as `real_location` spells them."""
+    return location == folder or location.startswith(f'{folder.rstrip("/")}/')
+
+
 def is_url(location: str | Path) -> bool:
     """Whether a location is a URL and not a path; one of `file://` is a path."""
     return '://' in str(location) and not str(location).startswith('file://')
+
+
+def real_location(location: str | Path) -> str:
+    """A location in one spelling: the absolute path without links, or the URL as its file system writes it.
+
+    Raises:
+        SocialCircleError: as `file_system`.
+    """
+    text = str(location)
+    if is_url(text):
+        files, path = file_system(text)
+        text = str(files.unstrip_protocol(path))
+    return text if is_url(text) else os.path.realpath(text.removeprefix('file://'))
 
 
 def file_system(url: str) -> tuple['fsspec.AbstractFileSystem', str]:

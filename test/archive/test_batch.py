@@ -79,6 +79,17 @@ def test_an_archive_is_done_once_and_then_only_what_is_new(tmp_path, scheduler):
     assert rows(tmp_path / 'out', EACH_ONCE) == [(8, 8, 4)]
 
 
+@pytest.mark.parametrize('output', ['out', '.'])
+def test_results_among_the_inputs_are_no_inputs(tmp_path, scheduler, output):
+    nights = tmp_path / 'nights'
+    for number in range(2):
+        recorded(nights / f'{number}.mcap', seed=number, clouds=1)
+    runs = [run_batch([nights], nights / output, scheduler=scheduler) for _ in range(2)]
+    assert [(each.inputs, each.done, each.skipped, each.left_out) for each in runs] == [(2, 2, 0, 0), (2, 0, 2, 2)]
+    assert sorted(path.name for path in (nights / output / 'recordings').iterdir()) == ['0.mcap', '1.mcap']
+    assert rows(nights / output) == [(str(nights / f'{number}.mcap'), 0, 'ok') for number in range(2)]
+
+
 def test_a_damaged_recording_is_told_by_every_run(tmp_path, scheduler):
     content = recorded(tmp_path / 'whole.mcap', clouds=3).read_bytes()
     (tmp_path / 'cut.mcap').write_bytes(content[: len(content) // 2])

@@ -8,7 +8,9 @@ from archive.archives import BAGS, object_store
 
 from socialcircle_ros.archive import find_inputs
 from socialcircle_ros.archive.inputs import content_hash, local_copy
+from socialcircle_ros.archive.results import FOLDERS, ResultFolder
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.measurements import FOLDER
 
 
 @pytest.fixture
@@ -69,6 +71,85 @@ def test_the_hash_changes_with_the_content_only(archive):
     assert content_hash(archive / 'bag') == before
     (archive / 'bag/bag_1.mcap').rename(archive / 'bag/bag_2.mcap')
     assert content_hash(archive / 'bag') != before
+
+
+class TestOwnResults:
+    """The folder of the results lies in the folder that is searched."""
+
+    @pytest.fixture
+    def nights(self, tmp_path, monkeypatch):
+        names = ('a.mcap', 'recordings/b.mcap', 'out/mine.mcap', *(f'out/{folder}/c.mcap' for folder in FOLDERS))
+        for name in names:
+            path = tmp_path / 'nights' / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(name.encode())
+        monkeypatch.chdir(tmp_path / 'nights')
+        (tmp_path / 'link').symlink_to(tmp_path / 'nights/out')
+        (tmp_path / 'nights/other').symlink_to(tmp_path / 'nights/out/recordings')
+        return tmp_path / 'nights'
+
+    @pytest.mark.parametrize('output', ['out', './x/../out', '../link', 'file://{}/out', 'local://{}/out/'])
+    @pytest.mark.parametrize('given', ['.', '{}', '../nights/', 'file://{}', 'local://{}', '**/*.mcap'])
+    def test_they_are_no_inputs_however_they_are_named(self, nights, given, output):
+        if 'local:' in given + output:
+            pytest.importorskip('fsspec')
+        found = find_inputs([given.format(nights)], results=ResultFolder(output.format(nights)))
+        expected = ['a.mcap', 'out/mine.mcap', 'recordings/b.mcap']
+        assert [os.path.realpath(each.location) for each in found] == [str(nights / name) for name in expected]
+
+    def test_all_folders_of_results_are_known(self):
+        assert FOLDER in FOLDERS
+
+    @pytest.mark.parametrize('given', ['out/recordings', 'out/recordings/c.mcap', 'other'])
+    def test_alone_they_are_refused(self, nights, given):
+        with pytest.raises(
+            SocialCircleError, match=f'^{given} holds nothing but the results: give the recordings'
+        ):
+            find_inputs([given], results=ResultFolder('out'))
+        assert [each.name for each in find_inputs([given], results=ResultFolder(nights / 'new'))] == ['c.mcap']
+
+    def test_they_are_told(self, nights):
+        left_out = []
+        find_inputs(['.'], results=ResultFolder('out'), left_out=left_out.append)
+        folders = ('other', *(f'out/{folder}' for folder in sorted(FOLDERS)))
+        assert left_out == [str(nights / folder / 'c.mcap') for folder in folders]
+
+    def test_the_folder_that_is_searched_can_take_them(self, nights):
+        assert [each.name for each in find_inputs(['out'], results=ResultFolder(nights / 'out'))] == ['mine.mcap']
+
+    def test_a_shell_may_give_their_folder(self, nights):
+        (nights / 'empty').mkdir()
+        assert [each.name for each in find_inputs(['a.mcap', 'empty'], results=ResultFolder('empty'))] == [
+            'a.mcap'
+        ]
+        with pytest.raises(SocialCircleError, match='empty holds no recording'):
+            find_inputs(['a.mcap', 'empty'], results=ResultFolder('out'))
+
+    def test_a_folder_above_the_inputs_can_take_them(self, nights):
+        found = find_inputs([nights / 'out'], results=ResultFolder(nights.parent))
+        assert len(found) == 1 + len(FOLDERS)
+
+    def test_a_recording_that_is_a_directory_cannot_take_them(self, archive):
+        for output in ('bag', 'bag/out'):
+            with pytest.raises(
+                SocialCircleError, match=f'{output} is in the recording {archive}/bag: give another'
+            ):
+                find_inputs([archive], results=ResultFolder(archive / output))
+
+    def test_results_at_a_url_are_no_inputs(self):
+        fsspec = pytest.importorskip('fsspec')
+        files = fsspec.filesystem('memory')
+        for name in ('a.mcap', 'out/recordings/a.mcap', 'out/mine.mcap', 'bag/bag_0.mcap', 'bag/metadata.yaml'):
+            files.pipe(f'/n/{name}', b'1')
+        try:
+            for given in ('memory://n', 'memory:///n/*'):
+                found = find_inputs([given], results=ResultFolder('memory://n/out/'))
+                names = [each.location.removeprefix('memory:///n/') for each in found]
+                assert names == ['a.mcap', 'bag', 'out/mine.mcap']
+            with pytest.raises(SocialCircleError, match='memory://n/bag/out is in the recording'):
+                find_inputs(['memory://n/'], results=ResultFolder('memory://n/bag/out'))
+        finally:
+            files.rm('/n', recursive=True)
 
 
 class TestUrls:

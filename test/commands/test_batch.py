@@ -27,9 +27,10 @@ def test_it_filters_with_processes_of_its_own_and_tells_what_is_wrong(run, tmp_p
     assert f'{tmp_path}/cell7/lid_2.mcap' in failed
     assert 'Traceback' not in done.err
     (tmp_path / 'cell7/lid_2.mcap').unlink()
-    again = run('batch', 'cell7', '-o', 'out', *names)
+    again = run('batch', 'cell7', 'out', '-o', 'out', *names)
     assert again.code == 0, again.err
     assert '1 input: 0 filtered with 0 clouds, 1 done before; 0 failed, 0 damaged.' in again.out
+    assert '1 result in out left out: results are no inputs.' in again.err
 
 
 def test_ctrl_c_in_a_terminal_ends_all_processes_and_the_same_command_continues(run, tmp_path):
