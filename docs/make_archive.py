@@ -15,6 +15,7 @@ import numpy as np
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording import RecordingWriter, ros_topic
+from socialcircle_ros.recording.units import with_unit
 from socialcircle_ros.simulation import make_scene
 from socialcircle_ros.storage import write_file
 
@@ -43,7 +44,7 @@ def main(folder: Path) -> None:
 def write(path: Path, start: int, *, seed: int, drift: float) -> None:
     """Write one recording; `drift` is a factor on the heights."""
     with RecordingWriter(path, overwrite=True) as writer:
-        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        writer.add_topic(with_unit(ros_topic('/points', point_cloud.TYPE), 'um'))
         for number in range(CLOUDS):
             time = start + number * TAKT
             share = float(np.random.default_rng(seed + number).normal(0.02, 0.002))

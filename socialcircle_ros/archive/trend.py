@@ -14,6 +14,7 @@ from urllib.parse import quote
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.lengths import METRES, NOT_KNOWN, known_unit, length_scale
 from socialcircle_ros.measurements import open_measurements
 from socialcircle_ros.report.entry import anchor_of
 from socialcircle_ros.storage import is_url
@@ -25,12 +26,15 @@ from .results import REPORTS
 MEASURES = {
     'outlier_share': 'share of outliers',
     'measured_share': 'share of measured points',
-    'sa': 'Sa [unit of the cloud]',
-    'sq': 'Sq [unit of the cloud]',
-    'sz': 'Sz [unit of the cloud]',
+    'sa': 'Sa',
+    'sq': 'Sq',
+    'sz': 'Sz',
     'time_ms': 'latency of live clouds, time of the filter of others [ms]',
 }
-"""What is shown over time, with its label."""
+"""What is shown over time, with its label; `Series.label` adds the unit of lengths."""
+
+LENGTHS = ('sa', 'sq', 'sz')
+"""The measures that are lengths."""
 
 _LAST, _DRIFTING = 20, 0.5
 
@@ -61,12 +65,23 @@ class TrendRow(NamedTuple):
     sq: float | None
     sz: float | None
     time_ms: float | None
+    unit: str | None
+
+    @property
+    def was_measured(self) -> bool:
+        """Whether it is a cloud that was filtered."""
+        return self.status in ('ok', 'warning')
+
+    @property
+    def common_unit(self) -> str:
+        """The unit that its lengths can be converted to: m, or its own if that is not known; '': it has none."""
+        return 'm' if known_unit(self.unit) else self.unit or ''
 
 
 _COLUMNS = (
     "cell, coalesce(part, ''), epoch_us(time), status, coalesce(reason, ''), recording, topic, number,"
     ' limits_passed, settings_hash, settings, version, outlier_share, measured_share, sa, sq, sz,'
-    ' coalesce(latency_ms, total_ms)'
+    ' coalesce(latency_ms, total_ms), unit'
 )
 
 
@@ -94,8 +109,11 @@ class Series:
     Attributes:
         cell: name of the cell.
         part: name of the part; '': unknown.
+        unit: that all lengths of its rows can be converted to; '': not known.
+        length_unit: in which the values of lengths are, such as nm.
+        has_others: whether the cell and part has a series with another unit as well.
         times: ms since 1970.
-        values: of each measure, NaN where it is not known.
+        values: of each measure, NaN where it is not known; lengths in one unit.
         signals: of each measure, the rules that each value completes, see `control_chart.signals`.
         names: recording, topic and number of each cloud.
         links: to the report of each cloud; '': there is none.
@@ -107,6 +125,9 @@ class Series:
 
     cell: str
     part: str
+    unit: str
+    length_unit: str
+    has_others: bool
     times: npt.NDArray[np.float64]
     values: dict[str, npt.NDArray[np.float64]]
     signals: dict[str, npt.NDArray[np.uint8]]
@@ -119,8 +140,13 @@ class Series:
 
     @property
     def title(self) -> str:
-        """Cell and part."""
-        return f'{self.cell}, {self.part}' if self.part else self.cell
+        """Cell and part, and the unit where it tells the series from others of the part."""
+        unit = (f'in {self.unit}' if self.unit else NOT_KNOWN) if self.has_others else ''
+        return ', '.join(filter(None, (self.cell, self.part, unit)))
+
+    def label(self, measure: str) -> str:
+        """The label of a measure, with its unit."""
+        return f'{MEASURES[measure]} [{self.length_unit}]' if measure in LENGTHS else MEASURES[measure]
 
     def drifting(self) -> list[str]:
         """The measures of which more than half of the last 20 values give a signal."""
@@ -150,7 +176,8 @@ def read_series(folder: str | Path, page: Path, *, baseline: int = 50) -> list[S
         baseline: number of values after each change that the control limits are computed from.
 
     Returns:
-        One series for each cell and part, by their names.
+        One series for each cell and part, by their names. Lengths of rows with known units are converted to one
+        unit. Rows with an unknown unit are a series of their own.
 
     Raises:
         SocialCircleError: the folder has no measurements.
@@ -158,10 +185,26 @@ def read_series(folder: str | Path, page: Path, *, baseline: int = 50) -> list[S
     database = open_measurements(folder)
     rows = database.execute(f'select {_COLUMNS} from measurements order by cell, part, time').fetchall()  # noqa: S608 - constants
     reports = {} if is_url(folder) else _reports(Path(folder).absolute(), page.absolute().parent)
-    by_series: dict[tuple[str, str], list[TrendRow]] = {}
+    by_part: dict[tuple[str, str], list[TrendRow]] = {}
     for row in map(TrendRow._make, rows):
-        by_series.setdefault((row.cell, row.part), []).append(row)
-    return [_series(members, reports, baseline) for members in by_series.values()]
+        by_part.setdefault((row.cell, row.part), []).append(row)
+    found = []
+    for members in by_part.values():
+        by_unit = _by_unit(members)
+        found += [_series(unit, each, len(by_unit) > 1, reports, baseline) for unit, each in by_unit.items()]
+    return found
+
+
+def _by_unit(rows: Sequence[TrendRow]) -> dict[str, list[TrendRow]]:
+    """The rows of one part by the unit of their lengths, m first and the unknown one last.
+
+    What has no lengths, such as a recording that cannot be read, goes with the first where its unit has no clouds.
+    """
+    units = sorted({row.common_unit for row in rows if row.was_measured}, key=lambda unit: (unit != 'm', not unit))
+    by_unit: dict[str, list[TrendRow]] = {unit: [] for unit in units or ['']}
+    for row in rows:
+        by_unit[row.common_unit if row.common_unit in by_unit else next(iter(by_unit))].append(row)
+    return by_unit
 
 
 def _reports(folder: Path, start: Path) -> dict[str, str]:
@@ -174,14 +217,20 @@ def _reports(folder: Path, start: Path) -> dict[str, str]:
     return links
 
 
-def _series(rows: Sequence[TrendRow], reports: Mapping[str, str], baseline: int) -> Series:
-    measured = [row for row in rows if row.status in ('ok', 'warning')]
+def _series(
+    unit: str, rows: Sequence[TrendRow], has_others: bool, reports: Mapping[str, str], baseline: int
+) -> Series:
+    measured = [row for row in rows if row.was_measured]
     values = {
         measure: np.array([getattr(row, measure) for row in measured], dtype=np.float64) for measure in MEASURES
     }
+    length_unit = _convert_lengths(unit, measured, values)
     series = Series(
         cell=rows[0].cell,
         part=rows[0].part,
+        unit=unit,
+        length_unit=length_unit,
+        has_others=has_others,
         times=np.array([row.time_us for row in measured], dtype=np.float64) / 1000,
         values=values,
         signals={measure: np.zeros(len(measured), np.uint8) for measure in MEASURES},
@@ -191,7 +240,7 @@ def _series(rows: Sequence[TrendRow], reports: Mapping[str, str], baseline: int)
         limits_failed=sum(row.limits_passed is False for row in measured),
     )
     for row in rows:
-        if row.status not in ('ok', 'warning'):
+        if not row.was_measured:
             day = datetime.fromtimestamp(row.time_us / 1e6, timezone.utc).date()
             series.refused[day] = series.refused.get(day, 0) + 1
             series.reasons[row.reason] = series.reasons.get(row.reason, 0) + 1
@@ -199,6 +248,18 @@ def _series(rows: Sequence[TrendRow], reports: Mapping[str, str], baseline: int)
     for first, end in itertools.pairwise([*changes, len(measured)]):
         series.phases.append(_phase(series, measured, first, end, baseline))
     return series
+
+
+def _convert_lengths(unit: str, rows: Sequence[TrendRow], values: dict[str, npt.NDArray[np.float64]]) -> str:
+    """Convert the lengths of rows to one unit with a prefix that suits the usual value; returns its name."""
+    metres = np.array([METRES.get(known_unit(row.unit) or '', 1.0) for row in rows], dtype=np.float64)
+    for measure in LENGTHS:
+        values[measure] *= metres
+    known = [each[~np.isnan(each)] for each in (values[measure] for measure in LENGTHS)]
+    scale = length_scale([np.median(each) for each in known if each.size], unit or None)
+    for measure in LENGTHS:
+        values[measure] *= scale.factor
+    return scale.name
 
 
 def _phase(series: Series, rows: Sequence[TrendRow], first: int, end: int, baseline: int) -> Phase:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from .trend import MEASURES, Phase, Series, short_label
+from .trend import LENGTHS, MEASURES, Phase, Series, short_label
 
 if TYPE_CHECKING:
     from bokeh.models import CDSView, LayoutDOM
@@ -19,6 +19,8 @@ _SHOW = """
 const chosen = JSON.parse(series)[select.value]
 for (const view of views) { view.filter.indices = chosen.indices }
 measures.forEach((measure, place) => {
+  figures[place].title.text = chosen.labels[measure]
+  figures[place].y_range.default_span = chosen.spans[measure]
   signal_views[place].filter.indices = chosen.signals[measure]
   limit_sources[place].data = chosen.limits[measure]
 })
@@ -31,10 +33,13 @@ clouds.change.emit()
 _SELECTED = """
 const place = clouds.selected.indices[0]
 if (place === undefined) { return }
-const [name, link] = JSON.parse(names)[place]
+const [name, link, unit] = JSON.parse(names)[place]
 const escaped = (text) => text.replace(/&/g, '&amp;').replace(/</g, '&lt;')
 const time = new Date(clouds.data.time[place]).toISOString()
-const values = measures.map((measure, number) => `${labels[number]} ${clouds.data[measure][place].toPrecision(4)}`)
+const values = measures.map((measure, number) => {
+  const value = `${labels[number]} ${clouds.data[measure][place].toPrecision(4)}`
+  return lengths.includes(measure) ? `${value} ${escaped(unit)}` : value
+})
 const report = link ? `<a href="${link}" target="_blank">Report of this cloud</a>`
   : 'There is no report of this cloud: <code>socialcircle batch --reports</code> makes them.'
 details.text = `<b>${escaped(name)}</b>, ${time}: ${values.join(', ')}. ${report}`
@@ -50,6 +55,8 @@ _POINT, _SIGNAL, _LINE, _CHANGE = '#2a6592', '#b3261e', '#666666', '#c77700'
 class _ShownSeries(TypedDict):
     """What the charts show of one series, as JSON has it."""
 
+    labels: dict[str, str]
+    spans: dict[str, float]
     indices: list[int]
     signals: dict[str, list[int]]
     limits: dict[str, dict[str, list[float]]]
@@ -79,13 +86,18 @@ def charts(all_series: Sequence[Series]) -> 'LayoutDOM':
         'series': json.dumps(shown), 'select': select, 'notes': notes, 'measures': list(MEASURES),
         'views': drawn.views, 'signal_views': drawn.signal_views, 'limit_sources': drawn.limit_sources,
         'change_source': drawn.change_source, 'refused_source': drawn.refused_source, 'clouds': drawn.clouds,
+        'figures': drawn.figures,
     }  # fmt: skip
     select.js_on_change('value', CustomJS(args=arguments, code=_SHOW))
-    names = [pair for series in all_series for pair in zip(series.names, series.links, strict=True)]
+    names = [
+        (name, link, series.length_unit)
+        for series in all_series
+        for name, link in zip(series.names, series.links, strict=True)
+    ]
     labels = [short_label(measure) for measure in MEASURES]
     arguments = {
         'clouds': drawn.clouds, 'names': json.dumps(names), 'details': details, 'measures': list(MEASURES),
-        'labels': labels,
+        'labels': labels, 'lengths': list(LENGTHS),
     }  # fmt: skip
     drawn.clouds.selected.js_on_change('indices', CustomJS(args=arguments, code=_SELECTED))
     return column(select, details, *drawn.figures, notes, sizing_mode='stretch_width')
@@ -128,9 +140,8 @@ class _Charts:
     def _of_measure(self, place: int, measure: str, first: _ShownSeries) -> 'figure':
         from bokeh.models import CDSView, HoverTool, IndexFilter, TapTool  # noqa: PLC0415 - an extra
 
-        chart = self._figure(MEASURES[measure])
-        largest = float(np.abs(np.nan_to_num(self.clouds.data[measure])).max(initial=0.0))
-        chart.y_range.default_span = _LEAST_SPAN * (largest or 1.0)
+        chart = self._figure(first['labels'][measure])
+        chart.y_range.default_span = first['spans'][measure]
         limits = self.limit_sources[place]
         for line, dash in (('centre', 'solid'), ('lower', 'dashed'), ('upper', 'dashed')):
             chart.segment('x0', line, 'x1', line, source=limits, line_color=_LINE, line_dash=dash)
@@ -160,6 +171,9 @@ class _Charts:
 
 def _shown(series: Series, start: int) -> _ShownSeries:
     """What the charts show of a series whose first cloud is number `start` of all."""
+    largest = {
+        measure: float(np.abs(np.nan_to_num(values)).max(initial=0.0)) for measure, values in series.values.items()
+    }
     limits: dict[str, dict[str, list[float]]] = {}
     for measure in MEASURES:
         found = [(phase, phase.limits[measure]) for phase in series.phases if measure in phase.limits]
@@ -173,6 +187,8 @@ def _shown(series: Series, start: int) -> _ShownSeries:
     changes = [phase for phase in series.phases if phase.change]
     days = [datetime(day.year, day.month, day.day, 12, tzinfo=timezone.utc) for day in series.refused]
     return {
+        'labels': {measure: series.label(measure) for measure in MEASURES},
+        'spans': {measure: _LEAST_SPAN * (each or 1.0) for measure, each in largest.items()},
         'indices': list(range(start, start + len(series.times))),
         'signals': {
             measure: (start + np.flatnonzero(found)).tolist() for measure, found in series.signals.items()

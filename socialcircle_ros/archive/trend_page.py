@@ -109,7 +109,8 @@ def _above(folder: ResultFolder, all_series: Sequence[Series], baseline: int) ->
         told = f'<span class="drifts">{", ".join(map(short_label, drifting))}</span>' if drifting else ''
         rows.append(
             f'<tr><td class="words">{html.escape(series.cell)}</td>'
-            f'<td class="words">{html.escape(series.part)}</td><td class="words">{told}</td>'
+            f'<td class="words">{html.escape(series.part)}</td>'
+            f'<td class="words">{html.escape(series.length_unit)}</td><td class="words">{told}</td>'
             f'{"".join(f"<td>{cell:,}</td>" for cell in cells)}</tr>'
         )
     heads = ''.join(f'<th>{short_label(measure)}</th>' for measure in MEASURES)
@@ -129,8 +130,10 @@ def _above(folder: ResultFolder, all_series: Sequence[Series], baseline: int) ->
         f'<ul>{rules}</ul>'
         '<p>A few red points are chance: of a process that is in control, about one point of 92 is red. A measure'
         ' drifts if more than half of its last 20 points are red.</p>'
+        '<p>Sa, Sq and Sz of a series are in one unit. Clouds of an unknown unit are a series of their own.</p>'
         f'{warnings}'
         '<div class="table"><table><thead><tr><th class="words">cell</th><th class="words">part</th>'
+        '<th class="words">unit</th>'
         '<th class="words">drifts</th><th>clouds</th><th>refused, failed</th><th>limits failed</th>'
         f'{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
         '<p>The columns on the right count red points. The charts below show the cell and part that is chosen; a'

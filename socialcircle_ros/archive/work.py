@@ -15,6 +15,7 @@ from socialcircle_ros.pipeline.clouds import CloudOutputs
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.offline import SourceCloud, Summary, filter_recording, measure_recording
+from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.report.report import make_report
 
 from .inputs import content_hash, local_copy
@@ -130,6 +131,7 @@ class _RowCollector:
         cell, part = task.names.read(task.found.location)
         with open_recording(path) as reader:
             recorded = {key: text for record in reader.metadata() for key, text in record.entries.items()}
+            self._units = {topic: unit_of(reader, topic) for topic in reader.topics}
         self._cell, self._part = cell or recorded.get('cell'), part or recorded.get('part')
 
     def __call__(self, cloud: SourceCloud, outputs: CloudOutputs | Refusal, heights: HeightMap | None) -> None:
@@ -137,7 +139,10 @@ class _RowCollector:
         cell = self._cell or cloud.namespace.strip('/')
         number = self._numbers[cloud.topic]
         self._numbers[cloud.topic] += 1
-        origin = _origin(self._task, self._content, cell, self._part, cloud.topic, number, cloud.message.log_time)
+        origin = replace(
+            _origin(self._task, self._content, cell, self._part, cloud.topic, number, cloud.message.log_time),
+            unit='m' if cloud.image is not None else self._units[cloud.topic],
+        )
         if isinstance(outputs, Refusal):
             self.rows.append(refused_row(origin, outputs.reason))
         else:

@@ -9,12 +9,21 @@ from typing import Literal
 
 import click
 
-SUMMARY = """
+# Lengths of known units are compared in m; where the units of a cell cannot be compared, it has no median.
+_SUMMARY = """
+with known(unit, metres) as (values {}),
+    compared as (
+        select measurements.*, sq * coalesce(metres, 1) as length,
+            case when sq is not null then if(metres is null, coalesce(unit, 'not known'), 'm') end as common
+        from measurements left join known using (unit)
+    )
 select cell, count(*) as clouds, count(*) filter (where status = 'warning') as warnings,
     count(*) filter (where status in ('refused', 'failed')) as refused,
     count(*) filter (where not limits_passed) as limits_failed,
-    min(time) as first, max(time) as last, median(outlier_share) as outlier_share, median(sq) as sq
-from measurements group by cell order by cell
+    min(time) as first, max(time) as last, median(outlier_share) as outlier_share,
+    if(count(distinct common) < 2, median(length), null) as sq,
+    string_agg(distinct common, ', ' order by common) as unit
+from compared group by cell order by cell
 """
 
 
@@ -49,11 +58,17 @@ def command(folder: str, query: str | None, form: Literal['table', 'csv', 'json'
     import duckdb
 
     try:
-        result = database.execute(query or SUMMARY)
+        result = database.execute(query or _summary())
         names, rows = [column[0] for column in result.description], result.fetchall()
     except duckdb.Error as error:
         raise SocialCircleError(f'DuckDB cannot answer the query: {error}') from None
     _print(names, rows, form)
+
+
+def _summary() -> str:
+    from socialcircle_ros.lengths import METRES
+
+    return _SUMMARY.format(', '.join(f"('{unit}', {metres})" for unit, metres in METRES.items()))
 
 
 def _print(names: Sequence[str], rows: Sequence[Sequence[object]], form: Literal['table', 'csv', 'json']) -> None:

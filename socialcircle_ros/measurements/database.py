@@ -9,6 +9,7 @@ from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.storage import file_system, is_url
 
 from .files import FOLDER
+from .row import ColumnType, MeasurementRow
 
 if TYPE_CHECKING:
     import duckdb
@@ -17,13 +18,22 @@ TABLE = 'measurements'
 """The name of the table in queries."""
 
 _FILES = 'day=*/cell=*/*.parquet'
+_TYPES: dict[ColumnType, str] = {
+    'text': 'VARCHAR',
+    'whole number': 'BIGINT',
+    'number': 'DOUBLE',
+    'true or false': 'BOOLEAN',
+    'time': 'TIMESTAMP',
+    'date': 'DATE',
+    'number by name': 'MAP(VARCHAR, DOUBLE)',
+}
 
 
 def open_measurements(folder: str | Path) -> 'duckdb.DuckDBPyConnection':
     """Open the measurements of a folder as a database in memory with the table `measurements`.
 
     The files are read when a query needs them, by the columns, days and cells that it needs. Nothing is copied, so
-    rows that are written later are in the next query.
+    rows that are written later are in the next query. A column that an older version did not write is NULL.
 
     Args:
         folder: the results of `socialcircle batch`, also at a URL, or the `measurements.folder` of nodes.
@@ -61,8 +71,11 @@ def open_measurements(folder: str | Path) -> 'duckdb.DuckDBPyConnection':
     # Progress bars of DuckDB would mix with the output of commands.
     connection.execute('SET enable_progress_bar = false')
     quoted = pattern.replace("'", "''")
+    # The empty table has all columns, also where files of this version are still to come.
+    columns = ', '.join(f'NULL::{_TYPES[column.type]} AS {column.name}' for column in MeasurementRow.columns())
     connection.execute(
         f"CREATE VIEW {TABLE} AS SELECT * FROM read_parquet('{quoted}', union_by_name = true,"  # noqa: S608 - a path
         " hive_partitioning = true, hive_types = {'day': DATE, 'cell': VARCHAR})"
+        f' UNION ALL BY NAME SELECT {columns} WHERE false'
     )
     return connection

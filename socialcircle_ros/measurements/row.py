@@ -13,6 +13,7 @@ from datetime import date, datetime, timedelta, timezone
 from typing import Literal
 
 from socialcircle_ros.interface import PASSED
+from socialcircle_ros.lengths import known_unit
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import FIRST_DATE
 from socialcircle_ros.metrics.areal import Texture
@@ -21,7 +22,7 @@ from socialcircle_ros.settings import markdown_table
 
 from .settings_text import SettingsText
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Raised when a column is added."""
 
 RowStatus = Literal['ok', 'warning', 'refused', 'failed']
@@ -63,6 +64,7 @@ class Origin:
         time_ns: when the cloud was recorded or arrived, ns since 1970.
         settings: in force.
         version: of this package.
+        unit: of the coordinates; None: not known.
     """
 
     source: Literal['batch', 'node']
@@ -75,6 +77,7 @@ class Origin:
     time_ns: int
     settings: SettingsText
     version: str
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
@@ -131,20 +134,20 @@ class MeasurementRow:
         metadata=_column(
             'number',
             'Radius of the circle; in the adaptive mode the height that links neighbours.',
-            'cloud',
+            '`unit`',
         ),
     )
     depth_of_field: float | None = field(
         default=None, metadata=_column('number', 'Depth of field of a stack, if its focus curves show it.', 'm')
     )
     sa: float | None = field(
-        default=None, metadata=_column('number', 'Sa of the kept points after levelling (ISO 25178-2).', 'cloud')
+        default=None, metadata=_column('number', 'Sa of the kept points after levelling (ISO 25178-2).', '`unit`')
     )
     sq: float | None = field(
-        default=None, metadata=_column('number', 'Sq of the kept points after levelling (ISO 25178-2).', 'cloud')
+        default=None, metadata=_column('number', 'Sq of the kept points after levelling (ISO 25178-2).', '`unit`')
     )
     sz: float | None = field(
-        default=None, metadata=_column('number', 'Sz of the kept points after levelling (ISO 25178-2).', 'cloud')
+        default=None, metadata=_column('number', 'Sz of the kept points after levelling (ISO 25178-2).', '`unit`')
     )
     latency_ms: float | None = field(
         default=None, metadata=_column('number', 'From arrival to publication; live clouds only.', 'ms')
@@ -164,6 +167,10 @@ class MeasurementRow:
         default=None, metadata=_column('text', 'Hash of all parameters that have an effect on the numbers.')
     )
     version: str | None = field(default=None, metadata=_column('text', 'Version of this package.'))
+    unit: str | None = field(
+        default=None,
+        metadata=_column('text', 'Unit of `radius`, `sa`, `sq` and `sz`, such as `m` or `um`; NULL: not known.'),
+    )
 
     @classmethod
     def columns(cls) -> tuple[RowColumn, ...]:
@@ -249,6 +256,7 @@ def _begun(origin: Origin, status: RowStatus, stamp: str | None) -> MeasurementR
         settings=origin.settings.text,
         settings_hash=origin.settings.digest,
         version=origin.version,
+        unit=known_unit(origin.unit) or origin.unit,
     )
 
 

@@ -48,12 +48,14 @@ class QueuedCloud:
         message: the serialized PointCloud2.
         arrived_s: time of its arrival, of time.monotonic().
         depth_of_field: in m, of a cloud that was a stack.
+        unit: of the coordinates; None: no message says it.
         again: whether it was filtered before, and is filtered again because parameters changed.
     """
 
     message: bytes | memoryview
     arrived_s: float
     depth_of_field: float | None = None
+    unit: str | None = None
     again: bool = False
 
 
@@ -138,9 +140,13 @@ class CloudFilter:
             self._input.destroy()
             self._input = None
 
-    def filter(self, message: bytes | memoryview, depth_of_field: float | None = None) -> None:
-        """Hand a cloud to the worker: one that arrived, or one that a stack became."""
-        self._worker.put(QueuedCloud(message, time.monotonic(), depth_of_field))
+    def filter(self, message: bytes | memoryview) -> None:
+        """Hand a cloud that arrived to the worker."""
+        self._worker.put(QueuedCloud(message, time.monotonic()))
+
+    def filter_stack(self, message: bytes | memoryview, depth_of_field: float | None) -> None:
+        """Hand a cloud that a stack became, which is in m, to the worker."""
+        self._worker.put(QueuedCloud(message, time.monotonic(), depth_of_field, 'm'))
 
     def filter_again(self) -> None:
         """Filter the last cloud again, unless a newer one is filtered first."""
@@ -208,7 +214,7 @@ class CloudFilter:
         except SocialCircleError as refusal:
             self._health.refused(str(refusal))
             if not cloud.again:
-                self._rows.put(str(refusal), None, settings)
+                self._rows.put(str(refusal), None, settings, cloud.unit)
             self._node.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=LOG_PERIOD_S)
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
@@ -221,7 +227,7 @@ class CloudFilter:
         if not cloud.again:
             latency_s = time.monotonic() - cloud.arrived_s
             self._health.published(latency_s)
-            self._rows.put(measurement, 1000 * latency_s, settings)
+            self._rows.put(measurement, 1000 * latency_s, settings, cloud.unit)
         for topic, failure in measurement.failures.items():
             self._failed(failure_sentence(topic, failure))
         if measurement.level == diagnostics.WARN:

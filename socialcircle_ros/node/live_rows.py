@@ -47,13 +47,19 @@ class LiveRows:
         if self._writer is not None:
             self._kept = xyz, kept
 
-    def put(self, outcome: Measurement | str, latency_ms: float | None, configuration: Configuration) -> None:
-        """Hand over what came of the cloud at hand, with the settings that it was filtered with."""
+    def put(
+        self,
+        outcome: Measurement | str,
+        latency_ms: float | None,
+        configuration: Configuration,
+        unit: str | None,
+    ) -> None:
+        """Hand over what came of the cloud at hand, with the settings that it was filtered with, and its unit."""
         kept, self._kept = self._kept, None
         if self._writer is None:
             return
         xyz, mask = kept if kept is not None and not isinstance(outcome, str) else (None, None)
-        self._writer.put(LiveCloud(self._origin(configuration), outcome, latency_ms, xyz, mask))
+        self._writer.put(LiveCloud(self._origin(configuration, unit), outcome, latency_ms, xyz, mask))
         self._number += 1
 
     def close(self) -> None:
@@ -61,7 +67,7 @@ class LiveRows:
         if self._writer is not None:
             self._writer.close()
 
-    def _origin(self, configuration: Configuration) -> Origin:
+    def _origin(self, configuration: Configuration, unit: str | None) -> Origin:
         if self._settings is None or self._settings[0] is not configuration:
             self._settings = configuration, SettingsText.of(configuration)
         return Origin(
@@ -75,6 +81,7 @@ class LiveRows:
             time_ns=time.time_ns(),
             settings=self._settings[1],
             version=self._version,
+            unit=unit,
         )
 
     def _tell(self, sentence: str) -> None:

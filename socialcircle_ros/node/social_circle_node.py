@@ -124,7 +124,7 @@ class SocialCircleNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began_s:.1f} s).')
         self._filter.reserve()
-        self._stack = StackInput(self, self._configuration, self._health, self._filter.filter)
+        self._stack = StackInput(self, self._configuration, self._health, self._filter.filter_stack)
         return super().on_configure(state)
 
     @_reported

@@ -15,6 +15,7 @@ from socialcircle_ros.archive.ledger import Ledger, LedgerEntry
 from socialcircle_ros.archive.trend import MEASURES, read_series
 from socialcircle_ros.archive.trend_page import write_trend
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.lengths import METRES
 from socialcircle_ros.measurements import write_rows
 
 for library in ('bokeh', 'pyarrow', 'duckdb'):
@@ -54,6 +55,70 @@ def test_what_drifts_is_found_and_what_does_not_is_not(out, tmp_path):
     assert one.refused == {date(2026, 9, 21): 1}
     assert one.reasons == {'It is <no> recording.': 1}
     assert len(one.times) == 120
+
+
+def of_units(example, *units):
+    """40 clouds of a part in each unit, all with an Sq of about 2 µm where the unit is known."""
+    for place, unit in enumerate(units):
+        for each in rows_of(example, 'cell1', 0, count=40):
+            factor = 2e-6 / METRES[unit] if unit in METRES else 1.0
+            later = each.time + timedelta(hours=place)
+            yield replace(each, time=later, sa=None, sz=None, sq=each.sq * factor, unit=unit)
+
+
+def test_lengths_of_known_units_are_converted_to_one(tmp_path, example):
+    failed = replace(example, status='failed', reason='It is no recording.')
+    write_rows(tmp_path, 'a', [*of_units(example, 'um', 'm', 'inch'), failed])
+    (series,) = read_series(tmp_path, tmp_path / 'trend.html')
+    assert series.reasons == {'It is no recording.': 1}
+    assert (series.title, series.label('sq'), len(series.times)) == ('cell1, lid', 'Sq [µm]', 120)
+    assert series.values['sq'] == pytest.approx(2.0, rel=0.2)
+    assert series.phases[0].limits['sq'].centre == pytest.approx(2.0, rel=0.02)
+    assert series.drifting() == []
+
+
+def test_clouds_of_an_unknown_unit_are_a_series_of_their_own(tmp_path, example):
+    rows = list(of_units(example, 'um', None, 'px', 'm'))
+    failed = replace(example, status='failed', reason='It is no recording.')
+    refused = replace(failed, status='refused', reason='It is not organized.', unit='px')
+    write_rows(tmp_path, 'a', [*rows, failed, refused])
+    metres, pixels, unknown = read_series(tmp_path, tmp_path / 'trend.html')
+    assert (metres.title, metres.label('sq'), len(metres.times)) == ('cell1, lid, in m', 'Sq [µm]', 80)
+    assert (pixels.title, pixels.label('sz'), len(pixels.times)) == ('cell1, lid, in px', 'Sz [px]', 40)
+    assert (unknown.title, unknown.label('sa')) == ('cell1, lid, unit not known', 'Sa [unit not known]')
+    assert unknown.values['sq'] == pytest.approx(1.0, rel=0.2)
+    assert (metres.reasons, pixels.reasons) == ({}, {'It is not organized.': 1})
+    assert unknown.reasons == {'It is no recording.': 1}
+
+
+def test_one_large_value_does_not_change_the_prefix(tmp_path, example):
+    first, *rows = of_units(example, 'm')
+    write_rows(tmp_path, 'a', [replace(first, sq=1.0), *rows])
+    (series,) = read_series(tmp_path, tmp_path / 'trend.html')
+    assert series.label('sq') == 'Sq [µm]'
+
+
+def test_the_charts_show_the_unit_of_the_chosen_series(tmp_path, example):
+    write_rows(tmp_path, 'a', list(of_units(example, 'm', 'px')))
+    write_trend(tmp_path, tmp_path / 'trend.html')
+    with browser() as chromium:
+        page = chromium.new_page()
+        page.set_default_timeout(TIMEOUT_MS)
+        page.goto((tmp_path / 'trend.html').as_uri())
+        page.wait_for_function('Bokeh.documents.length && Bokeh.documents[0].is_idle')
+        for series, title, value in (('in px', 'Sq [px]', 1), ('in m', 'Sq [µm]', 2)):
+            page.get_by_role('combobox').select_option(f'cell1, lid, {series}')
+            page.wait_for_function(SHOWN, arg=[title, value])
+
+
+SHOWN = """([title, value]) => {
+  const below = (view) => [view, ...[...(view.children?.() ?? [])].flatMap(below)]
+  const plot = [...Bokeh.index.roots].flatMap(below).find((view) => view.model.title?.text === title)
+  if (!plot) { return false }
+  const range = plot.model.y_range
+  return range.start < value && value < range.end && range.end - range.start < value
+}"""
+"""Whether a chart has the title, and its axis lies round the value."""
 
 
 def test_limits_begin_anew_after_a_change_which_is_told(tmp_path, example):
@@ -151,6 +216,7 @@ def test_the_page_needs_no_other_file_and_names_are_escaped(tmp_path, example):
     assert 'a.mcap is damaged.' in page
     assert 'eight points on one side of the centre line' in page
     assert all(f'{label}' in page for label in MEASURES.values())
+    assert 'Sq [unit not known]' in page
 
 
 def test_without_bokeh_the_command_that_installs_it_is_told(out, tmp_path, monkeypatch):

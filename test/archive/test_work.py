@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from archive.archives import BAGS, NOON, recorded
-from examples import cloud
+from examples import cloud, surface
 
 from socialcircle_ros.archive import NamePattern, find_inputs
 from socialcircle_ros.archive.work import BatchTask, do_task
@@ -16,6 +17,7 @@ from socialcircle_ros.measurements import open_measurements
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.settings import PipelineSettings
 
@@ -53,6 +55,27 @@ def test_it_writes_what_filter_writes_and_a_row_for_each_cloud(tmp_path):
     assert asked(tmp_path / 'out') == [(str(path), 'cell1', None, number, 26, 'ok') for number in range(2)]
     ((sa, sq, sz),) = asked(tmp_path / 'out', 'select sa, sq, sz from measurements where number = 0')
     assert 0 < sa < sq < sz < 3
+
+
+def test_a_row_has_the_unit_of_its_lengths(tmp_path):
+    for name, unit in (('a', 'um'), ('b', 'mm')):
+        np.savez(tmp_path / f'{name}.npz', z=surface(seed=ord(name))[..., 2], dx=1.0, dy=1.0, unit=unit)
+    record_clouds([tmp_path / 'a.npz'], tmp_path / 'metres.mcap')
+    record_clouds([tmp_path / 'b.npz'], tmp_path / 'kept.mcap', keep_unit=True)
+    recorded(tmp_path / 'unknown.mcap', clouds=1, namespace='')
+    for name in ('a.npz', 'b.npz', 'metres.mcap', 'kept.mcap', 'unknown.mcap'):
+        do_task(task(tmp_path / name, tmp_path / 'out', digest=name, recordings=False))
+    query = 'select parse_filename(recording), unit, round(log10(sq)) from measurements order by all'
+    assert asked(tmp_path / 'out', query) == [
+        ('a.npz', 'm', -6), ('b.npz', 'm', -3), ('kept.mcap', 'mm', 0), ('metres.mcap', 'm', -6),
+        ('unknown.mcap', None, 0),
+    ]  # fmt: skip
+
+
+def test_the_cloud_of_a_stack_is_in_metres(tmp_path):
+    values = yaml.safe_load((BAGS / 'stack.yaml').read_text())['/**']['ros__parameters']
+    do_task(task(BAGS / 'stack.mcap', tmp_path / 'out', settings=PipelineSettings.from_ros(values)))
+    assert asked(tmp_path / 'out', 'select topic, unit from measurements') == [('/stack/points', 'm')]
 
 
 def test_cell_and_part_come_from_the_name_then_from_the_metadata_then_from_the_namespace(tmp_path):

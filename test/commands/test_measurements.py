@@ -4,6 +4,7 @@
 import csv
 import io
 import json
+from dataclasses import replace
 
 import pytest
 from measurements.row_examples import origin, row
@@ -29,6 +30,28 @@ def test_without_a_query_it_prints_one_row_per_cell(run, out):
         ('cell1', '2', '0'),
         ('cell2', '1', '1'),
     ]
+
+
+def test_the_median_of_sq_compares_lengths_in_metres_only(run, tmp_path):
+    example = row()
+    for cell, values in {
+        'both': [(1.0, 'um'), (3e-6, 'm'), (2000.0, 'nm'), (None, None)],
+        'not comparable': [(1.0, 'um'), (1.0, None)],
+        'pixels': [(5.0, 'px')],
+        'unknown': [(1.0, None), (3.0, None)],
+    }.items():
+        rows = [replace(example, cell=cell, sq=sq, unit=unit) for sq, unit in values]
+        write_rows(tmp_path / 'out', 'a', rows)
+    done = run('measurements', 'out', '--format', 'csv')
+    rows = list(csv.DictReader(io.StringIO(done.out)))
+    medians = [float(each['sq']) if each['sq'] else None for each in rows]
+    assert [(each['cell'], each['clouds'], each['unit']) for each in rows] == [
+        ('both', '4', 'm'),
+        ('not comparable', '2', 'm, not known'),
+        ('pixels', '1', 'px'),
+        ('unknown', '2', 'not known'),
+    ]
+    assert medians == [pytest.approx(2e-6), None, 5.0, 2.0]
 
 
 def test_a_query_is_answered_as_a_table_or_as_json(run, out):

@@ -31,7 +31,7 @@ def test_rows_come_back_as_they_were(tmp_path):
         [field.metadata[b'unit'].decode()] for field in schema_of(tmp_path) if field.name == 'latency_ms'
     ]
     assert unit == 'ms'
-    assert schema_of(tmp_path).metadata[b'socialcircle_schema'] == b'1'
+    assert schema_of(tmp_path).metadata[b'socialcircle_schema'] == b'2'
 
 
 def schema_of(folder):
@@ -77,6 +77,29 @@ def test_rows_of_another_version_are_read_together(tmp_path):
     parquet.write_table(later, (tmp_path / name).with_name('b.parquet'))
     database = open_measurements(tmp_path)
     assert database.sql('select ssk from measurements order by ssk').fetchall() == [(0.5,), (None,)]
+
+
+def test_a_column_that_an_older_version_did_not_write_is_null_also_before_and_after_newer_rows_come(tmp_path):
+    from pyarrow import parquet
+
+    (name,) = write_rows(tmp_path, 'a', [row()])
+    table = parquet.read_table(tmp_path / name, partitioning=None)
+    parquet.write_table(table.drop_columns(['unit']), tmp_path / name)
+    database = open_measurements(tmp_path)
+    query = 'select sq, unit from measurements order by number'
+    assert database.sql(query).fetchall() == [(0.2, None)]
+    write_rows(tmp_path, 'b', [row(number=4, unit='um')])
+    assert database.sql(query).fetchall() == [(0.2, None), (0.2, 'um')]
+    names = [column.name for column in MeasurementRow.columns()]
+    assert [each[0] for each in database.sql('describe measurements').fetchall()] == names
+
+
+def test_only_the_days_that_a_query_asks_for_are_read(tmp_path):
+    write_rows(tmp_path, 'a', [row(stamp=NOON + number * DAY_NS) for number in range(3)])
+    asked = "explain analyze select sq from measurements where day = date '2026-09-22'"
+    ((_, plan),) = open_measurements(tmp_path).sql(asked).fetchall()
+    assert 'day=2026-09-22' in plan
+    assert 'day=2026-09-21' not in plan
 
 
 def test_a_folder_without_measurements_is_told(tmp_path):

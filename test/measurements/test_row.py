@@ -30,6 +30,12 @@ def test_a_row_holds_what_the_filter_says_of_the_cloud():
     assert found.radius > 0
 
 
+def test_the_unit_of_the_lengths_is_in_the_row():
+    assert row().unit is None
+    assert [row(unit=unit).unit for unit in ('m', 'µm', 'px')] == ['m', 'um', 'px']
+    assert refused_row(origin(unit='mm'), 'It is not organized.').unit == 'mm'
+
+
 def test_a_stamp_that_is_no_date_gives_way_to_the_time_of_the_recording():
     assert row(stamp=1_500_000_000).time == row().time
     assert row(stamp=1_500_000_000).stamp == '1.500000000'
@@ -82,4 +88,4 @@ def test_every_column_is_described():
     assert [each.name for each in MeasurementRow.columns()] == [
         each.name for each in dataclasses.fields(MeasurementRow)
     ]
-    assert row(time_ns=NOON).schema_version == 1
+    assert row(time_ns=NOON).schema_version == 2

@@ -49,6 +49,32 @@ def test_a_row_has_the_settings_that_its_cloud_was_filtered_with(tmp_path, messa
     assert open_measurements(folder).sql('select part from measurements').fetchall() == [(expected,)]
 
 
+def test_a_row_has_the_unit_of_its_cloud_where_the_node_made_it(tmp_path):
+    """No message says the unit of a cloud that arrived; that of a stack is in metres."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = LifecycleNode('rows', context=context)
+    begun = threading.Event()
+
+    def configuration():
+        begun.set()
+        return Configuration.from_ros({'measurements.folder': str(tmp_path)})
+
+    clouds = CloudFilter(node, configuration, Health())
+    try:
+        for hand_over in (lambda: clouds.filter(cloud()), lambda: clouds.filter_stack(cloud(seed=1), None)):
+            begun.clear()
+            hand_over()
+            begun.wait()
+            clouds.finish()
+    finally:
+        clouds.close()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+    found = open_measurements(tmp_path).sql('select number, unit from measurements order by number').fetchall()
+    assert found == [(0, None), (1, 'm')]
+
+
 def test_the_node_keeps_a_row_of_each_cloud(start_cell, tmp_path):
     folder = tmp_path / 'plant'
     cell = start_cell({'measurements.folder': str(folder), 'measurements.cell': 'hall 3'})
