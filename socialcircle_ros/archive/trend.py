@@ -183,7 +183,8 @@ def read_series(folder: str | Path, page: Path, *, baseline: int = 50) -> list[S
         SocialCircleError: the folder has no measurements.
     """
     database = open_measurements(folder)
-    rows = database.execute(f'select {_COLUMNS} from measurements order by cell, part, time').fetchall()  # noqa: S608 - constants
+    order = 'cell, part, time, recording, topic, number'
+    rows = database.execute(f'select {_COLUMNS} from measurements order by {order}').fetchall()  # noqa: S608 - constants
     reports = {} if is_url(folder) else _reports(Path(folder).absolute(), page.absolute().parent)
     by_part: dict[tuple[str, str], list[TrendRow]] = {}
     for row in map(TrendRow._make, rows):

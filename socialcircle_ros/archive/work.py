@@ -10,11 +10,13 @@ from pathlib import Path
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.errors import SocialCircleError, UnitWarning, printable
 from socialcircle_ros.measurements import MeasurementRow, Origin, SettingsText, refused_row, row_of, write_rows
+from socialcircle_ros.messages.header import FIRST_DATE
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import CloudOutputs
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.offline import SourceCloud, Summary, filter_recording, measure_recording
+from socialcircle_ros.recording.origins import origins_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.report.report import make_report
 
@@ -132,6 +134,7 @@ class _RowCollector:
         with open_recording(path) as reader:
             recorded = {key: text for record in reader.metadata() for key, text in record.entries.items()}
             self._units = {topic: unit_of(reader, topic) for topic in reader.topics}
+            self._files = origins_of(reader)
         self._cell, self._part = cell or recorded.get('cell'), part or recorded.get('part')
 
     def __call__(self, cloud: SourceCloud, outputs: CloudOutputs | Refusal, heights: HeightMap | None) -> None:
@@ -140,7 +143,7 @@ class _RowCollector:
         number = self._numbers[cloud.topic]
         self._numbers[cloud.topic] += 1
         origin = replace(
-            _origin(self._task, self._content, cell, self._part, cloud.topic, number, cloud.message.log_time),
+            _origin(self._task, self._content, cell, self._part, cloud.topic, number, self._time_ns(cloud)),
             unit='m' if cloud.image is not None else self._units[cloud.topic],
         )
         if isinstance(outputs, Refusal):
@@ -148,6 +151,14 @@ class _RowCollector:
         else:
             found = None if heights is None else texture(heights)
             self.rows.append(row_of(origin, outputs.measurement, found))
+
+    def _time_ns(self, cloud: SourceCloud) -> int:
+        """When a cloud was recorded; where that is no date, when its file says or was changed, ns since 1970."""
+        if cloud.message.log_time >= FIRST_DATE:
+            return cloud.message.log_time
+        file = self._files.get((cloud.topic.rpartition('/')[0], cloud.message.log_time))
+        stated = None if file is None else file.time_ns
+        return stated or self._task.found.time_ns or time.time_ns()
 
 
 def _origin(

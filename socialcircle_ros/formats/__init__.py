@@ -7,6 +7,7 @@
 from .files import check_given, read_file, write_cloud_file, write_surface
 from .surface import MeasuredSurface, OrganizedCloud, surface_of
 from .table import FORMATS, Format, format_of, formats_table, suffixes
+from .times import stated_time
 
 __all__ = [
     'FORMATS',
@@ -17,6 +18,7 @@ __all__ = [
     'format_of',
     'formats_table',
     'read_file',
+    'stated_time',
     'suffixes',
     'surface_of',
     'write_cloud_file',

@@ -3,6 +3,7 @@
 
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.errors import ImportFileError
 
 from .surface import MeasuredSurface
+from .times import date_of_sdf
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import HeightMap
@@ -71,11 +73,11 @@ def read_sdf(path: Path) -> MeasuredSurface:
 
 
 def _read_binary(path: Path, content: bytes) -> MeasuredSurface:
-    _, _, _, _, columns, rows, dx, dy, scale, _, packed, kind, _ = _BINARY.unpack_from(content)
+    _, _, created, _, columns, rows, dx, dy, scale, _, packed, kind, _ = _BINARY.unpack_from(content)
     dtype = np.dtype(_TYPES[kind])
     size = rows * columns * dtype.itemsize
     raw = np.frombuffer(content[_BINARY.size : _BINARY.size + size], dtype).reshape(rows, columns)
-    return _surface(path, raw, kind, (dx, dy), scale, packed)
+    return _surface(path, raw, kind, (dx, dy), scale, packed, date_of_sdf(created.decode('ascii', 'replace')))
 
 
 def _read_text(path: Path, text: str) -> MeasuredSurface:
@@ -89,11 +91,12 @@ def _read_text(path: Path, text: str) -> MeasuredSurface:
         raise ImportFileError(f'{path} has {len(words)} heights, not {rows} × {columns}: it is cut off.')
     target = dtype if dtype.kind == 'f' else np.dtype(np.float64)
     raw = np.array(words, np.float64).astype(target).reshape(int(rows), int(columns))
-    surface = _surface(path, raw, int(kind), (float(dx), float(dy)), float(scale), int(packed))
+    date = date_of_sdf(header.get('createdate', ''))
+    surface = _surface(path, raw, int(kind), (float(dx), float(dy)), float(scale), int(packed), date)
     for line in '\n'.join(parts[2:]).split('\n'):
         if line.startswith(_METADATA):
             metadata = json.loads(line.removeprefix(_METADATA))
-            return MeasuredSurface(surface.heights, surface.pitch, 'm', {}, metadata)
+            return replace(surface, metadata=date | metadata)
     return surface
 
 
@@ -104,6 +107,7 @@ def _surface(
     pitch: tuple[float, float],
     scale: float,
     packed: int,
+    metadata: dict[str, str],
 ) -> MeasuredSurface:
     if packed:
         raise ImportFileError(
@@ -116,4 +120,4 @@ def _surface(
         heights[heights == _INVALID[kind]] = np.nan
     if scale != 1:
         heights = heights.astype(np.float64) * scale
-    return MeasuredSurface(cast('HeightMap', heights), pitch, 'm')
+    return MeasuredSurface(cast('HeightMap', heights), pitch, 'm', {}, metadata)

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import cast
@@ -89,6 +90,9 @@ def _first_surface(
     found_unit = known_unit(topography.unit) or topography.unit or unit
     metadata = {'source': path.name, 'channel': str(getattr(channel, 'name', ''))}
     instrument = topography.info.get('instrument') if hasattr(topography.info, 'get') else None
+    measured = topography.info.get('acquisition_time') if hasattr(topography.info, 'get') else None
+    if isinstance(measured, datetime):
+        metadata['date'] = measured.isoformat(timespec='seconds')
     if isinstance(instrument, dict):
         metadata |= {f'instrument {key}': str(value) for key, value in instrument.items()}
     return MeasuredSurface(values, cast('tuple[float, float]', found), found_unit, {}, metadata)

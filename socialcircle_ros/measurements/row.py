@@ -61,7 +61,7 @@ class Origin:
         part: name or number of the part; None: unknown.
         topic: of the cloud.
         number: of the cloud on its topic, from 0.
-        time_ns: when the cloud was recorded or arrived, ns since 1970.
+        time_ns: when the cloud was recorded, arrived, or was measured by its file, ns since 1970.
         settings: in force.
         version: of this package.
         unit: of the coordinates; None: not known.
@@ -96,7 +96,9 @@ class MeasurementRow:
     time: datetime = field(
         metadata=_column(
             'time',
-            'When the cloud was measured, UTC: its stamp, or the time of its recording for stamps before 2000.',
+            'When the cloud was measured, UTC: its stamp; for stamps before 2000 the time of its recording. Where'
+            ' that is before 2000 as well, as for measurement files: the date that the file states, or else its'
+            ' last change.',
         )
     )
     day: date = field(metadata=_column('date', 'Day of `time`; the files are partitioned by it.'))

@@ -31,7 +31,7 @@ def open_recording(path: str | Path) -> reader.RecordingReader:
         return reader.open_recording(path)
     with TemporaryDirectory(prefix='socialcircle-') as folder:
         imported = Path(folder) / f'{path.stem}.mcap'
-        record_clouds([path], imported, written=_warn)
+        record_clouds([path], imported, keep_changed=False, written=_warn)  # a copy has another time
         # The opened file stays readable after its name is gone.
         opened = reader.open_recording(imported)
     opened.path = path

@@ -74,10 +74,11 @@ def record_clouds(
     pitch: tuple[float, float] | None = None,
     unit: str | None = None,
     keep_unit: bool = False,
+    keep_changed: bool = True,
     overwrite: bool = False,
     written: Callable[[Path, ImportedCloud, FileOrigin], None] | None = None,
 ) -> None:
-    """Write a recording with one cloud per measurement file, in m, and with the name and unit of each file.
+    """Write a recording with one cloud per measurement file, in m, and with the name, unit and time of each file.
 
     Clouds whose unit is not known keep their numbers.
 
@@ -91,6 +92,7 @@ def record_clouds(
         pitch: dx and dy of files that do not state them.
         unit: of files that do not name it.
         keep_unit: whether clouds keep the unit of their file.
+        keep_changed: whether the recording keeps when each file was last changed.
         overwrite: whether to replace an existing recording.
         written: called with each file, its cloud as it is written, and where that comes from.
 
@@ -108,6 +110,8 @@ def record_clouds(
             cloud = replace(cloud, unit=known_unit(cloud.unit) or cloud.unit)
             stamp = int((number + 1) * period_s * 1e9)
             origin = origin_of(cloud, topic, stamp, path.name, given=unit is not None)
+            if keep_changed:
+                origin = replace(origin, changed_ns=path.stat().st_mtime_ns)
             if not keep_unit:
                 cloud, rounding = in_metres(cloud)
                 origin = replace(origin, converted=cloud.unit != origin.unit, rounding=rounding)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Organized clouds from measurement files: `.npz` height maps, PLY and PCD."""
 
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar, cast
@@ -10,8 +12,9 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Cloud, Floats
 from socialcircle_ros.errors import ImportFileError
-from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file
+from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, stated_time
 from socialcircle_ros.formats.points import comments_of
+from socialcircle_ros.messages.header import FIRST_DATE
 
 from .npz import Npz, open_npz
 from .pcd import read_pcd
@@ -36,6 +39,7 @@ class ImportedCloud:
         notes: what was not taken as it stands, one sentence each.
         unit_note: what was taken for a unit that the file does not state; empty: it states its unit, or the caller
             gave it.
+        measured_ns: when it was measured, as the file states it, ns since 1970; None: the file does not.
     """
 
     name: str
@@ -44,6 +48,7 @@ class ImportedCloud:
     unit: str | None
     notes: tuple[str, ...] = ()
     unit_note: str = ''
+    measured_ns: int | None = None
 
 
 def import_cloud(
@@ -119,11 +124,27 @@ def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud
         kind = np.result_type(x, y, z) if 'x' in archive.headers else z.dtype
         points = np.empty((rows, columns, 3), kind)
         points[..., 0], points[..., 1], points[..., 2] = x, y, z
-        unit = _text_of(archive, 'unit')
+        unit, metadata = _text_of(archive, 'unit'), _text_of(archive, 'metadata')
         for name in archive.headers:
             if name not in _OWN_ARRAYS:
                 fields.add_array(archive, name)
-    return _checked(path, ImportedCloud(path.stem, points, fields.by_name, unit, tuple(fields.notes)))
+    cloud = ImportedCloud(path.stem, points, fields.by_name, unit, tuple(fields.notes))
+    return _checked(path, replace(cloud, measured_ns=_date(_parsed(metadata))))
+
+
+def _parsed(metadata: str | None) -> Mapping[str, str]:
+    """The metadata that a file of `export` has as JSON; nothing where there are none."""
+    try:
+        content = json.loads(metadata or '{}')
+    except ValueError:
+        return {}
+    return {str(key): str(value) for key, value in content.items()} if isinstance(content, dict) else {}
+
+
+def _date(metadata: Mapping[str, str]) -> int | None:
+    """When a cloud was measured, as its metadata state it; what is before 2000 is no date."""
+    time = stated_time(metadata)
+    return None if time is None or time < FIRST_DATE else time
 
 
 def _text_of(archive: Npz, name: str) -> str | None:
@@ -194,7 +215,8 @@ def _read_other(
     rows, columns = cloud.points.shape[:2]
     if shape is not None and shape != (rows, columns):
         raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
-    return _checked(path, ImportedCloud(path.stem, cloud.points, dict(cloud.fields), cloud.unit))
+    imported = ImportedCloud(path.stem, cloud.points, dict(cloud.fields), cloud.unit)
+    return _checked(path, replace(imported, measured_ns=_date(cloud.metadata)))
 
 
 def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
@@ -213,8 +235,9 @@ def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
         else:
             for place in range(values.shape[1]):
                 fields.add(f'{name}_{place}', grid.place(values[:, place], 0))
-    notes = (*table.notes, *fields.notes)
-    return _checked(path, ImportedCloud(path.stem, points, fields.by_name, comments_of(path).get('unit'), notes))
+    notes, comments = (*table.notes, *fields.notes), comments_of(path)
+    cloud = ImportedCloud(path.stem, points, fields.by_name, comments.get('unit'), notes)
+    return _checked(path, replace(cloud, measured_ns=_date(_parsed(comments.get('metadata')))))
 
 
 class _PointGrid:

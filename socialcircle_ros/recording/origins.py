@@ -8,6 +8,7 @@ which steps the numbers of the file are found again, so that `export` writes the
 
 import base64
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -43,6 +44,8 @@ class FileOrigin:
         unit_from: how the unit is known, in words.
         converted: whether the cloud is in m and the file is not.
         rounding: the steps of `_stepped`, compressed; empty: there are none.
+        measured_ns: when the cloud was measured, as the file states it, ns since 1970; None: it does not.
+        changed_ns: when the file was last changed, ns since 1970; None: not kept.
     """
 
     topic: str
@@ -52,6 +55,13 @@ class FileOrigin:
     unit_from: str
     converted: bool
     rounding: bytes = b''
+    measured_ns: int | None = None
+    changed_ns: int | None = None
+
+    @property
+    def time_ns(self) -> int | None:
+        """When the cloud was measured, or else its file changed, ns since 1970; None: not known."""
+        return self.changed_ns if self.measured_ns is None else self.measured_ns
 
     def records(self) -> list[MetadataRecord]:
         """The metadata records that hold it."""
@@ -63,6 +73,8 @@ class FileOrigin:
             'unit_from': self.unit_from,
             'converted_to_m': str(self.converted).lower(),
         }
+        times = {'measured_ns': self.measured_ns, 'changed_ns': self.changed_ns}
+        found |= {name: str(time) for name, time in times.items() if time is not None}
         steps = {**place, 'steps': base64.b64encode(self.rounding).decode()}
         return [MetadataRecord(_IMPORT, found), *([MetadataRecord(_ROUNDING, steps)] if self.rounding else [])]
 
@@ -112,7 +124,7 @@ def in_metres(cloud: ImportedCloud) -> tuple[ImportedCloud, bytes]:
 def origin_of(cloud: ImportedCloud, topic: str, stamp: int, file: str, *, given: bool) -> FileOrigin:
     """Where a cloud as it is in the file comes from; `given`: the caller gave its unit."""
     unit_from = '' if cloud.unit is None else (_TAKEN if cloud.unit_note else _GIVEN if given else _STATED)
-    return FileOrigin(topic, stamp, file, cloud.unit, unit_from, converted=False)
+    return FileOrigin(topic, stamp, file, cloud.unit, unit_from, converted=False, measured_ns=cloud.measured_ns)
 
 
 def origins_of(reader: RecordingReader) -> dict[tuple[str, int], FileOrigin]:
@@ -135,10 +147,16 @@ def origins_of(reader: RecordingReader) -> dict[tuple[str, int], FileOrigin]:
                 entries['unit_of_file'] or None,
                 entries['unit_from'],
                 entries['converted_to_m'] == 'true',
+                measured_ns=_time_of(entries, 'measured_ns'),
+                changed_ns=_time_of(entries, 'changed_ns'),
             )
         except (KeyError, ValueError):
             continue  # a record of another program with this name
     return {place: replace(each, rounding=steps.get(place, b'')) for place, each in found.items()}
+
+
+def _time_of(entries: Mapping[str, str], name: str) -> int | None:
+    return int(entries[name]) if name in entries else None
 
 
 def _steps(near: Cloud, exact: Cloud) -> Steps:

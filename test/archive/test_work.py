@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The task of a worker: one input in, results out; no Dask here."""
 
+import os
 import resource
 from pathlib import Path
 
@@ -12,11 +13,13 @@ from examples import cloud, surface
 
 from socialcircle_ros.archive import NamePattern, find_inputs
 from socialcircle_ros.archive.work import BatchTask, do_task
+from socialcircle_ros.formats import MeasuredSurface, write_surface
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.measurements import open_measurements
+from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
-from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
 from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.settings import PipelineSettings
@@ -70,6 +73,37 @@ def test_a_row_has_the_unit_of_its_lengths(tmp_path):
         ('a.npz', 'm', -6), ('b.npz', 'm', -3), ('kept.mcap', 'mm', 0), ('metres.mcap', 'm', -6),
         ('unknown.mcap', None, 0),
     ]  # fmt: skip
+
+
+def test_a_row_has_the_time_of_its_measurement_file(tmp_path):
+    """That which the file states, or else its last change; an import keeps both of each file."""
+    heights = surface()[..., 2]
+    stamp = f'{NOON // 10**9}.000000000'
+    write_surface(tmp_path / 'a.npz', MeasuredSurface(heights, (1.0, 1.0), 'um', {}, {'stamp': stamp}))
+    write_surface(tmp_path / 'b.npz', MeasuredSurface(heights + 1, (1.0, 1.0), 'um'))
+    for name in 'ab':
+        os.utime(tmp_path / f'{name}.npz', (1_800_000_000, 1_800_000_000))
+    record_clouds([tmp_path / 'a.npz', tmp_path / 'b.npz'], tmp_path / 'both.mcap')
+    for name in ('a.npz', 'b.npz', 'both.mcap'):
+        do_task(task(tmp_path / name, tmp_path / 'out', recordings=False))
+    query = (
+        'select parse_filename(recording), number, epoch(time)::bigint, day::text from measurements order by all'
+    )
+    stated, changed = (NOON // 10**9, '2026-09-21'), (1_800_000_000, '2027-01-15')
+    rows = [('a.npz', 0, *stated), ('b.npz', 0, *changed), ('both.mcap', 0, *stated), ('both.mcap', 1, *changed)]
+    assert asked(tmp_path / 'out', query) == rows
+    (tmp_path / 'b.npz').touch()  # its content is done
+    do_task(task(tmp_path / 'b.npz', tmp_path / 'out', recordings=False))
+    assert asked(tmp_path / 'out', query) == rows
+
+
+def test_a_recording_without_dates_has_the_time_of_its_last_change(tmp_path):
+    with RecordingWriter(tmp_path / 'a.mcap') as writer:
+        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        writer.write('/points', cloud(stamp=5_000_000_000), 5_000_000_000)
+    os.utime(tmp_path / 'a.mcap', (1_800_000_000, 1_800_000_000))
+    do_task(task(tmp_path / 'a.mcap', tmp_path / 'out', recordings=False))
+    assert asked(tmp_path / 'out', 'select epoch(time)::bigint from measurements') == [(1_800_000_000,)]
 
 
 def test_the_cloud_of_a_stack_is_in_metres(tmp_path):

@@ -43,6 +43,14 @@ def test_the_other_vendor_files_are_read(real_measurements, name):
     assert np.isfinite(surface.heights).all()
 
 
+@pytest.mark.parametrize(
+    ('name', 'date'), [('opd-1.opd', '2015-07-07T16:19:48'), ('plu-1.plu', '2023-03-10T16:35:59')]
+)
+def test_the_date_of_the_measurement_is_read(real_measurements, name, date):
+    pytest.importorskip('SurfaceTopography')
+    assert read_file(real_measurements / 'vendor' / name).metadata['date'] == date
+
+
 MADE = {
     '.sur': vendor_files.sur,
     '.plux': vendor_files.plux,

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clouds in metres, and the numbers and the unit of their files back."""
 
+import os
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ from socialcircle_ros.recording.description import describe
 from socialcircle_ros.recording.export import export_recording, filter_to_file
 from socialcircle_ros.recording.importers import ImportedCloud
 from socialcircle_ros.recording.offline import filter_recording
-from socialcircle_ros.recording.origins import FileOrigin, in_metres
+from socialcircle_ros.recording.origins import FileOrigin, in_metres, origins_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PipelineSettings
 
@@ -114,6 +116,31 @@ def test_a_recording_says_which_files_it_is_from_even_after_the_filter(tmp_path)
     export = export_recording(tmp_path / 'cleaned.mcap', tmp_path / 'out', '.npz')
     assert [read_surface(each).unit for each in export.files] == ['um', 'mm', 'um']
     assert b'a.npz' in np.load(export.files[0])['metadata'].tobytes().replace(b'\0', b'')
+
+
+def test_a_recording_keeps_the_times_of_its_files_even_after_the_filter(tmp_path):
+    write_surface(tmp_path / 'a.npz', replace(surface(), metadata={'stamp': '1790000000.000000000'}))
+    write_surface(tmp_path / 'b.npz', surface())
+    for name, time in (('a.npz', 1_800_000_000), ('b.npz', 1_800_000_005)):
+        os.utime(tmp_path / name, (time, time))
+    record_clouds([tmp_path / 'a.npz', tmp_path / 'b.npz'], tmp_path / 'all')
+    filter_recording(tmp_path / 'all', tmp_path / 'cleaned.mcap', PipelineSettings())
+    with open_recording(tmp_path / 'cleaned.mcap') as reader:
+        one, other = origins_of(reader).values()
+    assert (one.measured_ns, one.changed_ns, one.time_ns) == (
+        1_790_000_000 * 10**9, 1_800_000_000 * 10**9, 1_790_000_000 * 10**9,
+    )  # fmt: skip
+    assert (other.measured_ns, other.time_ns) == (None, 1_800_000_005 * 10**9)
+
+
+def test_what_comes_of_a_measurement_file_does_not_depend_on_the_time_of_its_last_change(tmp_path):
+    write_surface(tmp_path / 'a.npz', surface())
+    contents = []
+    for time in (1_800_000_000, 1_800_000_005):
+        os.utime(tmp_path / 'a.npz', (time, time))
+        filter_recording(tmp_path / 'a.npz', tmp_path / 'a.mcap', PipelineSettings(), overwrite=True)
+        contents.append((tmp_path / 'a.mcap').read_bytes())
+    assert contents[0] == contents[1]
 
 
 def test_a_unit_that_is_not_known_keeps_its_numbers(tmp_path):
