@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle batch`."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Literal
 
 import click
@@ -12,6 +12,8 @@ from .options import LIMITS_FAILED, parameter_options, parameter_values, progres
 
 if TYPE_CHECKING:
     from socialcircle_ros.archive import BatchResult
+
+_MOST_NAMES = 5  # of inputs that failed alike
 
 
 @click.command('batch', epilog='Example: socialcircle batch nights/ -o out --names "{cell}/{part}_*.mcap"')
@@ -100,6 +102,20 @@ def command(
     _tell(result, output)
 
 
+def _tell_failures(failed: Mapping[str, str]) -> None:
+    """Print why inputs failed; a reason that differs in the name of the input only, as on a full disk, once."""
+    alike: dict[str, list[str]] = {}
+    for location, reason in sorted(failed.items()):
+        kind = reason.replace(location, '').replace(PurePosixPath(location).name, '')
+        alike.setdefault(kind, []).append(location)
+    for first, *others in alike.values():
+        told = failed[first] if first in failed[first] else f'{first}: {failed[first]}'
+        click.echo(f'Failed: {told}', err=True)
+        if others:
+            names = ', '.join(others[:_MOST_NAMES]) + (', …' if len(others) > _MOST_NAMES else '')
+            click.echo(f'So failed {quantity(len(others), "other")}: {names}', err=True)
+
+
 @contextmanager
 def _progress() -> Iterator[tuple[Callable[[int], None], Callable[[int, int], None]]]:
     """Show on stderr how many inputs are found and done, the rate, and the time left."""
@@ -129,14 +145,13 @@ def _tell(result: 'BatchResult', output: str) -> None:
         click.echo(f'Warning: {min(result.units)}{f" So {others} more." if others else ""}', err=True)
     for sentence in sorted(result.damaged.values()):
         click.echo(f'Damaged: {sentence}', err=True)
-    for location, reason in sorted(result.failed.items()):
-        told = reason if location in reason else f'{location}: {reason}'
-        click.echo(f'Failed: {told}', err=True)
+    _tell_failures(result.failed)
     if result.limits_failed:
         failed = quantity(result.limits_failed, 'cloud')
         query = 'select recording, topic, number, limits_reason from measurements where not limits_passed'
         click.echo(f'{failed} failed the limits: socialcircle measurements {output} "{query}"', err=True)
-    click.echo(f'Next: socialcircle trend {output} -o trend.html', err=True)
+    if result.done or result.skipped or result.same:
+        click.echo(f'Next: socialcircle trend {output} -o trend.html', err=True)
     if result.failed or result.damaged:
         raise click.exceptions.Exit(1)
     if result.limits_failed:

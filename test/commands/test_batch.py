@@ -8,8 +8,10 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from archive.archives import recorded
+from storage.disks import fill, small_disk
 
 for library in ('distributed', 'fsspec', 'pyarrow', 'duckdb'):
     pytest.importorskip(library)
@@ -31,6 +33,34 @@ def test_it_filters_with_processes_of_its_own_and_tells_what_is_wrong(run, tmp_p
     assert again.code == 0, again.err
     assert '1 input: 0 filtered with 0 clouds, 1 done before; 0 failed, 0 damaged.' in again.out
     assert '1 result in out left out: results are no inputs.' in again.err
+
+
+def test_inputs_that_fail_alike_are_told_together_and_nothing_is_next_where_nothing_was_done(run, tmp_path):
+    with small_disk(tmp_path / 'disk', 2 << 20) as disk:
+        for number in range(8):
+            recorded(tmp_path / f'nights/{number}.mcap', seed=number, clouds=10)
+        fill(disk, left=800_000)  # enough for rows, but not for a recording
+        done = run('batch', 'nights', '-o', 'disk/out', '--workers', '1', timeout=300)
+    assert done.code == 1
+    assert '8 inputs: 0 filtered with 0 clouds; 8 failed' in done.out
+    told = [line for line in done.err.splitlines() if line and not line.startswith('Dashboard')]
+    nights = tmp_path / 'nights'
+    names = ', '.join(f'{nights}/{number}.mcap' for number in range(1, 6))
+    why = 'cannot be written (No space left on device): check the space and the permissions there.'
+    assert told == [
+        f'Failed: {nights}/0.mcap: {disk}/out/recordings/0.mcap {why}',
+        f'So failed 7 others: {names}, …',
+    ]
+
+
+def test_inputs_that_fail_for_other_reasons_are_told_one_by_one(run, tmp_path):
+    (tmp_path / 'a.mcap').write_bytes(b'no recording')
+    np.savez(tmp_path / 'b.npz', heights=1)
+    done = run('batch', 'a.mcap', 'b.npz', '-o', 'out', '--workers', '1', timeout=300)
+    told = [line for line in done.err.splitlines() if line and not line.startswith('Dashboard')]
+    assert [line[: len(f'Failed: {tmp_path}/b')] for line in told] == [
+        f'Failed: {tmp_path}/{name}' for name in 'ab'
+    ]
 
 
 def test_ctrl_c_in_a_terminal_ends_all_processes_and_the_same_command_continues(run, tmp_path):
