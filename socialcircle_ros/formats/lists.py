@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.errors import ImportFileError
 
 from .surface import OrganizedCloud
+from .text import open_text
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import Cloud
@@ -53,7 +54,7 @@ def read_list(path: Path) -> OrganizedCloud | None:
     Raises:
         ImportFileError: the points do not lie on a regular grid, or too few of them to be certain of it.
     """
-    with path.open(encoding='utf-8', errors='replace') as file:
+    with open_text(path) as file:
         layout = _layout(file)
         if layout is None:
             return None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.errors import ImportFileError
 
 from .surface import MeasuredSurface, OrganizedCloud, PointValues, given_pitch
+from .text import BYTE_ORDER_MARK, open_text
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import Cloud
@@ -80,7 +81,8 @@ def write_text(path: Path, cloud: OrganizedCloud) -> None:
 def is_own_text(path: Path) -> bool:
     """Whether `write_text` wrote a file."""
     with path.open('rb') as file:
-        return file.read(len(_SIGNATURE)) == _SIGNATURE.encode()
+        head = file.read(len(BYTE_ORDER_MARK) + len(_SIGNATURE))
+    return head.removeprefix(BYTE_ORDER_MARK).startswith(_SIGNATURE.encode())
 
 
 def read_text(path: Path) -> OrganizedCloud:
@@ -90,7 +92,7 @@ def read_text(path: Path) -> OrganizedCloud:
         ImportFileError: the file was changed so that it contradicts its header, or is cut off.
     """
     comments = comments_of(path)
-    with path.open(encoding='utf-8', errors='replace') as file:
+    with open_text(path) as file:
         line = next((line for line in file if not line.startswith('#')), '')
         separator = _SEPARATORS[path.suffix.lower()]
         names = line.strip().split(separator)
@@ -111,7 +113,7 @@ def read_text(path: Path) -> OrganizedCloud:
 
 def is_matrix(path: Path) -> bool:
     """Whether a text has more than the three numbers of a point in its first line."""
-    with path.open(encoding='utf-8', errors='replace') as file:
+    with open_text(path) as file:
         return next((line for line in file if line.strip() and not line.startswith('#')), '').count(',') > 2
 
 
@@ -122,7 +124,8 @@ def read_matrix(path: Path, pitch: tuple[float, float] | None, unit: str | None)
         ImportFileError: a line has something else, or no pitch is given.
     """
     try:
-        heights = np.loadtxt(path, np.float64, delimiter=',', ndmin=2, converters=_height)
+        with open_text(path) as file:
+            heights = np.loadtxt(file, np.float64, delimiter=',', ndmin=2, converters=_height)
     except ValueError as error:
         raise ImportFileError(
             f'{path} is no matrix of numbers with commas between them ({str(error).splitlines()[0]}):'
@@ -138,7 +141,7 @@ def _height(text: str) -> float:
 def comments_of(path: Path) -> dict[str, str]:
     """The comments `unit`, `metadata` and so on in the header of a PLY, PCD or text file that was written here."""
     with path.open('rb') as file:
-        head = file.read(_LONGEST_HEADER).partition(b'end_header')[0]
+        head = file.read(_LONGEST_HEADER).removeprefix(BYTE_ORDER_MARK).partition(b'end_header')[0]
     found: dict[str, str] = {}
     for line in head.split(b'\n'):
         words = line.decode('utf-8', errors='replace').split(' ', 2)

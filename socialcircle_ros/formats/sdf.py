@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.errors import ImportFileError
 
 from .surface import MeasuredSurface
+from .text import BYTE_ORDER_MARK
 from .times import date_of_sdf
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def read_sdf(path: Path) -> MeasuredSurface:
     Raises:
         ImportFileError: the file is no SDF file, is cut off, or is compressed.
     """
-    content = path.read_bytes()
+    content = path.read_bytes().removeprefix(BYTE_ORDER_MARK)
     try:
         if content.startswith(b'bISO-1.0'):
             return _read_binary(path, content)

@@ -16,6 +16,7 @@ from socialcircle_ros.errors import ImportFileError, install_command
 from socialcircle_ros.lengths import known_unit
 
 from .surface import MeasuredSurface, given_pitch
+from .text import without_mark
 
 
 def read_vendor_file(
@@ -37,11 +38,12 @@ def read_vendor_file(
     except ImportError:
         raise ImportFileError(f'{path} needs SurfaceTopography: {install_command("formats")}.') from None
     reasons = []
-    for name in readers:
-        found = _attempt(path, partial(open_topography, str(path), format=name), pitch, unit)
-        if isinstance(found, MeasuredSurface):
-            return found
-        reasons.append(f'{name}: {found}')
+    with without_mark(path) as plain:
+        for name in readers:
+            found = _attempt(path, partial(open_topography, str(plain), format=name), pitch, unit)
+            if isinstance(found, MeasuredSurface):
+                return found
+            reasons.append(f'{name}: {found}')
     raise ImportFileError(
         f'{path} cannot be read as {" or ".join(readers)}: it is damaged, or of a variant that is not known'
         f' ({"; ".join(reasons)}). Export it as x3p or sdf with the program of the instrument.'

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.formats.text import BYTE_ORDER_MARK
 from socialcircle_ros.kernels.compiled import kernel
 
 from .compression import expansion_limit, over_the_limit
@@ -43,7 +44,7 @@ def read_pcd(path: Path) -> PointTable:
     Raises:
         ImportFileError: the file is no PCD file, contradicts itself, or is cut off.
     """
-    content = path.read_bytes()
+    content = path.read_bytes().removeprefix(BYTE_ORDER_MARK)
     header, encoding, start = _header(path, content)
     notes: list[str] = []
     try:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.formats.text import BYTE_ORDER_MARK
 
 from .point_table import FieldValues, PointTable, ascii_columns, cut_off, first, unique_names
 
@@ -72,7 +73,7 @@ def read_ply(path: Path) -> PointTable:
     Raises:
         ImportFileError: the file is no PLY file, contradicts itself, or is cut off.
     """
-    content = path.read_bytes()
+    content = path.read_bytes().removeprefix(BYTE_ORDER_MARK)
     header = _read_header(path, content)
     rows = header.sizes.get('num_rows', header.sizes.get('height'))
     columns = header.sizes.get('num_cols', header.sizes.get('width'))

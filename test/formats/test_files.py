@@ -2,6 +2,7 @@
 """Every format that is written: import → export → import is exact, and what is lost is said."""
 
 import builtins
+import codecs
 import tempfile
 from pathlib import Path
 
@@ -69,6 +70,16 @@ def test_the_metadata_come_back(suffix, data):
         path = Path(folder) / f'a{suffix}'
         write_surface(path, surface)
         assert read_file(path).metadata == surface.metadata
+
+
+@pytest.mark.parametrize('suffix', ['.csv', '.xyz', '.sdf', '.ply', '.pcd'])
+def test_a_byte_order_mark_before_a_text_is_no_part_of_it(tmp_path, suffix):
+    path = tmp_path / f'a{suffix}'
+    write_surface(path, PLANE)
+    path.write_bytes(codecs.BOM_UTF8 + path.read_bytes())
+    found = imported(path)
+    assert (found.points.shape, found.unit) == ((3, 4, 3), 'm')
+    assert np.isfinite(found.points).all()
 
 
 @pytest.mark.parametrize('suffix', ['.x3p', '.sdf'])

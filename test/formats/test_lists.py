@@ -100,6 +100,13 @@ def test_points_without_a_certain_grid_are_refused_in_one_sentence(tmp_path, poi
         read_file(tmp_path / 'a.xyz')
 
 
+@pytest.mark.parametrize('suffix', ['.xyz', '.csv', '.txt', '.asc'])
+def test_the_first_point_behind_a_byte_order_mark_is_read(tmp_path, suffix):
+    (tmp_path / f'a{suffix}').write_text(lines(POINTS), encoding='utf-8-sig')
+    found = read_file(tmp_path / f'a{suffix}').points
+    np.testing.assert_array_equal(found[..., 2], HEIGHTS.astype(found.dtype))
+
+
 def test_rounded_coordinates_are_kept_as_they_are(tmp_path):
     """A third of a micrometre in three digits is off even spacing by a thousandth of the pitch."""
     points = [(round(column / 3, 3), round(row / 7, 3), row * column) for row in range(5) for column in range(6)]

@@ -100,11 +100,22 @@ def test_a_file_without_pitch_takes_the_pitch_that_is_given(tmp_path, suffix):
     assert (surface.pitch, surface.unit) == ((2.0, 3.0), 'um')
 
 
+def test_a_byte_order_mark_before_an_ascii_matrix_is_no_part_of_it(tmp_path):
+    pytest.importorskip('SurfaceTopography')
+    (tmp_path / 'a.asc').write_text('0 1 2 3\n4 5 6 7\n8 9 10 11\n', encoding='utf-8-sig')
+    surface = read_file(tmp_path / 'a.asc', pitch=(2.0, 3.0), unit='um')
+    np.testing.assert_array_equal(surface.heights, np.arange(12).reshape(3, 4))
+    assert surface.metadata['source'] == 'a.asc'
+
+
 def test_a_matrix_with_commas_is_read_without_the_library(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'SurfaceTopography', None)
     (tmp_path / 'a.csv').write_text('# heights\n0,1,2,3\n4,,6,nan\n')
     surface = read_file(tmp_path / 'a.csv', pitch=(2.0, 3.0), unit='um')
     np.testing.assert_array_equal(surface.heights, [[0, 1, 2, 3], [4, np.nan, 6, np.nan]])
+    (tmp_path / 'a.csv').write_text('0,1,2,3\n4,,6,nan\n', encoding='utf-8-sig')  # as Excel writes it
+    marked = read_file(tmp_path / 'a.csv', pitch=(2.0, 3.0), unit='um')
+    np.testing.assert_array_equal(marked.heights, surface.heights)
     (tmp_path / 'b.csv').write_text('0,1,2,3\n4,five,6,7\n')
     with pytest.raises(ImportFileError, match='is no matrix of numbers'):
         read_file(tmp_path / 'b.csv', pitch=(2.0, 3.0))
