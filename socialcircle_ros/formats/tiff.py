@@ -10,6 +10,7 @@ import numpy as np
 
 from socialcircle_ros.errors import ImportFileError, SocialCircleError, install_command
 
+from .damage import damage_told
 from .surface import MeasuredSurface, given_pitch
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
     except ImportError:
         raise ImportFileError(f'TIFF files need Pillow: {install_command("pictures")}.') from None
     try:
-        with Image.open(path) as image:
+        with damage_told(path, 'is damaged, or no TIFF file: save it again.'), Image.open(path) as image:
             mode, pages = image.mode, getattr(image, 'n_frames', 1)
             tags = dict(getattr(image, 'tag_v2', {}))
             values = np.asarray(image) if mode in _MODES and pages == 1 else None
@@ -69,8 +70,6 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
         raise ImportFileError(
             f'{path} states more pixels than are read here: it is damaged, or to be split.'
         ) from None
-    except (OSError, ValueError, SyntaxError, EOFError, KeyError, IndexError, TypeError, OverflowError):
-        raise ImportFileError(f'{path} is not a readable TIFF file: save it again.') from None
     if pages != 1:
         raise ImportFileError(f'{path} has {pages} pages; a height map is one page of numbers: split the file.')
     if values is None:
@@ -78,6 +77,8 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
             f'{path} is a picture of the mode {mode}, not a height map: save heights as 32-bit float or 16-bit.'
         )
     described = _described(tags.get(_DESCRIPTION))
+    if 'dx' in described and mode != 'F':
+        raise ImportFileError(f'{path} is damaged: it does not say that its heights are float32; export it again.')
     scale = tags.get(_PIXEL_SCALE)
     stated = (described.get('dx'), described.get('dy')) if 'dx' in described else tuple(scale or ())[:2]
     found = tuple(float(each) for each in stated if isinstance(each, (int, float)))

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames from image files: gray values without loss, or a refusal."""
 
-import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.errors import ImportFileError, install_command
+from socialcircle_ros.formats.damage import damage_told
 from socialcircle_ros.messages.gray import GrayImage
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def read_pictures(pages: Sequence[ImagePage]) -> Iterator[FramePicture]:
         path = pages[position].path
         with open_image(path) as image:
             while position < len(pages) and pages[position].path == path:
-                with _damage_told(path):
+                with picture_damage_told(path):
                     image.seek(pages[position].number or 0)
                     picture = _gray(path, image)
                 yield picture
@@ -90,7 +90,7 @@ def open_image(path: Path) -> _Opened:
     except ImportError:
         raise ImportFileError(f'Images need Pillow: {install_command("pictures")}.') from None
     try:
-        with _damage_told(path):
+        with picture_damage_told(path):
             return _Opened(Image.open(path))
     except Image.DecompressionBombError:
         raise ImportFileError(f'{path} has too many pixels to be a frame: give smaller images.') from None
@@ -102,19 +102,17 @@ def page_count(path: Path) -> int:
     Raises:
         ImportFileError: the file cannot be read, or Pillow is not installed.
     """
-    with open_image(path) as image, _damage_told(path):
+    with open_image(path) as image, picture_damage_told(path):
         return int(getattr(image, 'n_frames', 1))
 
 
-@contextmanager
-def _damage_told(path: Path) -> Iterator[None]:
-    """Turn whatever Pillow raises for a damaged file into one sentence; its warnings are about metadata."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore')
-            yield
-    except (OSError, ValueError, SyntaxError, EOFError, KeyError, IndexError, TypeError, OverflowError):
-        raise ImportFileError(f'{path} is not a readable image; save it as PNG or TIFF.') from None
+def picture_damage_told(path: Path) -> AbstractContextManager[None]:
+    """Turn whatever Pillow says of a damaged picture into one sentence.
+
+    Raises:
+        ImportFileError: as by `damage_told`.
+    """
+    return damage_told(path, 'is damaged, or no image: save it again as PNG or TIFF.')
 
 
 def _gray(path: Path, image: 'Image') -> FramePicture:

@@ -6,15 +6,11 @@ import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.lengths import METRES, known_unit
 
-from .pictures import open_image
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
+from .pictures import open_image, picture_damage_told
 
 _DESCRIPTION, _X_RESOLUTION, _Y_RESOLUTION = 270, 282, 283  # tags
 
@@ -42,19 +38,20 @@ def read_tiff_stack(path: Path) -> TiffStack:
     Raises:
         ImportFileError: the file cannot be read, or its pages are no stack.
     """
-    with open_image(path) as image:
+    with open_image(path) as image, picture_damage_told(path):
         count = int(getattr(image, 'n_frames', 1))
         image.seek(0)
         tags = getattr(image, 'tag_v2', {})
         description = _text(tags.get(_DESCRIPTION, ''))
-        if description.startswith('ImageJ='):
-            return _imagej(path, count, description, image)
-        if '<OME' in description[:4000]:
-            return _ome(path, count, description)
+        resolution = [_real(tags.get(tag)) for tag in (_X_RESOLUTION, _Y_RESOLUTION)]
+    if description.startswith('ImageJ='):
+        return _imagej(path, count, description, resolution)
+    if '<OME' in description[:4000]:
+        return _ome(path, count, description)
     return TiffStack(list(range(count)), None, None)
 
 
-def _imagej(path: Path, count: int, description: str, image: 'Image') -> TiffStack:
+def _imagej(path: Path, count: int, description: str, resolution: list[float]) -> TiffStack:
     entries = dict(line.partition('=')[::2] for line in description.splitlines())
     images, channels, slices, times = (
         _whole(entries.get(key, '1')) for key in ('images', 'channels', 'slices', 'frames')
@@ -71,8 +68,6 @@ def _imagej(path: Path, count: int, description: str, image: 'Image') -> TiffSta
     metres, z_metres = _metres(unit), _metres(z_unit or unit)
     notes = [f'ImageJ says unit {unit}' if metres else 'ImageJ names no unit of length']
     pitch = z = None
-    tags = getattr(image, 'tag_v2', {})
-    resolution = [_real(tags.get(tag)) for tag in (_X_RESOLUTION, _Y_RESOLUTION)]
     spacing = abs(_real(entries.get('spacing')))  # negative where the first slice is the top
     if metres and all(value > 0 for value in resolution):
         pitch = (metres / resolution[0], metres / resolution[1])

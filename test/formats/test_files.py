@@ -3,6 +3,7 @@
 
 import builtins
 import codecs
+import struct
 import tempfile
 from pathlib import Path
 
@@ -196,6 +197,19 @@ def test_a_file_with_changed_bytes_is_read_or_refused_in_one_sentence(suffix, ch
             assert '\n' not in str(error)
 
 
+@pytest.mark.parametrize('damaged', [(339, 3, 1 << 24, 3), (339, 99, 1, 3), (999, 3, 1, 3)])
+def test_a_tiff_whose_type_of_number_is_damaged_is_refused(tmp_path, damaged):
+    """Pillow then reads the bits of float32 as whole numbers, and only warns, or not even that."""
+    pytest.importorskip('PIL.Image')
+    path = tmp_path / 'a.tif'
+    write_surface(path, PLANE)
+    content, kind = path.read_bytes(), struct.pack('<HHII', 339, 3, 1, 3)
+    assert content.count(kind) == 1
+    path.write_bytes(content.replace(kind, struct.pack('<HHII', *damaged)))
+    with pytest.raises(ImportFileError, match=r'a\.tif is damaged'):
+        import_cloud(path)
+
+
 @pytest.mark.parametrize('error', ['KeyError', 'TypeError', 'DecompressionBombError'])
 def test_whatever_pillow_raises_for_a_damaged_tiff_becomes_one_sentence(tmp_path, monkeypatch, error):
     image = pytest.importorskip('PIL.Image')
@@ -206,5 +220,5 @@ def test_whatever_pillow_raises_for_a_damaged_tiff_becomes_one_sentence(tmp_path
         raise kind(262)
 
     monkeypatch.setattr(image, 'open', opened)
-    with pytest.raises(ImportFileError, match=r'a\.tif (is not a readable TIFF file|states more pixels)'):
+    with pytest.raises(ImportFileError, match=r'a\.tif (is damaged, or no TIFF file|states more pixels)'):
         import_cloud(tmp_path / 'a.tif')

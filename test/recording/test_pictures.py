@@ -147,7 +147,7 @@ def test_pages_are_read_in_the_order_asked_for(tmp_path):
 def test_what_is_no_image_is_named(tmp_path, content):
     for name in ('a.png', 'a.tif'):
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(ImportFileError, match=rf'{name} is not a readable image'):
+        with pytest.raises(ImportFileError, match=rf'{name} is damaged, or no image'):
             read(tmp_path / name)
 
 

@@ -68,7 +68,7 @@ def test_an_unreadable_image_is_named(tmp_path):
     pytest.importorskip('PIL.Image')
     for number in range(3):
         (tmp_path / f'{number}.png').write_bytes(b'no image')
-    with pytest.raises(ImportFileError, match=r'0\.png is not a readable image'):
+    with pytest.raises(ImportFileError, match=r'0\.png is damaged, or no image'):
         list(import_stack(tmp_path).frames())
 
 

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ImageJ and OME say in a TIFF."""
 
+import struct
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.recording.pictures import ImagePage, read_pictures
 from socialcircle_ros.recording.tiff import read_tiff_stack
 
 pillow = pytest.importorskip('PIL.Image')
@@ -142,6 +145,27 @@ def test_entities_that_would_fill_the_memory_are_refused(tmp_path):
     text = OME.format(sizes='SizeZ="3"', physical=PHYSICAL, inside='&m;').replace('?><OME', f'?>{bomb}]><OME')
     with pytest.raises(ImportFileError, match='a description by OME that cannot be read'):
         read_tiff_stack(tiff(tmp_path / 'a.tif', text))
+
+
+def test_a_stack_that_is_cut_off_is_refused(tmp_path):
+    whole = tiff(tmp_path / 'a.tif', IMAGEJ.format(unit='um', spacing=1)).read_bytes()
+    for length in range(1, len(whole.rstrip(b'\0'))):
+        (tmp_path / 'a.tif').write_bytes(whole[:length])
+        with pytest.raises(ImportFileError, match=r'a\.tif (is damaged|has 3 images in one block)'):
+            list(read_pictures([ImagePage(tmp_path / 'a.tif', page) for page in _pages(tmp_path / 'a.tif')]))
+
+
+def _pages(path):
+    return read_tiff_stack(path).pages
+
+
+def test_a_tag_with_more_values_than_it_needs_is_no_damage(tmp_path):
+    path = tiff(tmp_path / 'a.tif', 'no words of a program', resolution=2.0)
+    one, two = (struct.pack('<HHI', 282, 5, count) for count in (1, 2))
+    path.write_bytes(path.read_bytes().replace(one, two))
+    with pytest.warns(UserWarning, match='Metadata Warning'), pillow.open(path) as image:
+        assert image.tag_v2[282] == 2.0
+    assert _pages(path) == [0, 1, 2]
 
 
 @given(text=st.text('ImageJ=\n<OME>abc0.5-e/"', max_size=60))
