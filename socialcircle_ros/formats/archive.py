@@ -10,6 +10,7 @@ import numpy as np
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.lengths import metres_per
 
+from .damage import archive_damage_told
 from .surface import MeasuredSurface, PointValues, given_pitch
 
 if TYPE_CHECKING:
@@ -46,10 +47,8 @@ def read_npy(path: Path, pitch: tuple[float, float] | None, unit: str | None) ->
     Raises:
         ImportFileError: the file holds something else, or no pitch is given.
     """
-    try:
+    with archive_damage_told(path, 'is not an .npy array of numbers, or is cut off: save it again.'):
         values = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError):
-        raise ImportFileError(f'{path} is not an .npy array of numbers, or is cut off: save it again.') from None
     if not isinstance(values, np.ndarray) or values.ndim != 2 or not values.size or values.dtype.kind not in 'fiu':
         raise ImportFileError(f'{path} holds no array of numbers in rows and columns.')
     single = values.dtype.kind == 'f' and values.dtype.itemsize <= 4

@@ -14,6 +14,7 @@ from socialcircle_ros.lengths import known_unit, metres_per
 from socialcircle_ros.storage import write_file
 
 from . import archive, lists, points, sdf, tiff, x3p
+from .damage import unreadable
 from .surface import MeasuredSurface, OrganizedCloud, surface_of
 from .table import Format, format_of, suffixes
 from .vendor import read_vendor_file
@@ -60,10 +61,8 @@ def read_file(
     try:
         path.open('rb').close()  # a file that is missing or may not be read is told here, not by a library
         found = _read(path, known, pitch, unit)
-    except FileNotFoundError:
-        raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
     except OSError as error:
-        raise ImportFileError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
+        raise unreadable(path, error) from None
     if unit is not None and found.unit is None:
         found = replace(found, unit=unit)
     check_given(path, found, pitch, unit)

@@ -10,7 +10,7 @@ import numpy as np
 
 from socialcircle_ros.errors import ImportFileError, SocialCircleError, install_command
 
-from .damage import damage_told
+from .damage import picture_damage_told
 from .surface import MeasuredSurface, given_pitch
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
     except ImportError:
         raise ImportFileError(f'TIFF files need Pillow: {install_command("pictures")}.') from None
     try:
-        with damage_told(path, 'is damaged, or no TIFF file: save it again.'), Image.open(path) as image:
+        with picture_damage_told(path, 'is damaged, or no TIFF file: save it again.'), Image.open(path) as image:
             mode, pages = image.mode, getattr(image, 'n_frames', 1)
             tags = dict(getattr(image, 'tag_v2', {}))
             values = np.asarray(image) if mode in _MODES and pages == 1 else None

@@ -5,7 +5,6 @@ import hashlib
 import json
 import xml.etree.ElementTree as ET
 import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -15,6 +14,7 @@ import numpy as np
 
 from socialcircle_ros.errors import ImportFileError
 
+from .damage import archive_damage_told
 from .surface import MeasuredSurface
 
 if TYPE_CHECKING:
@@ -88,11 +88,11 @@ def read_x3p(path: Path) -> MeasuredSurface:
     Raises:
         ImportFileError: the file is no X3P file, is damaged, or holds something other than one height map.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return _read(path, archive)
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ET.ParseError, KeyError):
-        raise ImportFileError(f'{path} is not an X3P file, or is damaged: save it again.') from None
+    with (
+        archive_damage_told(path, 'is not an X3P file, or is damaged: save it again.'),
+        zipfile.ZipFile(path) as archive,
+    ):
+        return _read(path, archive)
 
 
 def _read(path: Path, archive: zipfile.ZipFile) -> MeasuredSurface:

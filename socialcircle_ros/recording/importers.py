@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.cloud import Cloud, Floats
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, stated_time
+from socialcircle_ros.formats.damage import unreadable
 from socialcircle_ros.formats.points import comments_of
 from socialcircle_ros.messages.header import FIRST_DATE
 
@@ -82,10 +83,8 @@ def import_cloud(
         if path.suffix.lower() not in readers:
             return _with_unit(path, _read_other(path, shape, pitch, unit), unit)
         cloud = readers[path.suffix.lower()](path, shape)
-    except FileNotFoundError:
-        raise ImportFileError(f'{path} does not exist: check the name of the file.') from None
     except OSError as error:
-        raise ImportFileError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
+        raise unreadable(path, error) from None
     cloud = _with_unit(path, cloud, unit)
     check_given(path, OrganizedCloud(cloud.points, cloud.unit), pitch, unit)
     return cloud

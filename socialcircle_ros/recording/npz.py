@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arrays of an `.npz` archive, each loaded only if it is needed, in bounded size."""
 
-import struct
 import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,11 +12,11 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.formats.damage import archive_damage_told
 
 from .compression import expansion_limit, over_the_limit
 
-# zipfile raises a RuntimeError for an encrypted archive, as for an unknown compression.
-_INVALID = (ValueError, EOFError, KeyError, RuntimeError, struct.error, zipfile.BadZipFile, zlib.error)
+_UNREADABLE = 'is not an .npz archive of numbers, or is cut off: save it again.'
 
 
 class ArrayHeader(NamedTuple):
@@ -67,12 +65,9 @@ class Npz:
         # NumPy allocates what the header states, whatever there is.
         stated = header.dtype.itemsize * int(np.prod(header.shape, dtype=object))
         if stated > info.file_size:
-            raise _unreadable(self.path)
-        try:
-            with self._archive.open(info) as file:
-                return np.asarray(npy.read_array(file, allow_pickle=False))
-        except _INVALID:
-            raise _unreadable(self.path) from None
+            raise ImportFileError(f'{self.path} {_UNREADABLE}')
+        with archive_damage_told(self.path, _UNREADABLE), self._archive.open(info) as file:
+            return np.asarray(npy.read_array(file, allow_pickle=False))
 
     def _header(self, info: zipfile.ZipInfo) -> ArrayHeader:
         with self._archive.open(info) as file:
@@ -89,19 +84,11 @@ def open_npz(path: Path) -> Iterator[Npz]:
     """Open an archive.
 
     Raises:
-        ImportFileError: the file is no such archive, or is cut off.
+        ImportFileError: the file is no such archive, is cut off, or cannot be read.
     """
-    try:
+    with archive_damage_told(path, _UNREADABLE):
         archive = zipfile.ZipFile(path)
-    except _INVALID:
-        raise _unreadable(path) from None
     with archive:
-        try:
+        with archive_damage_told(path, _UNREADABLE):
             found = Npz(path, archive)
-        except _INVALID:
-            raise _unreadable(path) from None
         yield found
-
-
-def _unreadable(path: Path) -> ImportFileError:
-    return ImportFileError(f'{path} is not an .npz archive of numbers, or is cut off: save it again.')

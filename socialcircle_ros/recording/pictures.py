@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.errors import ImportFileError, install_command
-from socialcircle_ros.formats.damage import damage_told
+from socialcircle_ros.formats.damage import picture_damage_told
 from socialcircle_ros.messages.gray import GrayImage
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def read_pictures(pages: Sequence[ImagePage]) -> Iterator[FramePicture]:
         path = pages[position].path
         with open_image(path) as image:
             while position < len(pages) and pages[position].path == path:
-                with picture_damage_told(path):
+                with frame_damage_told(path):
                     image.seek(pages[position].number or 0)
                     picture = _gray(path, image)
                 yield picture
@@ -90,7 +90,7 @@ def open_image(path: Path) -> _Opened:
     except ImportError:
         raise ImportFileError(f'Images need Pillow: {install_command("pictures")}.') from None
     try:
-        with picture_damage_told(path):
+        with frame_damage_told(path):
             return _Opened(Image.open(path))
     except Image.DecompressionBombError:
         raise ImportFileError(f'{path} has too many pixels to be a frame: give smaller images.') from None
@@ -102,17 +102,17 @@ def page_count(path: Path) -> int:
     Raises:
         ImportFileError: the file cannot be read, or Pillow is not installed.
     """
-    with open_image(path) as image, picture_damage_told(path):
+    with open_image(path) as image, frame_damage_told(path):
         return int(getattr(image, 'n_frames', 1))
 
 
-def picture_damage_told(path: Path) -> AbstractContextManager[None]:
+def frame_damage_told(path: Path) -> AbstractContextManager[None]:
     """Turn whatever Pillow says of a damaged picture into one sentence.
 
     Raises:
-        ImportFileError: as by `damage_told`.
+        ImportFileError: as by `picture_damage_told`.
     """
-    return damage_told(path, 'is damaged, or no image: save it again as PNG or TIFF.')
+    return picture_damage_told(path, 'is damaged, or no image: save it again as PNG or TIFF.')
 
 
 def _gray(path: Path, image: 'Image') -> FramePicture:

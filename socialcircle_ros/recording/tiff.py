@@ -10,7 +10,7 @@ from pathlib import Path
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.lengths import METRES, known_unit
 
-from .pictures import open_image, picture_damage_told
+from .pictures import frame_damage_told, open_image
 
 _DESCRIPTION, _X_RESOLUTION, _Y_RESOLUTION = 270, 282, 283  # tags
 
@@ -38,7 +38,7 @@ def read_tiff_stack(path: Path) -> TiffStack:
     Raises:
         ImportFileError: the file cannot be read, or its pages are no stack.
     """
-    with open_image(path) as image, picture_damage_told(path):
+    with open_image(path) as image, frame_damage_told(path):
         count = int(getattr(image, 'n_frames', 1))
         image.seek(0)
         tags = getattr(image, 'tag_v2', {})

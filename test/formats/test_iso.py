@@ -127,6 +127,15 @@ def test_a_binary_sdf_is_read(tmp_path, kind, code, missing):
     assert surface.pitch == (0.5, 0.25)
 
 
+def test_a_damaged_place_of_the_directory_of_an_x3p_is_told_as_damage(tmp_path):
+    write_surface(tmp_path / 'a.x3p', MeasuredSurface(HEIGHTS, (1.0, 1.0), 'm'))
+    content = bytearray((tmp_path / 'a.x3p').read_bytes())
+    content[-6:-2] = struct.pack('<I', 0x7F000000)
+    (tmp_path / 'a.x3p').write_bytes(content)
+    with pytest.raises(ImportFileError, match=r'a\.x3p is not an X3P file, or is damaged'):
+        read_file(tmp_path / 'a.x3p')
+
+
 def test_a_compressed_sdf_is_refused(tmp_path):
     write_surface(tmp_path / 'a.sdf', MeasuredSurface(HEIGHTS, (1.0, 1.0), 'm'))
     text = (tmp_path / 'a.sdf').read_text().replace('Compression = 0', 'Compression = 1')

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import os
+import struct
 import tracemalloc
+import zipfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +15,7 @@ from hypothesis.extra import numpy as arrays
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.recording import import_cloud
 from socialcircle_ros.recording.compression import LIMIT_VARIABLE
+from socialcircle_ros.recording.stacks import is_stack
 
 Z = np.array([[1, 2, 3], [4, np.nan, 6]], np.float32)
 DATA = os.environ.get('SOCIALCIRCLE_DATA')
@@ -94,6 +98,38 @@ def test_an_archive_cut_off_at_any_byte_is_refused(tmp_path):
         (tmp_path / 'cut.npz').write_bytes(content[:length])
         with pytest.raises(ImportFileError, match=r'cut\.npz is not an \.npz archive'):
             import_cloud(tmp_path / 'cut.npz')
+
+
+def test_a_damaged_place_of_the_directory_of_an_archive_is_told_as_damage(tmp_path):
+    """Such an offset leads before the beginning of the file, which the system calls an invalid argument."""
+    content = bytearray(npz(tmp_path / 'a.npz').read_bytes())
+    content[-6:-2] = struct.pack('<I', 0x7F000000)
+    (tmp_path / 'a.npz').write_bytes(content)
+    for read in (import_cloud, is_stack):
+        with pytest.raises(ImportFileError, match=r'a\.npz is not an \.npz archive'):
+            read(tmp_path / 'a.npz')
+
+
+@pytest.mark.parametrize('method', [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA, zipfile.ZIP_DEFLATED])
+def test_damaged_compressed_data_are_told_as_damage(tmp_path, method):
+    with zipfile.ZipFile(npz(tmp_path / 'plain.npz')) as plain, zipfile.ZipFile(tmp_path / 'a.npz', 'w') as packed:
+        for name in plain.namelist():
+            packed.writestr(name, plain.read(name), method)
+    content = (tmp_path / 'a.npz').read_bytes()
+    assert import_cloud(tmp_path / 'a.npz').points.shape == (2, 3, 3)
+    for place in range(35, len(content), 3):
+        damaged = bytearray(content)
+        damaged[place] ^= 0xFF
+        (tmp_path / 'a.npz').write_bytes(damaged)
+        with suppress(ImportFileError):  # not every byte counts
+            import_cloud(tmp_path / 'a.npz')
+
+
+@pytest.mark.parametrize('suffix', ['.npz', '.ply', '.x3p', '.tif'])
+def test_what_the_system_does_not_read_is_no_damage(tmp_path, suffix):
+    (tmp_path / f'a{suffix}').mkdir()
+    with pytest.raises(ImportFileError, match=rf'a{suffix} cannot be read \(Is a directory\)\.'):
+        import_cloud(tmp_path / f'a{suffix}')
 
 
 def test_objects_are_never_loaded_and_refused_only_where_numbers_are_needed(tmp_path):
