@@ -16,7 +16,7 @@ from .surface import MeasuredSurface, PointValues, given_pitch
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import HeightMap
 
-_RESERVED = ('z', 'dx', 'dy', 'x', 'y', 'unit', 'frames', 'metadata')
+_RESERVED = ('z', 'dx', 'dy', 'x', 'y', 'unit', 'frames', 'metadata', 'file', 'allow_pickle')  # the last: of NumPy
 
 
 def write_npz(path: Path, surface: MeasuredSurface) -> None:
@@ -36,7 +36,10 @@ def write_npz(path: Path, surface: MeasuredSurface) -> None:
     if surface.metadata:
         arrays['metadata'] = np.array(json.dumps(dict(surface.metadata), ensure_ascii=True))
     for name, values in surface.fields.items():
-        arrays[f'{name}_' if name in _RESERVED else name] = np.ascontiguousarray(values)
+        free = f'{name}_' if name in _RESERVED or not name else name
+        while free in arrays:
+            free += '_'
+        arrays[free] = np.ascontiguousarray(values)
     with path.open('wb') as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 

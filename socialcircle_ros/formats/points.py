@@ -98,6 +98,8 @@ def read_text(path: Path) -> OrganizedCloud:
         names = line.strip().split(separator)
         try:
             kinds = comments['types'].split()
+            if not all(names) or len(set(names)) < len(names):
+                raise ValueError(names)  # noqa: TRY301 - reported below, as every other fault of the header
             layout = np.dtype([(name, f'<{kind}') for name, kind in zip(names, kinds, strict=True)])
             shape = int(comments['rows']), int(comments['columns'])
             table = np.loadtxt(file, layout, delimiter=separator, ndmin=1, comments=None).reshape(shape)
@@ -107,7 +109,7 @@ def read_text(path: Path) -> OrganizedCloud:
                 f'{path} does not match its header, or is cut off: export it again, or remove the lines that begin'
                 ' with # to import it as text of another program.'
             ) from None
-    fields = {name: np.ascontiguousarray(table[name]) for name in names if name not in 'xyz'}
+    fields = {name: np.ascontiguousarray(table[name]) for name in names if name not in ('x', 'y', 'z')}
     return OrganizedCloud(cast('Cloud', points), comments.get('unit'), fields, _metadata(comments))
 
 

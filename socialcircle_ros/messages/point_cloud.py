@@ -311,9 +311,13 @@ def encode_point_cloud(
         The message: fields x, y, z, then the extra ones, without padding; is_dense as it is.
 
     Raises:
-        MessageError: an array of another shape, or of a type that PointField does not know.
+        MessageError: an array of another shape, or of a type that PointField does not know; or a name that no
+            field beside x, y and z can have.
     """
     height, width = xyz.shape[:2]
+    for name in extra or ():
+        if not name or '\0' in name or name in ('x', 'y', 'z'):
+            raise MessageError(f'Field {name!r} has no name of its own: give it one beside x, y and z.')
     values = {name: xyz[..., axis] for axis, name in enumerate('xyz')} | dict(extra or {})
     codes = {code: number for number, code in DATATYPES.items()}
     for name, array in values.items():

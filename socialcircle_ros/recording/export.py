@@ -272,7 +272,7 @@ def _fields_of(cloud: PointCloud) -> dict[str, NDArray[np.generic]]:
     """The fields of a cloud beside x, y and z, (rows, columns) each, in native byte order."""
     fields: dict[str, NDArray[np.generic]] = {}
     for each in cloud.fields:
-        if each.name in 'xyz' or each.datatype not in DATATYPES:
+        if each.name in ('x', 'y', 'z') or each.datatype not in DATATYPES:
             continue
         kind = np.dtype(('>' if cloud.is_bigendian else '<') + DATATYPES[each.datatype])
         count = max(each.count, 1)
@@ -287,6 +287,8 @@ def _fields_of(cloud: PointCloud) -> dict[str, NDArray[np.generic]]:
                 strides=(cloud.row_step, cloud.point_step),
             )
             name = each.name if count == 1 else f'{each.name}_{place}'
+            while name in fields:
+                name += '_'
             fields[name] = values.astype(kind.newbyteorder('='))
     return fields
 

@@ -312,11 +312,14 @@ class _Fields:
             )
 
     def _add(self, name: str, values: FieldValues) -> None:
-        free, number = name, 1
+        plain = ''.join(filter(str.isprintable, name)) or 'field'
+        free, number = plain, 1
         while free in self.by_name or free in ('x', 'y', 'z'):
             number += 1
-            free = f'{name}_{number}'
-        if free != name:
+            free = f'{plain}_{number}'
+        if plain != name:
+            self.notes.append(f'the field {name!r} becomes {free}, because its name cannot be printed')
+        elif free != name:
             self.notes.append(f'the field {name} becomes {free}, because there is one with its name')
         self.by_name[free] = values
 

@@ -278,6 +278,12 @@ def test_a_field_of_another_shape_cannot_be_encoded():
         encode_point_cloud(Header(), np.zeros((3, 5, 3)), {'q': np.zeros((2, 2), np.float32)})
 
 
+@pytest.mark.parametrize('name', ['', 'a\0b', 'x', 'z'])
+def test_a_field_without_a_name_of_its_own_cannot_be_encoded(name):
+    with pytest.raises(MessageError, match='has no name of its own'):
+        encode_point_cloud(Header(), np.zeros((3, 5, 3)), {name: np.zeros((3, 5), np.float32)})
+
+
 @given(height=st.integers(1, 5), width=st.integers(1, 5), dense=st.booleans(), frame=st.text(max_size=9))
 def test_a_cloud_written_in_place_is_that_which_is_encoded_from_arrays(height, width, dense, frame):
     values = np.random.default_rng(height).random((height, width, 4), np.float32)

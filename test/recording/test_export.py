@@ -145,6 +145,24 @@ def test_extra_fields_come_through(tmp_path):
     assert same_bits(again.fields['intensity'], fields['intensity'])
 
 
+@pytest.mark.parametrize('suffix', ['.csv', '.ply', '.npz'])
+def test_fields_with_any_names_come_through(tmp_path, suffix):
+    surface = measured_surface()
+    fields = {name: np.full((20, 30), place, np.uint8) for place, name in enumerate(('xy', 'file', 'z_', 'yz'), 1)}
+    recording = recorded(tmp_path, MeasuredSurface(surface.heights, surface.pitch, 'm', fields))
+    export_recording(recording, tmp_path / 'out', suffix)
+    again = import_cloud(tmp_path / f'out/points_0000{suffix}').fields
+    assert [int(values[0, 0]) for values in again.values()] == [1, 2, 3, 4]
+
+
+def test_an_own_text_with_a_column_without_a_name_is_refused(tmp_path):
+    surface = MeasuredSurface(np.ones((20, 30)), (1.0, 1.0), 'm', {'q': np.ones((20, 30), np.uint8)})
+    write_surface(tmp_path / 'a.csv', surface)
+    (tmp_path / 'a.csv').write_text((tmp_path / 'a.csv').read_text().replace('x,y,z,q', 'x,y,z,'))
+    with pytest.raises(ImportFileError, match='does not match its header'):
+        import_cloud(tmp_path / 'a.csv')
+
+
 @pytest.mark.parametrize('suffix', WRITTEN)
 def test_one_file_is_filtered_into_another(tmp_path, suffix):
     surface = measured_surface()

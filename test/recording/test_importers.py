@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from socialcircle_ros.errors import ImportFileError
-from socialcircle_ros.recording import import_cloud
+from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.recording import import_cloud, open_recording
 from socialcircle_ros.recording.compression import LIMIT_VARIABLE
+from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.recording.stacks import is_stack
 
 Z = np.array([[1, 2, 3], [4, np.nan, 6]], np.float32)
@@ -233,6 +235,17 @@ def test_a_field_with_the_name_of_another_gets_its_own(tmp_path):
     cloud = import_cloud(npz(tmp_path / 'a.npz', a_0=Z, a=np.array([Z, Z])))
     assert list(cloud.fields) == ['a_0', 'a_0_2', 'a_1']
     assert 'a_0 becomes a_0_2' in cloud.notes[0]
+
+
+@pytest.mark.parametrize(('name', 'field'), [('', 'field'), ('a\tb', 'ab'), ('x_', 'x_'), ('dx_\x7f', 'dx_')])
+def test_a_field_has_a_name_that_a_message_holds(tmp_path, name, field):
+    cloud = import_cloud(npz(tmp_path / 'a.npz', **{name: Z}))
+    assert list(cloud.fields) == [field]
+    assert bool(cloud.notes) == (name != field)
+    record_clouds([tmp_path / 'a.npz'], tmp_path / 'a.mcap')
+    with open_recording(tmp_path / 'a.mcap') as recording:
+        (message,) = recording.messages(['/points'])
+    assert [each.name for each in PointCloud.decode(message.data).fields] == ['x', 'y', 'z', field]
 
 
 def test_a_small_archive_that_expands_to_much_is_refused(tmp_path, monkeypatch):
