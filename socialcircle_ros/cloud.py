@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Organized clouds: their check, their memory as the kernels read it, and which points are measured."""
 
+from collections.abc import Iterable
 from typing import cast
 
 import numpy as np
@@ -65,8 +66,23 @@ def organized_from(values: npt.ArrayLike, pitch: Pitch | None) -> Cloud:
         if pitch is not None:
             raise CloudError('A pitch belongs to heights (rows, columns); a cloud has x and y of its own.')
         return organized(values)
-    pitch = pitch or _pitch_of_coordinates(values)
+    pitch = _pitch_of_coordinates(values) if pitch is None else checked_pitch(pitch)
     return _from_heights(_floats(values), pitch)
+
+
+def checked_pitch(pitch: Iterable[float]) -> Pitch:
+    """The pitch as two numbers.
+
+    Raises:
+        CloudError: it is something else, or one is not above 0.
+    """
+    try:
+        dx, dy = (float(distance) for distance in pitch)
+    except (TypeError, ValueError, OverflowError):
+        raise CloudError(f'The pitch is {pitch!r}; give two numbers: pitch=(dx, dy).') from None
+    if not (0 < dx < np.inf and 0 < dy < np.inf):
+        raise CloudError(f'The pitch is ({dx:g}, {dy:g}); both distances must be above 0, and finite.')
+    return dx, dy
 
 
 def _floats(values: npt.ArrayLike) -> Floats:
@@ -103,12 +119,7 @@ def _from_heights(heights: Floats, pitch: Pitch | None) -> Cloud:
             f'Heights of the shape {heights.shape} need the pitch: remove_outliers(z, pitch=(dx, dy)), in their'
             ' unit.'
         )
-    try:
-        dx, dy = (float(distance) for distance in pitch)
-    except (TypeError, ValueError):
-        raise CloudError(f'The pitch is {pitch!r}; give two numbers: pitch=(dx, dy).') from None
-    if not (np.isfinite([dx, dy]).all() and dx > 0 and dy > 0):
-        raise CloudError(f'The pitch is ({dx:g}, {dy:g}); both distances must be above 0.')
+    dx, dy = pitch
     height, width = heights.shape
     cloud = np.empty((height, width, 3), heights.dtype.newbyteorder('='))
     cloud[..., 0] = np.arange(width) * dx

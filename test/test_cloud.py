@@ -100,11 +100,20 @@ def test_what_is_no_cloud_is_refused_with_what_to_do(value, sentence):
         ((1, float('nan')), 'both distances must be above 0'),
         (3.0, 'give two numbers'),
         (('a', 'b'), 'give two numbers'),
+        (0, 'give two numbers'),
+        ((), 'give two numbers'),
+        (np.zeros(2), 'both distances must be above 0'),
     ],
 )
 def test_another_pitch_is_refused(pitch, sentence):
     with pytest.raises(CloudError, match=sentence):
         remove_outliers(HEIGHTS, pitch=pitch)
+
+
+@pytest.mark.parametrize('pitch', [np.array([0.5, 2.0]), [0.5, 2], (np.float32(0.5), np.int64(2))])
+def test_the_pitch_may_be_any_two_numbers(pitch):
+    found, expected = remove_outliers(HEIGHTS, pitch=pitch), remove_outliers(HEIGHTS, pitch=(0.5, 2.0))
+    np.testing.assert_array_equal(found.outliers, expected.outliers)
 
 
 def test_a_cloud_with_a_pitch_is_refused():

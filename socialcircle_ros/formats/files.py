@@ -15,7 +15,7 @@ from socialcircle_ros.storage import write_file
 
 from . import archive, lists, points, sdf, tiff, x3p
 from .damage import unreadable
-from .surface import MeasuredSurface, OrganizedCloud, surface_of
+from .surface import MeasuredSurface, OrganizedCloud, given_pitch, surface_of
 from .table import Format, format_of, suffixes
 from .vendor import read_vendor_file
 
@@ -58,6 +58,7 @@ def read_file(
         raise ImportFileError(
             f'{path} has an unknown file type: give one of {", ".join(suffixes(written=False))}.'
         )
+    pitch = pitch if pitch is None else given_pitch(path, pitch)
     try:
         path.open('rb').close()  # a file that is missing or may not be read is told here, not by a library
         found = _read(path, known, pitch, unit)

@@ -9,7 +9,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.cloud import Cloud, HeightMap, measured_points
+from socialcircle_ros.cloud import Cloud, HeightMap, checked_pitch, measured_points
 from socialcircle_ros.errors import CloudError, ImportFileError
 
 PointValues = NDArray[np.generic]
@@ -73,7 +73,7 @@ class MeasuredSurface:
 
 
 def given_pitch(path: Path, pitch: tuple[float, float] | None) -> tuple[float, float]:
-    """The pitch that the caller gives for a file that does not state it.
+    """The pitch that the caller gives for a file that does not state it, as two numbers.
 
     Raises:
         ImportFileError: none is given, or it is not above 0.
@@ -83,9 +83,10 @@ def given_pitch(path: Path, pitch: tuple[float, float] | None) -> tuple[float, f
             f'{path} does not state its pitch: give it with its unit, as import --pitch 2 --unit um, or'
             " read_surface(path, pitch=(dx, dy), unit='um')."
         )
-    if not all(0 < each < np.inf for each in pitch):
-        raise ImportFileError(f'The pitch of {path} must be two numbers above 0, not {pitch}.')
-    return pitch
+    try:
+        return checked_pitch(pitch)
+    except CloudError:
+        raise ImportFileError(f'The pitch of {path} must be two numbers above 0, not {pitch}.') from None
 
 
 class Flattened(NamedTuple):

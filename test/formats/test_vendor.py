@@ -113,6 +113,9 @@ def test_a_matrix_with_commas_is_read_without_the_library(tmp_path, monkeypatch)
     (tmp_path / 'a.csv').write_text('# heights\n0,1,2,3\n4,,6,nan\n')
     surface = read_file(tmp_path / 'a.csv', pitch=(2.0, 3.0), unit='um')
     np.testing.assert_array_equal(surface.heights, [[0, 1, 2, 3], [4, np.nan, 6, np.nan]])
+    assert read_file(tmp_path / 'a.csv', pitch=np.array([2.0, 3.0])).pitch == (2.0, 3.0)
+    with pytest.raises(ImportFileError, match='must be two numbers above 0'):
+        read_file(tmp_path / 'a.csv', pitch=np.array([2.0]))
     (tmp_path / 'a.csv').write_text('0,1,2,3\n4,,6,nan\n', encoding='utf-8-sig')  # as Excel writes it
     marked = read_file(tmp_path / 'a.csv', pitch=(2.0, 3.0), unit='um')
     np.testing.assert_array_equal(marked.heights, surface.heights)
