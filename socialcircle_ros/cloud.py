@@ -119,13 +119,40 @@ def _from_heights(heights: Floats, pitch: Pitch | None) -> Cloud:
             f'Heights of the shape {heights.shape} need the pitch: remove_outliers(z, pitch=(dx, dy)), in their'
             ' unit.'
         )
-    dx, dy = pitch
     height, width = heights.shape
     cloud = np.empty((height, width, 3), heights.dtype.newbyteorder('='))
-    cloud[..., 0] = np.arange(width) * dx
-    cloud[..., 1] = (np.arange(height) * dy)[:, None]
+    cloud[..., 0], cloud[..., 1] = grid_coordinates((height, width), pitch, cloud.dtype)
     cloud[..., 2] = heights
     return cast('Cloud', cloud)
+
+
+def grid_coordinates(
+    shape: tuple[int, int], pitch: Pitch, kind: np.dtype[np.float32 | np.float64]
+) -> tuple[Floats, Floats]:
+    """The coordinates of a regular grid: x is column · dx, y is row · dy.
+
+    Args:
+        shape: rows and columns.
+        pitch: dx and dy.
+        kind: of the coordinates.
+
+    Returns:
+        x (columns,), and y (rows, 1).
+
+    Raises:
+        CloudError: the data type does not hold them; they would be infinite, and no point measured.
+    """
+    with np.errstate(over='ignore'):
+        x, y = (
+            cast('Floats', (np.arange(count) * distance).astype(kind))
+            for count, distance in zip(shape[::-1], pitch, strict=True)
+        )
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise CloudError(
+            f'{kind} does not hold the coordinates of {shape[0]} × {shape[1]} points with the pitch ({pitch[0]:g},'
+            f' {pitch[1]:g}): check the pitch.'
+        )
+    return x, y[:, np.newaxis]
 
 
 def _pitch_of_coordinates(heights: npt.ArrayLike) -> Pitch | None:

@@ -116,6 +116,13 @@ def test_the_pitch_may_be_any_two_numbers(pitch):
     np.testing.assert_array_equal(found.outliers, expected.outliers)
 
 
+@pytest.mark.parametrize('pitch', [(1e300, 1.0), (1.0, 1e37)])
+def test_a_pitch_whose_coordinates_the_data_type_does_not_hold_is_refused(pitch):
+    with pytest.raises(CloudError, match='float32 does not hold the coordinates of .* points with the pitch'):
+        remove_outliers(HEIGHTS.astype(np.float32), pitch=pitch)
+    assert remove_outliers(HEIGHTS.astype(np.float64), pitch=pitch).inliers.any()
+
+
 def test_a_cloud_with_a_pitch_is_refused():
     with pytest.raises(CloudError, match='has x and y of its own'):
         remove_outliers(np.zeros((4, 5, 3)), pitch=(1, 1))

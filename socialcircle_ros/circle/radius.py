@@ -4,7 +4,7 @@
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud
-from socialcircle_ros.errors import NoRadiusError
+from socialcircle_ros.errors import CloudError, NoRadiusError
 
 from .arrays import Real
 
@@ -68,8 +68,23 @@ def circle_limit(xyz: Cloud, seed: tuple[int, int], window: int, radius: float |
 
     Raises:
         NoRadiusError: `radius` is None, and no point of the ring is measured, or R is 0.
+        CloudError: the dtype does not hold the squared distances of the ring.
     """
     real = xyz.dtype.type
     with np.errstate(over='ignore'):
         limit = ring_limit(xyz, seed, window) if radius is None else real(radius) * real(radius)
-        return limit if scale == 1.0 else limit * (real(scale) * real(scale))
+        limit = limit if scale == 1.0 else limit * (real(scale) * real(scale))
+    # Where R² is finite, a distance whose square is not is above R. So only an infinite R² needs a look.
+    if np.isinf(limit) and _ring_overflows(xyz, seed, window):
+        raise CloudError(
+            f'{xyz.dtype} does not hold the squares of the distances round the seed at row {seed[0]}, column'
+            f' {seed[1]}: check the coordinates, or give the cloud in a larger unit.'
+        )
+    return limit
+
+
+def _ring_overflows(xyz: Cloud, seed: tuple[int, int], window: int) -> bool:
+    try:
+        return bool(np.isinf(ring_limit(xyz, seed, window)))
+    except NoRadiusError:
+        return False

@@ -9,7 +9,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.cloud import Cloud, HeightMap, checked_pitch, measured_points
+from socialcircle_ros.cloud import Cloud, HeightMap, checked_pitch, grid_coordinates, measured_points
 from socialcircle_ros.errors import CloudError, ImportFileError
 
 PointValues = NDArray[np.generic]
@@ -63,11 +63,13 @@ class MeasuredSurface:
         )
 
     def cloud(self) -> OrganizedCloud:
-        """The same as an organized cloud."""
-        rows, columns = self.heights.shape
-        points = np.empty((rows, columns, 3), self.heights.dtype)
-        points[..., 0] = np.arange(columns) * self.pitch[0]
-        points[..., 1] = np.arange(rows)[:, np.newaxis] * self.pitch[1]
+        """The same as an organized cloud.
+
+        Raises:
+            CloudError: the data type of the heights does not hold the coordinates.
+        """
+        points = np.empty((*self.heights.shape, 3), self.heights.dtype)
+        points[..., 0], points[..., 1] = grid_coordinates(self.heights.shape, self.pitch, points.dtype)
         points[..., 2] = self.heights
         return OrganizedCloud(cast('Cloud', points), self.unit, self.fields, self.metadata)
 

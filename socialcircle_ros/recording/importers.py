@@ -10,8 +10,8 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.cloud import Cloud, Floats
-from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.cloud import Cloud, Floats, grid_coordinates
+from socialcircle_ros.errors import CloudError, ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, stated_time
 from socialcircle_ros.formats.damage import unreadable
 from socialcircle_ros.formats.points import comments_of
@@ -119,9 +119,8 @@ def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud
             raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
         z = _as_coordinates(path, 'z', archive.load('z'))
         fields = _Fields((rows, columns))
-        x, y = _lateral(archive, rows, columns)
-        kind = np.result_type(x, y, z) if 'x' in archive.headers else z.dtype
-        points = np.empty((rows, columns, 3), kind)
+        x, y = _lateral(archive, rows, columns, z.dtype)
+        points = np.empty((rows, columns, 3), np.result_type(x, y, z))
         points[..., 0], points[..., 1], points[..., 2] = x, y, z
         unit, metadata = _text_of(archive, 'unit'), _text_of(archive, 'metadata')
         for name in archive.headers:
@@ -154,14 +153,16 @@ def _text_of(archive: Npz, name: str) -> str | None:
     return (str(values[0]).strip() or None) if values.size == 1 else None
 
 
-def _lateral(archive: Npz, rows: int, columns: int) -> tuple[Floats, Floats]:
+def _lateral(
+    archive: Npz, rows: int, columns: int, kind: np.dtype[np.float32 | np.float64]
+) -> tuple[Floats, Floats]:
     """The coordinates x and y of a height map: its own, or those of the pitches.
 
     Returns:
-        Arrays that fit (rows, columns).
+        Arrays that fit (rows, columns); those of the pitches in the type of the heights, `kind`.
 
     Raises:
-        ImportFileError: they are missing, do not fit, or contradict each other.
+        ImportFileError: they are missing, do not fit, or contradict each other, or the type does not hold them.
     """
     path = archive.path
     own = [name for name in ('x', 'y') if name in archive.headers]
@@ -170,7 +171,10 @@ def _lateral(archive: Npz, rows: int, columns: int) -> tuple[Floats, Floats]:
             if key not in archive.headers:
                 raise ImportFileError(f'{path} has no array {key!r}: {_HEIGHT_MAP}.')
         dx, dy = (_pitch(path, key, archive.load(key)) for key in ('dx', 'dy'))
-        return np.arange(columns) * dx, np.arange(rows)[:, np.newaxis] * dy
+        try:
+            return grid_coordinates((rows, columns), (dx, dy), kind)
+        except CloudError as error:
+            raise ImportFileError(f'{path} cannot be used: {error}') from None
     shapes = [archive.headers[name].shape for name in own]
     if shapes not in ([(columns,), (rows,)], [(rows, columns)] * 2):
         listed = ' and '.join(f'{name} {shape}' for name, shape in zip(own, shapes, strict=True))
@@ -210,7 +214,10 @@ def _read_other(
 ) -> ImportedCloud:
     """Read a file of another format, such as that of an instrument."""
     found = read_file(path, pitch=pitch, unit=unit)
-    cloud = found.cloud() if isinstance(found, MeasuredSurface) else found
+    try:
+        cloud = found.cloud() if isinstance(found, MeasuredSurface) else found
+    except CloudError as error:
+        raise ImportFileError(f'{path} cannot be used: {error}') from None
     rows, columns = cloud.points.shape[:2]
     if shape is not None and shape != (rows, columns):
         raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')

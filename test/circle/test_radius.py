@@ -10,8 +10,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from naive import circle as naive
 
-from socialcircle_ros.circle.radius import ring_limit
-from socialcircle_ros.errors import NoRadiusError
+from socialcircle_ros.circle.radius import circle_limit, ring_limit
+from socialcircle_ros.errors import CloudError, NoRadiusError
 
 WINDOWS = (3, 5, 7, 9)
 
@@ -131,6 +131,18 @@ def test_squares_are_those_of_the_cloud_s_own_dtype():
 
 def test_ring_distances_beyond_the_dtype_give_an_infinite_limit():
     assert ring_limit(flat(5, 5, 1e25, 'float32'), (2, 2), 3) == np.inf
+
+
+@pytest.mark.parametrize('radius', [None, 1e30])
+def test_a_cloud_whose_squared_distances_the_dtype_does_not_hold_is_refused(radius):
+    with pytest.raises(CloudError, match='float32 does not hold the squares of the distances round the seed'):
+        circle_limit(flat(5, 5, 1e25, 'float32'), (2, 2), 3, radius, 1.0)
+    assert circle_limit(flat(5, 5, 1e25), (2, 2), 3, radius, 1.0) > 0
+
+
+def test_a_radius_whose_square_the_dtype_does_not_hold_is_no_limit():
+    assert circle_limit(flat(5, 5, 1.0, 'float32'), (2, 2), 3, 1e30, 1.0) == np.inf
+    assert circle_limit(flat(1, 2, 1.0, 'float32'), (0, 0), 3, 1e30, 1.0) == np.inf
 
 
 @pytest.mark.parametrize('window', WINDOWS)

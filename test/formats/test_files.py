@@ -210,6 +210,16 @@ def test_a_tiff_whose_type_of_number_is_damaged_is_refused(tmp_path, damaged):
         import_cloud(path)
 
 
+@pytest.mark.parametrize('suffix', ['.npz', '.tif'])
+def test_a_file_whose_pitch_the_type_of_its_heights_does_not_hold_is_refused(tmp_path, suffix):
+    path = tmp_path / f'a{suffix}'
+    write_surface(path, MeasuredSurface(PLANE.heights, (1e300, 2.0), 'm'))
+    with pytest.raises(
+        ImportFileError, match=rf'a\{suffix} cannot be used: float32 does not hold the coordinates'
+    ):
+        import_cloud(path)
+
+
 @pytest.mark.parametrize('error', ['KeyError', 'TypeError', 'DecompressionBombError'])
 def test_whatever_pillow_raises_for_a_damaged_tiff_becomes_one_sentence(tmp_path, monkeypatch, error):
     image = pytest.importorskip('PIL.Image')

@@ -37,6 +37,8 @@ def remove_outliers(xyz, settings):
         limit = scalar(settings.radius) * scalar(settings.radius)
     if settings.radius_scale != 1.0:
         limit = limit * (scalar(settings.radius_scale) * scalar(settings.radius_scale))
+    if math.isinf(limit) and ring_overflows(xyz, seed, settings.window):
+        raise CloudError(f'The dtype does not hold the squared distances round {seed}.')
     inliers = expand(xyz, seed, limit, settings.window)
     return Result(inliers, measured & ~inliers, seed, float(np.sqrt(limit)))
 
@@ -197,6 +199,13 @@ def ring_limit(xyz, seed, window):
     if limit == 0:
         raise NoRadiusError(f'Half of the ring round {seed} is at the seed.')
     return limit
+
+
+def ring_overflows(xyz, seed, window):
+    try:
+        return math.isinf(ring_limit(xyz, seed, window))
+    except NoRadiusError:
+        return False
 
 
 def inside(xyz, row, column):
