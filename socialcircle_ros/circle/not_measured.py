@@ -75,7 +75,10 @@ def recognise(xyz: Cloud, rule: str) -> NotMeasured:
     if rule == ONLY_NAN:
         return NotMeasured()
     if rule != AUTO:
-        return _marked_height(xyz, xyz.dtype.type(float(rule)), 'as circle.not_measured says')
+        with np.errstate(over='ignore'):
+            mark = xyz.dtype.type(float(rule))
+        # A height that the data type does not hold is that of no point.
+        return _marked_height(xyz, mark, 'as circle.not_measured says') if np.isfinite(mark) else NotMeasured()
     height, width = xyz.shape[:2]
     rows, columns = _places(height, width)
     sample = xyz[rows, columns]

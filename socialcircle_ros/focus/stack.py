@@ -23,6 +23,9 @@ from .scales import Scale, ScaleResult, choose, scales_for
 _MOST_PLACES = 32_767 - REACH
 """Places are kept in 16 bits, and there must be REACH places beyond the last frame."""
 
+_LARGEST_SPAN = 1e15
+"""Of the z of a stack, in their unit and in typical steps: float32 holds them, and the widths of the curves."""
+
 _WIDTH = 0.73
 """Standard deviation of the focus curve, in depths of field, where the texture is as fine as the pixels.
 
@@ -213,14 +216,19 @@ class FocusStack:
 
         Raises:
             StackError: there are frames at fewer than three different z, or `z` does not ascend or does not fit
-                their number.
+                their number, or reaches too far.
         """
         order = self._order
         if len(order.z) < 3:
             raise StackError(f'A peak needs frames at three different z at least; the stack has {len(order.z)}.')
         settings, positions = self._settings, np.array(order.z) if z is None else z
-        if len(positions) != len(order.z) or not np.all(np.diff(positions) > 0):
+        with np.errstate(over='ignore'):
+            gaps = np.diff(positions)
+        if len(positions) != len(order.z) or not np.all(gaps > 0):
             raise StackError(f'The z of a stack must ascend, one for each of its {len(order.z)} different z.')
+        first, last = float(positions[0]), float(positions[-1])
+        if last - first > _LARGEST_SPAN or last - first > _LARGEST_SPAN * float(np.median(gaps)):
+            raise StackError(f'The z of a stack reach from {first:g} to {last:g}, too far: check their unit.')
         image = self._scales[0].image.copy()
         light = float(np.mean(self._divisors))
         factor = REFERENCE[image.dtype] / light if settings.normalize else 1.0

@@ -24,6 +24,7 @@ _MOST_HEADER_LINES = 100
 _LARGEST_DEVIATION = 1e-2  # of the pitch, from a regular grid
 _LEAST_FILLED = 0.25  # of the places of the grid; fewer points do not make a grid certain
 _MOST_DIGITS = 12
+_FARTHEST = 1e150  # coordinate, so that the fit of the spacing can square it
 
 
 class _ListLayout(NamedTuple):
@@ -67,6 +68,9 @@ def read_list(path: Path) -> OrganizedCloud | None:
     if table.shape[1] != 3:
         return None
     table = table[np.isfinite(table[:, :2]).all(axis=1)]
+    farthest = np.abs(table[:, :2]).max(initial=0)
+    if farthest > _FARTHEST:
+        raise _uncertain(path, f'x or y reaches {farthest:.2g}')
     columns, rows = (_places(path, table[:, place], axis) for place, axis in enumerate('xy'))
     shape = int(rows.max()) + 1, int(columns.max()) + 1
     places = rows * shape[1] + columns
@@ -76,7 +80,8 @@ def read_list(path: Path) -> OrganizedCloud | None:
         raise _uncertain(path, 'two of its points lie on the same place of the grid')
     points = np.full((shape[0] * shape[1], 3), np.nan)
     points[places] = table
-    single = points.astype(np.float32)
+    with np.errstate(over='ignore'):
+        single = points.astype(np.float32)
     exact = np.array_equal(single.astype(np.float64), points, equal_nan=True)
     return OrganizedCloud(cast('Cloud', (single if exact else points).reshape(*shape, 3)))
 

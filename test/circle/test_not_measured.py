@@ -135,3 +135,11 @@ def test_radius_zero_is_refused_with_what_to_do():
 def test_another_rule_is_refused(text):
     with pytest.raises(SettingError, match="use 'auto', 'nan', or the height"):
         CircleSettings(not_measured=text)
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('kind', [np.float32, np.float64])
+def test_a_height_that_the_data_type_does_not_hold_is_that_of_no_point(kind):
+    xyz = surface(kind)
+    xyz[0, 0, 2] = np.inf
+    assert recognise(xyz, '1e300') == (None, '', '')

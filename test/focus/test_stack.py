@@ -158,6 +158,12 @@ class TestBadInput:
         with pytest.raises(StackError, match='three different z at least; the stack has 2'):
             stack.finish()
 
+    @pytest.mark.filterwarnings('error')
+    @pytest.mark.parametrize('z', [(0.0, 1e294, 2e294), (-1.7e308, 0.0, 1.7e308), (0.0, 1e-6, 2e-6, 1e300)])
+    def test_z_that_reach_too_far_for_float32_are_refused(self, noisy, z):
+        with pytest.raises(StackError, match='too far: check their unit'):
+            depth_from_focus(noisy.frames[: len(z)], z)
+
     def test_different_numbers_of_frames_and_z_are_refused(self, noisy):
         with pytest.raises(StackError, match='3 frames and 2 z'):
             depth_from_focus(noisy.frames[:3], noisy.z[:2])

@@ -90,6 +90,7 @@ def lines(points):
         ([*POINTS, (0.5, 0.25, 9.0)], 'two of its points lie on the same place'),
         ([(x + 0.1 * (x == 0.5), y, z) for x, y, z in POINTS], 'x is off even spacing'),
         ([(x, 1.0, z) for x, _, z in POINTS], 'all its points have the same y'),
+        ([(x * 1e300, y, z) for x, y, z in POINTS], 'x or y reaches 1.5e'),
         (np.random.default_rng(0).random((50, 3)), 'off even spacing|lie on'),
         (np.round(np.random.default_rng(0).random((50, 3)), 2) * 100, 'points lie on|off even spacing'),
     ],
@@ -105,6 +106,14 @@ def test_the_first_point_behind_a_byte_order_mark_is_read(tmp_path, suffix):
     (tmp_path / f'a{suffix}').write_text(lines(POINTS), encoding='utf-8-sig')
     found = read_file(tmp_path / f'a{suffix}').points
     np.testing.assert_array_equal(found[..., 2], HEIGHTS.astype(found.dtype))
+
+
+@pytest.mark.filterwarnings('error')
+def test_coordinates_beyond_float32_are_kept(tmp_path):
+    (tmp_path / 'a.xyz').write_text(lines([(x * 1e60, y * 1e60, z * 1e300) for x, y, z in POINTS]))
+    found = read_file(tmp_path / 'a.xyz').points
+    assert found.dtype == np.float64
+    np.testing.assert_allclose(found[..., 2], HEIGHTS * 1e300)
 
 
 def test_rounded_coordinates_are_kept_as_they_are(tmp_path):
