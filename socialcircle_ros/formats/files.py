@@ -16,7 +16,8 @@ from socialcircle_ros.storage import write_file
 from . import archive, lists, points, sdf, tiff, x3p
 from .damage import unreadable
 from .surface import MeasuredSurface, OrganizedCloud, given_pitch, surface_of
-from .table import Format, format_of, suffixes
+from .table import BASE, Format, format_of, suffixes
+from .text import check_text
 from .vendor import read_vendor_file
 
 if TYPE_CHECKING:
@@ -96,12 +97,16 @@ def _read(
         return tiff.read_tiff(path, pitch, unit)
     if suffix == '.npy':
         return archive.read_npy(path, pitch, unit)
+    if suffix in _LISTS:
+        check_text(path)
     if suffix in ('.csv', '.xyz') and points.is_own_text(path):
         return points.read_text(path)
     if suffix == '.csv' and points.is_matrix(path):
         return points.read_matrix(path, pitch, unit)
     if suffix in _LISTS and (found := lists.read_list(path)) is not None:
         return found
+    if known.reads == BASE:
+        raise lists.no_list(path)
     return read_vendor_file(path, known.readers, pitch, unit)
 
 

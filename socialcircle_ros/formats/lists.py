@@ -86,6 +86,28 @@ def read_list(path: Path) -> OrganizedCloud | None:
     return OrganizedCloud(cast('Cloud', (single if exact else points).reshape(*shape, 3)))
 
 
+def no_list(path: Path) -> ImportFileError:
+    """The error for a text that is neither a list of points nor a matrix with commas: which line is wrong.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with open_text(path) as file:
+        layout = _layout(file)
+        if layout is None:
+            return ImportFileError(
+                f'{path} has neither lines with x, y and z nor a matrix with commas: save it as one of these.'
+            )
+        file.seek(0)
+        for number, line in enumerate(_lines(file, layout), layout.skipped + 1):
+            numbers = line.partition('#')[0]
+            if numbers.strip() and _numbers(numbers, layout) != 3:
+                return ImportFileError(
+                    f'{path} has other than x, y and z in line {number}: it is damaged or cut off; save it again.'
+                )
+    return ImportFileError(f'{path} has a number that cannot be read: save it again.')
+
+
 def _layout(file: TextIO) -> _ListLayout | None:
     """How the first line with three numbers is written; None if there is none, or one with more comes first."""
     for number, line in enumerate(islice(file, _MOST_HEADER_LINES)):

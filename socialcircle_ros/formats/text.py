@@ -8,7 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TextIO
 
+from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.storage import write_file
+
 BYTE_ORDER_MARK = codecs.BOM_UTF8
 
 
@@ -19,6 +21,21 @@ def open_text(path: Path) -> TextIO:
         OSError: the file cannot be opened.
     """
     return path.open(encoding='utf-8-sig', errors='replace')
+
+
+def check_text(path: Path) -> None:
+    """See that a file can be text in UTF-8.
+
+    Raises:
+        ImportFileError: it is empty, or text in UTF-16.
+        OSError: it cannot be read.
+    """
+    with path.open('rb') as file:
+        if file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+            raise ImportFileError(f'{path} is text in UTF-16: save it as UTF-8.')
+        file.seek(0)
+        if not any(line.strip() for line in file):
+            raise ImportFileError(f'{path} is empty: save it again.')
 
 
 @contextmanager

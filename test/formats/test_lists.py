@@ -116,6 +116,33 @@ def test_coordinates_beyond_float32_are_kept(tmp_path):
     np.testing.assert_allclose(found[..., 2], HEIGHTS * 1e300)
 
 
+@pytest.mark.parametrize(
+    ('content', 'sentence'),
+    [
+        (b'', 'is empty'),
+        (b'\r\n \r\n', 'is empty'),
+        ('0,0,1\n1,0,2\n'.encode('utf-16'), 'is text in UTF-16: save it as UTF-8'),
+        (b'x,y,z\n0,0,1\n1,0,2\n0,1', 'has other than x, y and z in line 4: it is damaged or cut off'),
+        (b'x,y,z\n0,0,1\n\n1,0,two\n0,1,3', 'has other than x, y and z in line 4'),
+        (b'x,y,z\n', 'has neither lines with x, y and z nor a matrix'),
+        (b'1,2\n3,4\n', 'has neither lines with x, y and z nor a matrix'),
+        (bytes(range(256)), 'has neither lines with x, y and z nor a matrix'),
+    ],
+)
+@pytest.mark.parametrize('suffix', ['.csv', '.xyz'])
+def test_a_text_that_is_no_list_is_told_what_is_wrong_with_it(tmp_path, suffix, content, sentence):
+    (tmp_path / f'a{suffix}').write_bytes(content)
+    with pytest.raises(ImportFileError, match=rf'a\{suffix} {sentence}'):
+        read_file(tmp_path / f'a{suffix}')
+
+
+@pytest.mark.parametrize('suffix', ['.txt', '.asc', '.dat'])
+def test_an_empty_text_needs_no_library(tmp_path, suffix):
+    (tmp_path / f'a{suffix}').touch()
+    with pytest.raises(ImportFileError, match='is empty'):
+        read_file(tmp_path / f'a{suffix}')
+
+
 def test_rounded_coordinates_are_kept_as_they_are(tmp_path):
     """A third of a micrometre in three digits is off even spacing by a thousandth of the pitch."""
     points = [(round(column / 3, 3), round(row / 7, 3), row * column) for row in range(5) for column in range(6)]
