@@ -11,7 +11,7 @@ import numpy as np
 
 from socialcircle_ros.errors import ImportFileError, SocialCircleError
 from socialcircle_ros.lengths import known_unit, metres_per
-from socialcircle_ros.storage import write_file
+from socialcircle_ros.storage import check_place, kind_of_target, write_file
 
 from . import archive, lists, points, sdf, tiff, x3p
 from .damage import unreadable
@@ -189,9 +189,9 @@ def _written(path: Path, overwrite: bool, write: Callable[[Path], None]) -> None
     Raises:
         SocialCircleError: it exists already, or cannot be written.
     """
-    if path.exists() and (not overwrite or path.is_dir()):
-        hint = 'it is a directory; give another name' if path.is_dir() else 'give --overwrite to replace it'
-        raise SocialCircleError(f'{path} exists already: {hint}.')
+    if kind_of_target(path) == 'a file' and not overwrite:
+        raise SocialCircleError(f'{path} exists already: give --overwrite to replace it.')
+    check_place(path)
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / path.name
         try:

@@ -4,6 +4,7 @@
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, cast
@@ -20,6 +21,7 @@ from socialcircle_ros.messages.header import stamp_of, stamp_text
 from socialcircle_ros.messages.image import NOT_MEASURED, decode_mono8
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud
 from socialcircle_ros.settings import PipelineSettings
+from socialcircle_ros.storage import check_place, folder_of_results, kind_of_target, write_file
 
 from .any_file import is_measurement_file, open_recording
 from .offline import Seen, Summary, clouds_of, filter_recording
@@ -70,7 +72,7 @@ def export_recording(
 
     Args:
         recording: an MCAP file, a rosbag2 directory, or a measurement file.
-        folder: where the files are written; it is created.
+        folder: where the files are written; it is created, and removed again if nothing is written.
         suffix: of the format, such as `.ply`.
         topics: topics of clouds; none: cleaned and repaired clouds, or the clouds themselves if there are none.
         unit: of the clouds, where the recording does not say.
@@ -88,13 +90,13 @@ def export_recording(
     with open_recording(recording) as reader:
         chosen = _chosen(reader, tuple(topics), export)
         clouds = _Clouds(reader, unit)
-        _make(folder)
         counts = dict.fromkeys(chosen, 0)
-        for done, message in enumerate(reader.messages(chosen), 1):
-            stem = f'{message.topic.strip("/").replace("/", "_")}_{counts[message.topic]:04d}'
-            counts[message.topic] += 1
-            _export_one(clouds, message, folder / f'{stem}{suffix}', export, overwrite=overwrite)
-            progress(done, reader.message_count)
+        with folder_of_results(folder):
+            for done, message in enumerate(reader.messages(chosen), 1):
+                stem = f'{message.topic.strip("/").replace("/", "_")}_{counts[message.topic]:04d}'
+                counts[message.topic] += 1
+                _export_one(clouds, message, folder / f'{stem}{suffix}', export, overwrite=overwrite)
+                progress(done, reader.message_count)
         export.damage = reader.damage
     return export
 
@@ -131,9 +133,11 @@ def filter_to_file(
         raise SocialCircleError(
             f'{target} cannot be written: its suffix must be .mcap or one of {", ".join(suffixes(written=True))}.'
         )
-    same = target.exists() and source.exists() and target.samefile(source)
-    if target.exists() and (not overwrite or target.is_dir() or same):
+    if target.exists() and source.exists() and target.samefile(source):
+        raise SocialCircleError(f'{target} is the file that is to be filtered: give another name.')
+    if kind_of_target(target) == 'a file' and not overwrite:
         raise SocialCircleError(f'{target} exists already: give another name, or --overwrite.')
+    check_place(target)
     with TemporaryDirectory(prefix='socialcircle-') as folder:
         between = Path(folder) / f'{source.stem}.mcap'
         summary = filter_recording(source, between, settings, topics=topics, seen=seen)
@@ -301,17 +305,9 @@ def _write_mask(path: Path, mask: NDArray[np.uint8], *, overwrite: bool) -> Path
             f'Masks beside x3p, sdf and tiff need Pillow: {install_command("pictures")}; ply, pcd, npz and csv'
             ' hold the mask themselves.'
         ) from None
-    if path.exists() and not overwrite:
+    if kind_of_target(path) == 'a file' and not overwrite:
         raise SocialCircleError(f'{path} exists already: give --overwrite to replace it.')
-    try:
-        Image.fromarray(mask).save(path)
-    except OSError as error:
-        raise SocialCircleError(f'{path} cannot be written: {error.strerror or error}.') from None
+    content = BytesIO()
+    Image.fromarray(mask).save(content, 'PNG')
+    write_file(path, content.getvalue())
     return path
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SocialCircleError(f'{folder} cannot be used as a folder: {error.strerror}.') from None

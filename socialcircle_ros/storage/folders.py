@@ -12,7 +12,7 @@ from socialcircle_ros.errors import SocialCircleError
 def folder_of_results(folder: Path) -> Iterator[None]:
     """Create a folder before long work, so that a bad folder is told at once; nothing is left if nothing is done.
 
-    If the block fails while the folder is still empty, every folder that was created for it is removed.
+    If the folder is still empty at the end of the block, every folder that was created for it is removed.
 
     Raises:
         SocialCircleError: the folder cannot be created.
@@ -27,8 +27,7 @@ def folder_of_results(folder: Path) -> Iterator[None]:
                 f'{folder} cannot be written: {error.strerror}; choose another folder.'
             ) from None
         yield
-    except BaseException:
+    finally:
         with suppress(OSError):  # one that is not empty stays
             for each in new:
                 each.rmdir()
-        raise

@@ -104,6 +104,19 @@ def test_a_cloud_that_the_format_cannot_hold_is_refused_and_the_others_are_writt
     assert 'ply or pcd' in next(iter(export.refused))
 
 
+def test_an_export_that_writes_nothing_leaves_no_folder(tmp_path):
+    cloud = measured_surface().cloud()
+    cloud.points[..., 0] += np.random.default_rng(0).normal(0, 1e-7, cloud.points.shape[:2])
+    write_cloud_file(tmp_path / 'skewed.ply', cloud)
+    record_clouds([tmp_path / 'skewed.ply'], tmp_path / 'a.mcap')
+    assert export_recording(tmp_path / 'a.mcap', tmp_path / 'new/out', '.x3p').files == []
+    assert not (tmp_path / 'new').exists()
+    recording = recorded(tmp_path, measured_surface(unit=None))
+    with pytest.raises(SettingError, match='The unit of the coordinates is not named'):
+        export_recording(recording, tmp_path / 'new/out', '.x3p')
+    assert not (tmp_path / 'new').exists()
+
+
 def test_an_existing_file_ends_the_export_and_is_kept(tmp_path):
     recording = recorded(tmp_path, measured_surface())
     (tmp_path / 'points_0000.pcd').write_text('precious')
@@ -198,9 +211,30 @@ def test_a_file_is_not_filtered_into_itself_or_into_an_existing_one(tmp_path):
     write_surface(tmp_path / 'a.ply', measured_surface())
     before = (tmp_path / 'a.ply').read_bytes()
     for overwrite in (False, True):
-        with pytest.raises(SocialCircleError, match='exists already'):
+        with pytest.raises(
+            SocialCircleError, match=r'a\.ply is the file that is to be filtered: give another name'
+        ):
             filter_to_file(tmp_path / 'a.ply', tmp_path / 'a.ply', PipelineSettings(), overwrite=overwrite)
     assert (tmp_path / 'a.ply').read_bytes() == before
+    (tmp_path / 'b.ply').write_text('precious')
+    with pytest.raises(SocialCircleError, match='exists already: give another name, or --overwrite'):
+        filter_to_file(tmp_path / 'a.ply', tmp_path / 'b.ply', PipelineSettings())
+    assert (tmp_path / 'b.ply').read_text() == 'precious'
+
+
+@pytest.mark.parametrize('overwrite', [False, True])
+@pytest.mark.parametrize(('target', 'kind'), [('/dev/null', 'a symbolic link'), (None, 'a directory')])
+def test_what_is_no_file_is_not_said_to_be_overwritten(tmp_path, target, kind, overwrite):
+    write_surface(tmp_path / 'a.ply', measured_surface())
+    place = tmp_path / 'b.npz'
+    place.mkdir() if target is None else place.symlink_to(target)
+    surface = read_surface(tmp_path / 'a.ply')
+    for write in (
+        lambda: filter_to_file(tmp_path / 'a.ply', place, PipelineSettings(), overwrite=overwrite),
+        lambda: write_surface(place, surface, overwrite=overwrite),
+    ):
+        with pytest.raises(SocialCircleError, match=f'is {kind}, and is not overwritten: give another name'):
+            write()
 
 
 def test_a_measurement_file_opens_as_a_recording_of_one_cloud(tmp_path):

@@ -17,8 +17,14 @@ def fails_after(folder, work):
 
 def test_it_is_there_during_the_work_and_stays_after_it(tmp_path):
     with folder_of_results(tmp_path / 'a/b'):
+        (tmp_path / 'a/b/result').touch()
+    assert (tmp_path / 'a/b/result').exists()
+
+
+def test_one_that_is_still_empty_does_not_stay(tmp_path):
+    with folder_of_results(tmp_path / 'a/b'):
         assert (tmp_path / 'a/b').is_dir()
-    assert (tmp_path / 'a/b').is_dir()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_was_created_is_removed_if_nothing_was_done(tmp_path, monkeypatch):
