@@ -8,6 +8,7 @@ only place that relies on the inside of viser; where another version works other
 
 import asyncio
 import io
+import logging
 import re
 import socket
 import threading
@@ -36,6 +37,27 @@ _ProcessRequest = Callable[[ServerConnection, Request], Awaitable[_Answer] | _An
 _TITLE = re.compile(rb'<title>.*?</title>', re.DOTALL)
 
 _opening = threading.Lock()
+
+
+class _OneSentence(logging.Filter):
+    """Turns tracebacks of `websockets` about what visitors send into one sentence, or into nothing.
+
+    A handshake fails where a visitor speaks no HTTP, or leaves: viser leaves that out, too, but only after a first
+    request.
+    """
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether to log the record, which is changed."""
+        message = record.getMessage()
+        if message == 'connection handler failed' and record.exc_info:
+            kind, record.exc_info = record.exc_info[0], None
+            record.msg = 'A visitor of the page sent a message that cannot be read (%s); its connection is closed.'
+            record.args = (kind.__name__ if kind is not None else '',)
+        return message != 'opening handshake failed'
+
+
+_LOGGER = logging.getLogger(__name__)
+_LOGGER.addFilter(_OneSentence())
 
 
 class _Server(viser.ViserServer):
@@ -79,7 +101,8 @@ def _guarding(access: Access, trends: Trends) -> Iterator[threading.Event]:
 
     def guarded_serve(*arguments: Any, process_request: _ProcessRequest, **options: Any) -> object:
         guarded.set()
-        return serve(*arguments, process_request=_guard(access, trends, process_request), **options)
+        guard = _guard(access, trends, process_request)
+        return serve(*arguments, process_request=guard, logger=_LOGGER, **options)
 
     with _opening:
         websockets.asyncio.server.serve = guarded_serve  # type: ignore[assignment, misc]
@@ -98,17 +121,23 @@ def _guard(access: Access, trends: Trends, process_request: _ProcessRequest) -> 
         if reason:
             return _page(HTTPStatus.FORBIDDEN, 'text/plain; charset=utf-8', reason.encode())
         path = access.path_without_token(request.path)
+        try:
+            return await answer(connection, request, path)
+        except (OSError, ValueError):  # such as a path that is longer than the name of any file
+            return _missing()
+
+    async def answer(connection: ServerConnection, request: Request, path: str) -> _Answer:
         if path.startswith(f'{TRENDS}/'):
             found = await asyncio.to_thread(trends.read, path.removeprefix(f'{TRENDS}/').partition('?')[0])
             if found is None:
-                return _page(HTTPStatus.NOT_FOUND, 'text/plain; charset=utf-8', b'There is no such page.')
+                return _missing()
             return _page(HTTPStatus.OK, 'text/html; charset=utf-8', found)
         # Without Accept-Encoding: the title is replaced in a text that is not compressed.
         headers = Headers(item for item in request.headers.raw_items() if item[0].lower() != 'accept-encoding')
-        answer = process_request(connection, Request(path, headers))
-        if isinstance(answer, Awaitable):
-            answer = await answer
-        return answer if answer is None else _with_title(answer)
+        found_file = process_request(connection, Request(path, headers))
+        if isinstance(found_file, Awaitable):
+            found_file = await found_file
+        return found_file if found_file is None else _with_title(found_file)
 
     return guard
 
@@ -119,6 +148,10 @@ def _with_title(answer: Response) -> Response:
     if not count:
         return answer
     return _page(HTTPStatus.OK, answer.headers['Content-Type'], body)
+
+
+def _missing() -> Response:
+    return _page(HTTPStatus.NOT_FOUND, 'text/plain; charset=utf-8', b'There is no such page.')
 
 
 def _page(status: HTTPStatus, kind: str, body: bytes) -> Response:
