@@ -60,7 +60,7 @@ $(OLDEST): setup.py constraints/noble.txt
 	@touch $@
 
 demo: $(DEMO)
-	$(BIN)/socialcircle demo $(DATA)
+	$(BIN)/socialcircle demo $(if $(DATA),"$$DATA")
 
 test: $(ALL)
 	@$(BIN)/socialcircle warm-up  # once, lest each test process compile the same kernels

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from .options import LIMITS_FAILED, parameter_options, parameter_values, progress_display, quantity, topics_option
+from .options import (
+    LIMITS_FAILED,
+    parameter_options,
+    parameter_values,
+    progress_display,
+    quantity,
+    shell_words,
+    topics_option,
+)
 
 if TYPE_CHECKING:
     from socialcircle_ros.archive import BatchResult
@@ -149,9 +157,11 @@ def _tell(result: 'BatchResult', output: str) -> None:
     if result.limits_failed:
         failed = quantity(result.limits_failed, 'cloud')
         query = 'select recording, topic, number, limits_reason from measurements where not limits_passed'
-        click.echo(f'{failed} failed the limits: socialcircle measurements {output} "{query}"', err=True)
+        click.echo(
+            f'{failed} failed the limits: socialcircle measurements {shell_words(output)} "{query}"', err=True
+        )
     if result.done or result.skipped or result.same:
-        click.echo(f'Next: socialcircle trend {output} -o trend.html', err=True)
+        click.echo(f'Next: socialcircle trend {shell_words(output)} -o trend.html', err=True)
     if result.failed or result.damaged:
         raise click.exceptions.Exit(1)
     if result.limits_failed:

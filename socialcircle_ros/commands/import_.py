@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .options import place_text, shell_words
+
 if TYPE_CHECKING:
     from socialcircle_ros.recording import ImportedCloud
     from socialcircle_ros.recording.create import ImportedFrame
@@ -119,8 +121,12 @@ def command(
             written=_print_frame,
             tell=lambda sentence: click.echo(f'Note: {sentence}.', err=True),
         )
-        click.echo(f'{stack.frames} frames of {files[0]} written to {output}, parameters to {stack.parameters}.')
-        click.echo(f'Next: socialcircle filter {output} --params-file {stack.parameters} -o cleaned.mcap')
+        click.echo(
+            f'{stack.frames} frames of {files[0]} written to {place_text(output)},'
+            f' parameters to {stack.parameters}.'
+        )
+        given = shell_words(output, '--params-file', stack.parameters, '-o', 'cleaned.mcap')
+        click.echo(f'Next: socialcircle filter {given}')
         return
     stated = {path.suffix.lower() for path in files} & {'.npz', '.ply', '.pcd'}
     for_stacks = z_step is not None or (pitch is not None and stated) or (z_from, order) != ('auto', 'auto')
@@ -142,7 +148,8 @@ def command(
         overwrite=overwrite,
         written=_print_cloud,
     )
-    click.echo(f'Written to {output}. Next: socialcircle filter {output} -o cleaned.mcap')
+    given = shell_words(output, '-o', 'cleaned.mcap')
+    click.echo(f'Written to {place_text(output)}. Next: socialcircle filter {given}')
 
 
 def _print_cloud(path: Path, cloud: 'ImportedCloud', origin: 'FileOrigin') -> None:

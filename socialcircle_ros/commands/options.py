@@ -3,6 +3,7 @@
 
 import contextlib
 import re
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
@@ -164,6 +165,16 @@ def size_in_bytes(ctx: click.Context, param: click.Parameter, value: str) -> int
 def quantity(count: int, noun: str, plural: str = '') -> str:
     """A number with its noun: 1 cloud, 2 clouds."""
     return f'{count} {noun}' if count == 1 else f'{count} {plural or noun + "s"}'
+
+
+def shell_words(*words: object) -> str:
+    """Words of a command as a person types them in a shell, with quotes where they need some."""
+    return shlex.join(map(str, words))
+
+
+def place_text(output: Path) -> str:
+    """Where a result was written; the name of a directory looks like that of a file."""
+    return f'the directory {output}' if output.is_dir() else str(output)
 
 
 def tell_refusals(refused: Mapping[str, int], damage: str | None) -> None:

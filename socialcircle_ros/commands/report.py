@@ -10,6 +10,7 @@ from .options import (
     parameter_values,
     progress_bar,
     quantity,
+    shell_words,
     tell_failures,
     tell_refusals,
     topics_option,
@@ -75,7 +76,7 @@ def command(
     if warned:
         click.echo(f'{quantity(warned, "measurement")} with warnings: see the page.', err=True)
     tell_refusals(report.refused, report.damage)
-    click.echo(f'Next: open {output}')
+    click.echo(f'Next: open {shell_words(output)}')
     failures = [f'{entry.name}: {entry.measurement.verdict_reason}' for entry in report.failed]
     tell_failures(failures, report.judged, sum(report.refused.values()))
 
@@ -99,4 +100,4 @@ def _compare(
         compared = make_comparison(
             recording, output, (files[0].name, first), (files[1].name, second), topics=topics, progress=progress
         )
-    click.echo(f'{quantity(len(compared), "measurement")} compared. Next: open {output}')
+    click.echo(f'{quantity(len(compared), "measurement")} compared. Next: open {shell_words(output)}')

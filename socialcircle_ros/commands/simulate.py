@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from .options import progress_bar
+from .options import place_text, progress_bar, shell_words
 
 if TYPE_CHECKING:
     from socialcircle_ros.recording.mcap_writer import Compression
@@ -74,6 +74,8 @@ def command(
             simulation, output, compression=compression, overwrite=overwrite, progress=progress
         )
     click.echo(
-        f'{stack.frames} frames of {rows}×{columns} pixels written to {output}, parameters to {stack.parameters}.'
+        f'{stack.frames} frames of {rows}×{columns} pixels written to {place_text(output)},'
+        f' parameters to {stack.parameters}.'
     )
-    click.echo(f'Next: socialcircle filter {output} --params-file {stack.parameters} -o cleaned.mcap')
+    given = shell_words(output, '--params-file', stack.parameters, '-o', 'cleaned.mcap')
+    click.echo(f'Next: socialcircle filter {given}')

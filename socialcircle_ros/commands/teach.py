@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from .options import parameter_options, parameter_values, progress_bar, quantity, tell_refusals
+from .options import parameter_options, parameter_values, progress_bar, quantity, shell_words, tell_refusals
 
 _BEGINNING = 4096  # bytes of a file that tell what it is
 
@@ -80,7 +80,7 @@ def command(
     click.echo(
         f'Good points removed: {taught.before.removed:.3%} before, {taught.after.removed:.3%} with the lesson.'
     )
-    click.echo(f'Next: open {page}, then set circle.lesson to {output}')
+    click.echo(f'Next: open {shell_words(page)}, then set circle.lesson to {output}')
 
 
 def _check_place(path: Path, good: tuple[Path, ...], mark: str, kind: str) -> None:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle simulate`, and focus stacks through `import` and `filter`."""
 
+import shlex
+
 import numpy as np
 import pytest
 from storage.disks import small_disk
@@ -25,6 +27,20 @@ def test_a_simulated_stack_is_filtered_with_the_parameters_beside_it(run, tmp_pa
     depth = PointCloud.decode(messages['/stack/points']).xyz()[..., 2]
     truth = PointCloud.decode(messages['/truth/surface']).xyz()[..., 2]
     assert np.nanmedian(np.abs(depth - truth)) < 0.5e-6
+
+
+def test_the_printed_command_works_as_it_stands_also_with_spaces_in_names(run, tmp_path):
+    words = ('--size', '40', '50', '--frames', '20')
+    done = run('simulate', 'flat', '-o', 'Meß daten/ü ber.mcap', *words)
+    assert done.code == 0, done.err
+    command = shlex.split(done.out.rpartition('Next: socialcircle ')[2])
+    assert command[:4] == ['filter', 'Meß daten/ü ber.mcap', '--params-file', 'Meß daten/ü ber.yaml']
+    assert run(*command).code == 0
+    assert (tmp_path / 'cleaned.mcap').is_file()
+    into_a_directory = run('simulate', 'flat', '-o', 'night.2026-11-29', *words)
+    assert (
+        'written to the directory night.2026-11-29, parameters to night.2026-11-29.yaml.' in into_a_directory.out
+    )
 
 
 def test_an_incomplete_stack_is_a_warning(run, tmp_path):
@@ -65,7 +81,8 @@ def test_an_imported_stack_needs_its_pitch_and_step(run, tmp_path):
         (['marble', '-o', 'x.mcap'], 1, 'marble'),
         (['flat', '-o', 'x.mcap', '--instrument', '1000x'], 1, "There is no instrument '1000x'"),
         (['flat', '-o', 'x.mcap', '--seed', '-1'], 2, 'must not be negative'),
-        (['flat', '-o', 'no/folder/x.mcap', '--frames', '3'], 1, 'no/folder'),
+        (['flat', '-o', '/proc/folder/x.mcap', '--frames', '3'], 1, '/proc/folder cannot be written'),
+        (['flat', '-o', 'no/folder/x.png', '--frames', '3'], 1, 'x.png cannot be a recording'),
     ],
 )
 def test_an_error_is_one_sentence_and_leaves_no_file(run, tmp_path, arguments, code, sentence):
@@ -83,7 +100,7 @@ def test_parameters_that_are_there_are_only_replaced_on_request(run, tmp_path):
     (tmp_path / 'flat.yaml').write_text('tuned by hand')
     refused = run(*GIVEN)
     assert refused.code == 1
-    assert 'flat.yaml exists already: give another name, or overwrite it with --overwrite.' in refused.err
+    assert 'flat.yaml, where the parameters of the stack in flat.mcap are written, exists already' in refused.err
     assert (tmp_path / 'flat.yaml').read_text() == 'tuned by hand'
     assert [path.name for path in tmp_path.iterdir()] == ['flat.yaml']
     assert run(*GIVEN, '--overwrite').code == 0

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python -m socialcircle_ros.studies.learned`: make the corpus, train the network, and write it as ONNX."""
 
+import shlex
 from pathlib import Path
 
 import click
@@ -74,7 +75,7 @@ def command(
     others = [each.cloud.name for each in surfaces if each.cloud.name not in trained]
     names = {'trained_on': trained, 'held_out': others}
     train(Run(folder, work, out, steps, workers, seed, start, names))
-    click.echo(f'{out} written; next: socialcircle experiment learned --network {out}')
+    click.echo(f'{out} written; next: socialcircle experiment learned --network {shlex.quote(str(out))}')
 
 
 if __name__ == '__main__':
