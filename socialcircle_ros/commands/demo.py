@@ -60,7 +60,9 @@ def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> 
     from rich.console import Console
 
     from socialcircle_ros.clients.demo import RefusedCloud, run_demo
-    from socialcircle_ros.storage import folder_of_results
+    from socialcircle_ros.storage import check_folder_name, folder_of_results
+
+    check_folder_name(output)
 
     console = Console()
     if not console.is_terminal:

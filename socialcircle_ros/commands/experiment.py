@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import quantity
+from .options import quantity, shell_words
 
 if TYPE_CHECKING:
     from socialcircle_ros.studies.comparison.measured import MeasuredCloud
@@ -54,7 +54,7 @@ def command(
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from socialcircle_ros.pictures.style import new_figure
-    from socialcircle_ros.storage import folder_of_results
+    from socialcircle_ros.storage import check_folder_name, folder_of_results
     from socialcircle_ros.studies.adaptive.experiment import DEFAULT_SEEDS
     from socialcircle_ros.studies.comparison.study import Plan, Study, quick_plan
     from socialcircle_ros.studies.experiments import learned_steps, run, steps_of
@@ -62,6 +62,7 @@ def command(
 
     if name == 'learned' and data is None:
         raise click.UsageError('learned needs measured surfaces: give --data or set SOCIALCIRCLE_DATA.')
+    check_folder_name(out)
     chosen = _numbers(seeds) if seeds else {'adaptive': DEFAULT_SEEDS, 'learned': (401,)}.get(name, (1, 2, 3))
     plan = quick_plan(chosen) if quick else Plan(chosen)
     new_figure(1, 1)  # fails now, not after minutes, if matplotlib is missing
@@ -98,7 +99,7 @@ def command(
     for section in finished.sections:
         for finding in section.findings:
             click.echo(f'- {finding}')
-    click.echo(f'Next: open {out / name}.html')
+    click.echo(f'Next: open {shell_words(out / f"{name}.html")}')
 
 
 def _state(finished: 'Finished') -> str:

@@ -11,6 +11,7 @@ import click
 from .options import (
     parameter_options,
     parameter_values,
+    place_text,
     progress_bar,
     quantity,
     tell_failures,
@@ -165,7 +166,8 @@ def _tell(summary: 'Summary', output: Path, found: _Counts, notes: tuple[str, ..
     share = f' ({100 * found.outliers / found.measured:.2f} %)' if found.measured else ''
     click.echo(
         f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {found.outliers} of {found.measured} measured'
-        f' points are outliers{share}; {quantity(summary.passed, "other message")} kept; written to {output}.'
+        f' points are outliers{share}; {quantity(summary.passed, "other message")} kept; written to'
+        f' {place_text(output)}.'
     )
     for note in (*notes, *_set_aside_notes(found.set_aside)):
         click.echo(f'Note: {note}', err=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .options import quantity, require_ros, size_in_bytes
+from .options import place_text, quantity, require_ros, size_in_bytes
 
 
 def regular_expression(_: click.Context, parameter: click.Parameter, text: str | None) -> re.Pattern[str] | None:
@@ -85,7 +85,9 @@ def command(
     recording holds. Sizes are in bytes, or with k, M, G or T: 4G.
     """
     require_ros()
-    if output.suffix == '.mcap' and (max_bag_size or max_bag_duration):
+    from socialcircle_ros.recording.names import is_mcap_name
+
+    if is_mcap_name(output) and (max_bag_size or max_bag_duration):
         raise click.BadParameter(f'{output} is one file and cannot be split: give a name without .mcap.')
     from socialcircle_ros.node.transport import prepare_process
 
@@ -112,7 +114,7 @@ def command(
     for name in sorted({*counts, *recorded.lost}):
         lost = f', {recorded.lost[name]} lost on the way' if recorded.lost[name] else ''
         click.echo(f'{name}: {counts[name]}{lost}')
-    click.echo(f'{quantity(counts.total(), "message")} written to {output}.')
+    click.echo(f'{quantity(counts.total(), "message")} written to {place_text(output)}.')
     if recorded.lost:
         click.echo(
             f'{quantity(recorded.lost.total(), "message")} did not arrive.'

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from .options import quantity
+from .options import quantity, shell_words
 
 
 @click.command('trend', epilog='Example: socialcircle trend out -o trend.html')
@@ -35,7 +35,9 @@ def command(folder: str, output: Path, baseline: int) -> None:
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.archive.trend import drift_sentences
     from socialcircle_ros.archive.trend_page import write_trend
+    from socialcircle_ros.report.page import check_page_name
 
+    check_page_name(output)
     found = write_trend(folder, output, baseline=baseline)
     clouds = sum(len(series.times) for series in found)
     click.echo(f'{quantity(clouds, "cloud")} in {quantity(len(found), "series", "series")}.')
@@ -44,4 +46,4 @@ def command(folder: str, output: Path, baseline: int) -> None:
     for series in found:
         for reason, count in series.reasons.items():
             click.echo(f'{series.title}, {quantity(count, "failure")}: {reason}', err=True)
-    click.echo(f'Next: open {output}')
+    click.echo(f'Next: open {shell_words(output)}')

@@ -11,6 +11,7 @@ from socialcircle_ros.lengths import known_unit
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.simulation import Simulation
+from socialcircle_ros.storage import folder_of_results
 
 from .frame_checks import FrameChecks
 from .frame_names import Order, ZFrom
@@ -84,7 +85,7 @@ def record_clouds(
 
     Args:
         files: measurement files that `import_cloud` reads, in the order of the recording.
-        output: a name that ends in `.mcap`, or a directory.
+        output: a name that ends in `.mcap`, or a directory; its folder is created.
         topic: topic of the clouds.
         frame_id: frame of the clouds.
         period_s: time between two clouds; the first stamp is one period.
@@ -103,7 +104,7 @@ def record_clouds(
     """
     if not period_s > 0:
         raise SettingError(f'The period must be above 0 s, not {period_s}.')
-    with RecordingWriter(output, overwrite=overwrite) as writer:
+    with folder_of_results(Path(output).parent), RecordingWriter(output, overwrite=overwrite) as writer:
         before: str | None = None
         for number, path in enumerate(map(Path, files)):
             cloud = import_cloud(path, shape=shape, pitch=pitch, unit=unit)
@@ -157,7 +158,8 @@ def record_stack(
     Args:
         path: an `.npz` archive with `frames` (N, rows, columns) and `z` (N,), a TIFF with pages, or a folder of
             images.
-        output: a name that ends in `.mcap`, or a directory. The parameter file has the same name with `.yaml`.
+        output: a name that ends in `.mcap`, or a directory; its folder is created. The parameter file has the same
+            name with `.yaml`.
         pitch: distance of two pixels on the part, in m; None: as the file says.
         z_step: length of one unit of the stack's z, in m; negative if z points away from the objective. None: the
             file says z in metres.
@@ -183,6 +185,7 @@ def record_stack(
     checks = FrameChecks()
     values = node_parameters(len(stack.z), pitch_x, pitch_y)
     with (
+        folder_of_results(Path(output).parent),
         parameter_file(Path(output), values, overwrite=overwrite) as parameters,
         RecordingWriter(output, compression='zstd', overwrite=overwrite) as writer,
     ):
@@ -233,7 +236,8 @@ def record_simulation(
 
     Args:
         simulation: the stack; its frames are rendered while they are written.
-        output: a name that ends in `.mcap`, or a directory. The parameter file has the same name with `.yaml`.
+        output: a name that ends in `.mcap`, or a directory; its folder is created. The parameter file has the same
+            name with `.yaml`.
         compression: compression of the recording's chunks.
         overwrite: whether to replace an existing recording and its parameters.
         progress: called with the number of written frames and the number of all frames.
@@ -248,6 +252,7 @@ def record_simulation(
             progress(frames, total)
 
     with (
+        folder_of_results(Path(output).parent),
         parameter_file(
             Path(output), node_parameters(total, *pitch_of(simulation)), overwrite=overwrite
         ) as parameters,

@@ -21,7 +21,7 @@ from socialcircle_ros.messages.header import stamp_of, stamp_text
 from socialcircle_ros.messages.image import NOT_MEASURED, decode_mono8
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud
 from socialcircle_ros.settings import PipelineSettings
-from socialcircle_ros.storage import check_place, folder_of_results, kind_of_target, write_file
+from socialcircle_ros.storage import check_folder_name, check_place, folder_of_results, kind_of_target, write_file
 
 from .any_file import is_measurement_file, open_recording
 from .offline import Seen, Summary, clouds_of, filter_recording
@@ -72,7 +72,8 @@ def export_recording(
 
     Args:
         recording: an MCAP file, a rosbag2 directory, or a measurement file.
-        folder: where the files are written; it is created, and removed again if nothing is written.
+        folder: where the files are written, with a name without a suffix of a file; it is created, and removed again
+            if nothing is written.
         suffix: of the format, such as `.ply`.
         topics: topics of clouds; none: cleaned and repaired clouds, or the clouds themselves if there are none.
         unit: of the clouds, where the recording does not say.
@@ -81,13 +82,15 @@ def export_recording(
 
     Raises:
         RecordingError: the recording cannot be read, or holds no clouds.
-        SocialCircleError: the format is not written, a file exists already, or cannot be written.
+        SocialCircleError: the format is not written, the folder has the name of a file, or a file exists already
+            or cannot be written.
     """
     folder, form = Path(folder), format_of(Path(f'a{suffix}'))
     if form is None or not form.writes:
         raise SocialCircleError(f'{suffix} is not written: choose one of {", ".join(suffixes(written=True))}.')
+    check_folder_name(folder)
     export = Export()
-    with open_recording(recording) as reader:
+    with open_recording(recording) as reader, folder_of_results(folder):
         chosen = _chosen(reader, tuple(topics), export)
         clouds = _Clouds(reader, unit)
         counts = dict.fromkeys(chosen, 0)
@@ -114,7 +117,7 @@ def filter_to_file(
 
     Args:
         source: a measurement file, or a recording with one cloud.
-        target: the file with the cleaned cloud, of a format that is written.
+        target: the file with the cleaned cloud, of a format that is written; its folder is created.
         settings: how to filter.
         topics: as in `filter_recording`.
         overwrite: whether to replace an existing file.
@@ -137,8 +140,8 @@ def filter_to_file(
         raise SocialCircleError(f'{target} is the file that is to be filtered: give another name.')
     if kind_of_target(target) == 'a file' and not overwrite:
         raise SocialCircleError(f'{target} exists already: give another name, or --overwrite.')
-    check_place(target)
-    with TemporaryDirectory(prefix='socialcircle-') as folder:
+    with folder_of_results(target.parent), TemporaryDirectory(prefix='socialcircle-') as folder:
+        check_place(target)
         between = Path(folder) / f'{source.stem}.mcap'
         summary = filter_recording(source, between, settings, topics=topics, seen=seen)
         if summary.clouds == 0:

@@ -29,6 +29,7 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
+from socialcircle_ros.storage import folder_of_results
 
 from .any_file import open_recording
 from .mcap_writer import Compression
@@ -129,7 +130,7 @@ def filter_recording(
 
     Args:
         source: an MCAP file, a rosbag2 directory, or a measurement file.
-        target: where to write; a name that ends in .mcap, or a directory.
+        target: where to write; a name that ends in .mcap, or a directory. Its folder is created.
         settings: how to filter, and which outputs are wanted.
         topics: which topics of clouds to filter; none: those of `clouds_of`.
         compression: of the target's chunks.
@@ -145,7 +146,10 @@ def filter_recording(
         cells = _cells(reader, topics, settings)
         produced = {name for cell in cells for name in cell.replaced}
         summary.replaced = sorted(produced & reader.topics.keys())
-        with RecordingWriter(target, compression=compression, overwrite=overwrite, source=source) as writer:
+        with (
+            folder_of_results(Path(target).parent),
+            RecordingWriter(target, compression=compression, overwrite=overwrite, source=source) as writer,
+        ):
             for attachment in reader.attachments():
                 writer.add_attachment(attachment)
             for record in reader.metadata():

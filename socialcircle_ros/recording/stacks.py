@@ -21,6 +21,7 @@ from socialcircle_ros.settings import RosValue, yaml_text
 from socialcircle_ros.storage import Unfinished
 
 from .frame_names import Order, ZFrom, order_frames
+from .names import is_mcap_name, parameters_beside
 from .npz import open_npz
 from .pictures import SUFFIXES, TIFF_SUFFIXES, FramePicture, ImagePage, page_count, read_pictures
 from .reader import natural_order
@@ -233,7 +234,7 @@ def parameter_file(
     The file gets its name at the end of the block, so that there are both the recording and the file, or neither.
 
     Args:
-        recording: of the stack; the file has its name, with the suffix `.yaml`.
+        recording: of the stack; `parameters_beside` names the file.
         values: as from `node_parameters`.
         overwrite: whether to replace a file that is there.
 
@@ -241,17 +242,19 @@ def parameter_file(
         The path of the file.
 
     Raises:
-        RecordingError: the file exists already, or cannot be written.
+        RecordingError: the file exists already or cannot be written, or the recording has no name of one.
     """
-    path = recording.with_suffix('.yaml')
-    exists = RecordingError(f'{path} exists already: give another name, or overwrite it with --overwrite.')
+    is_mcap_name(recording)  # a wrong name is told before anything else
+    path = parameters_beside(recording)
+    what = f'{path}, where the parameters of the stack in {recording.name} are written,'
+    exists = RecordingError(f'{what} exists already: give another name, or overwrite both with --overwrite.')
     if os.path.lexists(path) and not overwrite:
         raise exists
     try:
         file = Unfinished(path)
         file.write(yaml_text(values, whole=False))
     except OSError as error:
-        raise RecordingError(f'{path} cannot be written: {error.strerror}.') from None
+        raise RecordingError(f'{what} cannot be written: {error.strerror}.') from None
     with file:
         yield path
         try:
@@ -259,7 +262,7 @@ def parameter_file(
         except FileExistsError:
             raise exists from None
         except OSError as error:
-            raise RecordingError(f'{path} cannot be written: {error.strerror}.') from None
+            raise RecordingError(f'{what} cannot be written: {error.strerror}.') from None
 
 
 def _topic(topic: NodeTopic) -> Topic:

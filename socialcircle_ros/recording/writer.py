@@ -16,6 +16,7 @@ from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_targe
 from .mcap_output import LAST_TIME, McapOutput
 from .mcap_writer import Compression
 from .metadata import FileContents, bag_information, to_yaml
+from .names import is_mcap_name
 from .topics import Attachment, CheckedMessage, MetadataRecord, Topic
 
 _LAST_SEQUENCE = 2**32 - 1
@@ -48,7 +49,7 @@ class RecordingWriter:
         """Begin a recording.
 
         Args:
-            path: a file if the name ends in `.mcap`, else a rosbag2 directory.
+            path: a file if the name ends in `.mcap`, else a rosbag2 directory, whose name has no suffix of a file.
             compression: of the chunks.
             overwrite: whether to replace an existing recording. Other files and folders are never replaced.
             source: the recording that is read at the same time; it is protected from being written into.
@@ -60,10 +61,11 @@ class RecordingWriter:
                 of gigabytes that nobody reads at once.
 
         Raises:
-            RecordingError: the path exists already, cannot be written, or is a file that would have to be split.
+            RecordingError: the path exists already, cannot be written, has the suffix of another file, or is a
+                file that would have to be split.
         """
         self.path = Path(path)
-        self._is_file = self.path.suffix == '.mcap'
+        self._is_file = is_mcap_name(self.path)
         if self._is_file and (max_bytes or max_duration_s):
             raise RecordingError(f'{self.path} is one file and cannot be split: give a name without .mcap.')
         self._overwrite = overwrite

@@ -30,7 +30,7 @@ from socialcircle_ros.storage import check_place, folder_of_results, lies_in, wr
 
 from .content import Cell, Column, Picture, Pictures, Section, Table
 from .entry import length_with_unit, mask_of, value_text
-from .page import environment, render
+from .page import check_page_name, environment, render
 
 _MAKE_CLOUDS = ('focus.', 'stack.')
 
@@ -93,7 +93,7 @@ def make_comparison(
 
     Args:
         recording: an MCAP file, a rosbag2 directory, or a measurement file.
-        output: the page; an existing page is replaced.
+        output: the page, as in `make_report`.
         first: name of the first setting, for the page, and the setting.
         second: name and setting of the second.
         topics: as in `make_report`.
@@ -105,7 +105,8 @@ def make_comparison(
     Raises:
         SettingError: the settings are equal, or differ in parameters that make other clouds of a stack.
         RecordingError: the recording cannot be read, or no cloud of it can be filtered.
-        SocialCircleError: the page cannot be written, or matplotlib or Jinja2 is not installed.
+        SocialCircleError: the page has the name of something else or cannot be written, or matplotlib or Jinja2 is
+            not installed.
     """
     recording, output = Path(recording), Path(output)
     settings = first[1], second[1]
@@ -116,10 +117,7 @@ def make_comparison(
         raise SocialCircleError(
             f'{output} would be written into the recording that is read, {recording}: give another name.'
         )
-    if output.is_dir():
-        raise SocialCircleError(
-            f'{output} is a directory; give the name of a page, such as {output}/compare.html.'
-        )
+    check_page_name(output)
     with folder_of_results(output.parent):
         check_place(output)
         compared, refused = [], Counter[str]()

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError, install_command
@@ -11,6 +12,20 @@ from .content import Section
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+_SUFFIXES = ('.html', '.htm')
+
+
+def check_page_name(output: Path) -> None:
+    """Raise an error if a page would get the name of a directory or of another file, before the work on the page.
+
+    Raises:
+        SocialCircleError: the name is not that of a page.
+    """
+    if output.is_dir():
+        raise SocialCircleError(f'{output} is a directory; give the name of a page, such as {output}/page.html.')
+    if output.suffix.lower() not in _SUFFIXES:
+        raise SocialCircleError(f'{output} is not the name of a page: give one that ends in .html.')
 
 
 def render(title: str, introduction: Sequence[str], sections: Sequence[Section]) -> str:

@@ -28,7 +28,7 @@ from socialcircle_ros.storage import check_place, folder_of_results, lies_in, wr
 
 from .content import Banner, Cell, Column, Section, Table
 from .entry import ReportEntry, make_entry, value_text
-from .page import environment, render
+from .page import check_page_name, environment, render
 
 _READING = (
     'Sa, Sq, Sz, Ssk, Sku and Sdr follow ISO 25178-2; S-filter: none, F-operation: least squares plane, L-filter:'
@@ -98,7 +98,7 @@ def make_report(
 
     Args:
         recording: an MCAP file or a rosbag2 directory.
-        output: the page, such as `report.html`. Its folder is created; an existing page is replaced.
+        output: the page; its name ends in `.html` or `.htm`. Its folder is created; an existing page is replaced.
         settings: how clouds are filtered and how stacks become clouds; the defaults if None. The page shows
             repaired clouds if `settings.output.repaired` is set.
         topics: names of the topics of clouds; empty: all topics named `points`, and all focus stacks.
@@ -109,7 +109,8 @@ def make_report(
 
     Raises:
         RecordingError: the recording cannot be read, or no cloud of it can be filtered.
-        SocialCircleError: the page cannot be written, or matplotlib or Jinja2 is not installed.
+        SocialCircleError: the page has the name of something else or cannot be written, or matplotlib or Jinja2 is
+            not installed.
 
     Example:
         >>> from socialcircle_ros import CircleSettings, make_report
@@ -125,8 +126,7 @@ def make_report(
         raise SocialCircleError(
             f'{output} would be written into the recording that is read, {recording}: give another name.'
         )
-    if output.is_dir():
-        raise SocialCircleError(f'{output} is a directory; give the name of a page, such as {output}/report.html.')
+    check_page_name(output)
     with folder_of_results(output.parent):
         check_place(output)
         entries: list[ReportEntry] = []

@@ -5,7 +5,7 @@ Nothing here knows what a file holds; the rooms above write their recordings, re
 """
 
 from .direct import ALIGNMENT, DirectFile
-from .folders import folder_of_results
+from .folders import check_folder_name, folder_of_results, has_suffix_of_file
 from .remote import file_system, is_below, is_url, real_location, reason_of
 from .signals import SignalExit, noted_signals, raised_signals
 from .space import Reserve, free_bytes, is_full
@@ -26,10 +26,12 @@ __all__ = [
     'Reserve',
     'SignalExit',
     'Unfinished',
+    'check_folder_name',
     'check_place',
     'file_system',
     'folder_of_results',
     'free_bytes',
+    'has_suffix_of_file',
     'is_below',
     'is_full',
     'is_url',

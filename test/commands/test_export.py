@@ -24,6 +24,9 @@ def test_from_a_file_to_a_cleaned_file_in_one_step(run, tmp_path):
     again = run('filter', 'part.sdf', '-o', 'part.x3p')
     assert again.code == 1
     assert 'part.x3p exists already' in again.err
+    into_a_folder = run('filter', 'part.sdf', '-o', 'new/part.x3p')
+    assert into_a_folder.code == 0, into_a_folder.err
+    assert (tmp_path / 'new/part.x3p').is_file()
 
 
 def test_what_a_format_does_not_hold_is_told(run, tmp_path):

@@ -29,6 +29,15 @@ def test_it_filters_and_prints_the_counts(run, tmp_path):
         assert '/points_filtered' in reader.topics
 
 
+def test_a_missing_folder_is_created_and_a_directory_is_named_as_such(run, tmp_path):
+    one = run('filter', BAGS / 'padded.mcap', '-o', 'new/folder/cleaned.MCAP')
+    assert one.out.rstrip().endswith('written to new/folder/cleaned.MCAP.'), one.err
+    assert (tmp_path / 'new/folder/cleaned.MCAP').is_file()
+    several = run('filter', BAGS / 'padded.mcap', '-o', 'night.2026-11-29')
+    assert several.out.rstrip().endswith('written to the directory night.2026-11-29.')
+    assert (tmp_path / 'night.2026-11-29/metadata.yaml').is_file()
+
+
 def test_parameters_come_from_a_file_and_from_the_command_line(run, tmp_path):
     (tmp_path / 'wide.yaml').write_text(
         '/**:\n  ros__parameters:\n    circle:\n      mode: paper\n      radius_scale: 100\n'
@@ -60,7 +69,9 @@ def test_the_help_names_the_topics_that_are_written_by_default(run):
         (['nowhere.mcap', '-o', 'x.mcap'], 'nowhere.mcap'),
         (['broken.mcap', '-o', 'x.mcap'], 'broken.mcap'),
         ([BAGS / 'parts.mcap', '-o', 'there.mcap'], 'there.mcap'),
-        ([BAGS / 'parts.mcap', '-o', 'no/folder/x.mcap'], 'no/folder'),
+        ([BAGS / 'parts.mcap', '-o', '/proc/folder/x.mcap'], '/proc/folder cannot be written'),
+        ([BAGS / 'parts.mcap', '-o', 'no/folder/x.png'], 'x.png cannot be a recording, because it ends in .png'),
+        ([BAGS / 'parts.mcap', '-o', 'no/folder/x.x3p'], 'and a .x3p file holds one'),
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window:=4'], 'circle.window must be odd, not 4'),
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.windw:=5'], 'There is no parameter circle.windw'),
         ([BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.window=5'], 'not of the form NAME:=VALUE'),

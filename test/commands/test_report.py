@@ -70,6 +70,7 @@ def test_refused_clouds_are_named_and_the_others_shown(run, tmp_path):
         (['nowhere.mcap'], 'nowhere.mcap'),
         ([BAGS / 'stack.mcap'], 'stack.pitch_x is not set'),
         ([BAGS / 'parts.mcap', '-o', '.'], 'is a directory'),
+        ([BAGS / 'parts.mcap', '-o', 'a.png'], 'a.png is not the name of a page: give one that ends in .html'),
         ([BAGS / 'parts.mcap', '-o', '/proc/nowhere/x.html'], '/proc/nowhere cannot be written'),
         ([BAGS / 'parts.mcap', '-o', BAGS / 'parts.mcap'], 'would be written into the recording that is read'),
         ([BAGS, '-o', BAGS / 'parts.mcap'], 'would be written into the recording that is read'),

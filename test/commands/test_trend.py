@@ -22,3 +22,7 @@ def test_it_tells_what_drifts_and_what_failed(run, tmp_path):
     assert '120 clouds in 1 series.' in done.out
     assert 'cell1, lid, 1 failure: It is no recording.' in done.err
     assert (tmp_path / 'trend.html').exists()
+    refused = run('trend', 'out', '-o', 'a.png')
+    assert refused.code == 1
+    assert 'a.png is not the name of a page' in refused.err
+    assert not (tmp_path / 'a.png').exists()

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from socialcircle_ros.errors import ImportFileError, SettingError, SocialCircleError
+from socialcircle_ros.errors import ImportFileError, RecordingError, SettingError, SocialCircleError
 from socialcircle_ros.interface import NODE_NAME
 from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.point_cloud import PointCloud
@@ -89,5 +89,23 @@ def test_a_simulation_is_recorded_with_its_parameters(tmp_path):
 
 def test_a_parameter_file_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / 's.yaml').mkdir()
-    with pytest.raises(SocialCircleError, match=r's\.yaml exists already'):
+    told = r's\.yaml, where the parameters of the stack in s\.mcap are written, exists already: give another name'
+    with pytest.raises(SocialCircleError, match=told):
         record_simulation(simulate('flat', 20, 30, frames=3), tmp_path / 's.mcap')
+    with pytest.raises(SocialCircleError, match=r's\.db3 cannot be a recording'):  # told before its parameters
+        record_simulation(simulate('flat', 20, 30, frames=3), tmp_path / 's.db3')
+
+
+def test_a_missing_folder_is_created_and_stays_only_with_a_recording(tmp_path):
+    np.savez(tmp_path / 'a.npz', z=np.zeros((3, 4)), dx=1.0, dy=1.0)
+    np.savez(tmp_path / 's.npz', frames=FRAMES, z=np.arange(4))
+    with pytest.raises(ImportFileError):
+        record_clouds([tmp_path / 'none.npz'], tmp_path / 'bad/1/a.mcap')
+    with pytest.raises(RecordingError):
+        record_stack(tmp_path / 's.npz', tmp_path / 'bad/2/s.png', pitch=1e-6, z_step=1e-6)
+    assert not (tmp_path / 'bad').exists()
+    record_clouds([tmp_path / 'a.npz'], tmp_path / 'good/1/a.mcap')
+    record_stack(tmp_path / 's.npz', tmp_path / 'good/2/s.mcap', pitch=1e-6, z_step=1e-6)
+    record_simulation(simulate('flat', 20, 30, frames=3), tmp_path / 'good/3/s.mcap')
+    names = [str(path.relative_to(tmp_path)) for path in sorted(tmp_path.rglob('good/*/*'))]
+    assert names == ['good/1/a.mcap', 'good/2/s.mcap', 'good/2/s.yaml', 'good/3/s.mcap', 'good/3/s.yaml']

@@ -117,6 +117,15 @@ def test_an_export_that_writes_nothing_leaves_no_folder(tmp_path):
     assert not (tmp_path / 'new').exists()
 
 
+def test_nothing_is_created_where_nothing_is_written(tmp_path):
+    recording = recorded(tmp_path, measured_surface())
+    with pytest.raises(SocialCircleError, match=r'part\.x3p has the name of a file'):
+        export_recording(recording, tmp_path / 'new/part.x3p', '.x3p')
+    with pytest.raises(SocialCircleError, match='has no topic /nowhere'):
+        export_recording(recording, tmp_path / 'new/parts', '.x3p', topics=['/nowhere'])
+    assert not (tmp_path / 'new').exists()
+
+
 def test_an_existing_file_ends_the_export_and_is_kept(tmp_path):
     recording = recorded(tmp_path, measured_surface())
     (tmp_path / 'points_0000.pcd').write_text('precious')

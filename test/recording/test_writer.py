@@ -237,9 +237,12 @@ def test_other_files_and_folders_are_never_overwritten(tmp_path):
     folder = tmp_path / 'thesis'
     folder.mkdir()
     (folder / 'thesis.tex').write_text('...')
-    for path in (folder, folder / 'thesis.tex'):
+    (folder / 'notes').write_text('...')
+    for path in (folder, folder / 'notes'):
         with pytest.raises(RecordingError, match='is not a recording, and is not overwritten'):
             RecordingWriter(path, overwrite=True)
+    with pytest.raises(RecordingError, match=r'because it ends in \.tex'):
+        RecordingWriter(folder / 'thesis.tex', overwrite=True)
     (tmp_path / 'a.mcap').mkdir()
     with pytest.raises(RecordingError, match='is not a recording'):
         RecordingWriter(tmp_path / 'a.mcap', overwrite=True)

@@ -7,8 +7,11 @@ import math
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import pytest
+
+from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.report.content import Banner, Beside, Column, Picture, Pictures, Section, Table
-from socialcircle_ros.report.page import render
+from socialcircle_ros.report.page import check_page_name, render
 
 TABLE = Table(
     'numbers',
@@ -26,6 +29,16 @@ def test_cells_are_formatted_by_their_columns():
 def test_csv_has_numbers_at_full_precision():
     rows = list(csv.reader(io.StringIO(TABLE.csv())))
     assert rows == [['name', 'share', 'none'], ['a, "b" & <c>', '0.12345', ''], ['d', 'nan', '7']]
+
+
+def test_a_page_does_not_get_the_name_of_something_else(tmp_path):
+    for name in ('a.png', 'a', 'a.html.zip'):
+        with pytest.raises(SocialCircleError, match='is not the name of a page: give one that ends in .html'):
+            check_page_name(tmp_path / name)
+    with pytest.raises(SocialCircleError, match='is a directory; give the name of a page'):
+        check_page_name(tmp_path)
+    for name in ('a.html', 'a.HTM'):
+        check_page_name(tmp_path / name)
 
 
 class _Tags(HTMLParser):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.storage import folder_of_results
+from socialcircle_ros.storage import check_folder_name, folder_of_results
 
 
 def fails_after(folder, work):
@@ -15,7 +15,7 @@ def fails_after(folder, work):
         raise KeyboardInterrupt
 
 
-def test_it_is_there_during_the_work_and_stays_after_it(tmp_path):
+def test_it_is_there_during_the_work_and_stays_with_what_was_done(tmp_path):
     with folder_of_results(tmp_path / 'a/b'):
         (tmp_path / 'a/b/result').touch()
     assert (tmp_path / 'a/b/result').exists()
@@ -25,6 +25,14 @@ def test_one_that_is_still_empty_does_not_stay(tmp_path):
     with folder_of_results(tmp_path / 'a/b'):
         assert (tmp_path / 'a/b').is_dir()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_new_folder_does_not_get_the_name_of_a_file(tmp_path):
+    with pytest.raises(SocialCircleError, match=r'x\.png has the name of a file, .* such as .*/x\.$'):
+        check_folder_name(tmp_path / 'x.png')
+    check_folder_name(tmp_path / 'night.2026-11-29')
+    (tmp_path / 'x.png').mkdir()
+    check_folder_name(tmp_path / 'x.png')
 
 
 def test_what_was_created_is_removed_if_nothing_was_done(tmp_path, monkeypatch):
