@@ -109,7 +109,7 @@ def command(
                 overwrite=overwrite,
                 seen=count,
             )
-    _tell(summary, output, found, notes)
+    _tell(summary, recording, output, found, notes)
     tell_failures(found.failures, found.judged, sum(summary.refused.values()))
 
 
@@ -160,8 +160,10 @@ def _set_aside_notes(counts: Counter[str]) -> list[str]:
     return notes
 
 
-def _tell(summary: 'Summary', output: Path, found: _Counts, notes: tuple[str, ...]) -> None:
+def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, notes: tuple[str, ...]) -> None:
     """Print what was done, and what a person should look at."""
+    from socialcircle_ros.recording.offline import with_found_parameters
+
     stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
     share = f' ({100 * found.outliers / found.measured:.2f} %)' if found.measured else ''
     click.echo(
@@ -175,6 +177,7 @@ def _tell(summary: 'Summary', output: Path, found: _Counts, notes: tuple[str, ..
         click.echo(f'Warning: {warning}', err=True)
     if summary.replaced:
         click.echo(f'Replaced the results of an earlier run on: {", ".join(summary.replaced)}.', err=True)
-    tell_refusals(summary.refused, summary.damage)
+    refused = {with_found_parameters(reason, recording): count for reason, count in summary.refused.items()}
+    tell_refusals(refused, summary.damage)
     if summary.clouds == 0:
         raise click.exceptions.Exit(1)

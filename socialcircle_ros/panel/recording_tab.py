@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.focus import FocusCurve
+from socialcircle_ros.recording.names import found_parameters
 from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.settings.files import read_parameter_file
 
@@ -147,10 +148,9 @@ class RecordingTab:
 
     def _offer_parameters(self, path: Path) -> None:
         """Offer the parameters that lie beside a recording of frames, as `import` and `simulate` write them."""
-        beside = path.with_suffix('.yaml')
-        self._beside = beside if path.exists() and beside.is_file() else None
+        self._beside = found_parameters(path)
         if self._beside is not None:
-            self._load.label = f'Load {beside.name} into the node, and open'
+            self._load.label = f'Load {self._beside.name} into the node, and open'
             self._load.visible = True
 
     def _load_and_open(self) -> None:

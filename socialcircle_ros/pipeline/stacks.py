@@ -36,6 +36,9 @@ Colour needs 6 more."""
 GAP_NS = 500_000_000
 """Joint states that are further apart than this are not interpolated."""
 
+NOT_SET = 'is not set; set it to'
+"""What the refusal of a frame says of a parameter that the stack needs."""
+
 _NEVER = -(2**63)  # before every stamp
 _OF_GIVEN_UP = (
     'A frame was refused: the stack of its scan was given up, so that its z is not known. The next scan makes the'
@@ -322,11 +325,9 @@ class StackAssembler:
                 f' frames needs about {pixels * BYTES_PER_PIXEL / 1e9:.1f} GB of memory.'
             )
         if settings.pitch_x == 0:
-            raise StackError(
-                'stack.pitch_x is not set; set it to the distance of two pixels on the part, in metres.'
-            )
+            raise StackError(f'stack.pitch_x {NOT_SET} the distance of two pixels on the part, in metres.')
         if settings.z_source == 'step' and settings.z_step == 0:
-            raise StackError('stack.z_step is not set; set it to the distance of two frames, in metres.')
+            raise StackError(f'stack.z_step {NOT_SET} the distance of two frames, in metres.')
 
     def _begin(self, frame: Image, shape: tuple[int, ...]) -> RunningStack:
         kind = self._focus, shape, frame.encoding

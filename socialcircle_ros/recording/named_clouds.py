@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.settings import PipelineSettings
 
-from .offline import SourceCloud, source_clouds
+from .offline import SourceCloud, source_clouds, with_found_parameters
 from .reader import RecordingReader
 from .topics import Message
 from .units import unit_of
@@ -30,7 +30,7 @@ def named_clouds(
     topics: tuple[str, ...] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[NamedCloud | Refusal]:
-    """The clouds of `source_clouds` with their names; refusals pass unchanged.
+    """The clouds of `source_clouds` with their names; refusals name the parameters beside the recording.
 
     Args:
         reader: the recording.
@@ -52,7 +52,7 @@ def named_clouds(
 
     for event in source_clouds(reader, settings, topics=topics, seen=seen):
         if isinstance(event, Refusal):
-            yield event
+            yield Refusal(with_found_parameters(event.reason, reader.path))
         else:
             yield NamedCloud(f'{event.topic} {counts[event.topic]}', event)
             counts[event.topic] += 1

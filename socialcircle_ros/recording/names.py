@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the names of recordings mean: a file or a directory, and where the parameters of their stacks lie."""
 
+import re
 from pathlib import Path
 
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.storage import has_suffix_of_file
 
 SUFFIX = '.mcap'
+
+_ENDING = re.compile(r'\.mcap(\.zstd?)?$', re.IGNORECASE)  # a compressed recording keeps its parameters
 
 
 def is_mcap_name(path: Path) -> bool:
@@ -27,6 +30,10 @@ def is_mcap_name(path: Path) -> bool:
 
 def parameters_beside(recording: Path) -> Path:
     """The parameter file that `import` and `simulate` write beside the recording of a focus stack."""
-    whole = recording.absolute()
-    name = whole.stem if whole.suffix.lower() == SUFFIX else whole.name
-    return recording.parent / f'{name}.yaml'
+    return recording.parent / f'{_ENDING.sub("", recording.absolute().name)}.yaml'
+
+
+def found_parameters(recording: Path) -> Path | None:
+    """The parameter file beside a recording; None if there is none."""
+    beside = parameters_beside(recording)
+    return beside if recording.exists() and beside.is_file() else None

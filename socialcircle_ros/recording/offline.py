@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording in, a recording out: the node's filter, cloud by cloud, with the same result each time."""
 
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -27,12 +28,13 @@ from socialcircle_ros.interface import (
 )
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
-from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
+from socialcircle_ros.pipeline.stacks import NOT_SET, Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
 from socialcircle_ros.storage import folder_of_results
 
 from .any_file import open_recording
 from .mcap_writer import Compression
+from .names import found_parameters
 from .overlap import WriterBehind, read_ahead
 from .reader import RecordingReader
 from .topics import Message, ros_topic
@@ -175,6 +177,15 @@ def filter_recording(
                     seen(message, outputs)
         summary.damage = reader.damage
     return summary
+
+
+def with_found_parameters(reason: str, recording: Path) -> str:
+    """The reason of a refusal; if a parameter of the stack is not set, with the file beside the recording."""
+    found = found_parameters(recording) if NOT_SET in reason else None
+    if found is None:
+        return reason
+    given = shlex.quote(str(found))
+    return f'{reason.rstrip(".")}; {found} beside it has the parameters: --params-file {given}'
 
 
 def measure_recording(

@@ -43,6 +43,20 @@ def test_the_printed_command_works_as_it_stands_also_with_spaces_in_names(run, t
     )
 
 
+def test_a_refusal_for_want_of_parameters_names_those_beside_the_recording(run, tmp_path):
+    run('simulate', 'flat', '-o', 'my out/flat.mcap', '--size', '40', '50', '--frames', '20')
+    filtered = run('filter', 'my out/flat.mcap', '-o', 'cleaned.mcap')
+    told = "; my out/flat.yaml beside it has the parameters: --params-file 'my out/flat.yaml'"
+    assert filtered.code == 1
+    assert filtered.err.rstrip().endswith(f'the distance of two pixels on the part, in metres{told}')
+    pytest.importorskip('matplotlib')
+    reported = run('report', 'my out/flat.mcap')
+    assert reported.code == 1
+    assert told in reported.err
+    (tmp_path / 'my out/flat.yaml').unlink()
+    assert 'beside it' not in run('filter', 'my out/flat.mcap', '-o', 'other.mcap').err
+
+
 def test_an_incomplete_stack_is_a_warning(run, tmp_path):
     run('simulate', 'flat', '-o', 'flat.mcap', '--size', '40', '50', '--frames', '20', '--seed', '2')
     given = ('flat.mcap', '--params-file', 'flat.yaml', '-p', 'stack.frames:=25')

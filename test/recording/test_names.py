@@ -7,7 +7,7 @@ import pytest
 
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.recording import RecordingWriter, open_recording
-from socialcircle_ros.recording.names import is_mcap_name, parameters_beside
+from socialcircle_ros.recording.names import found_parameters, is_mcap_name, parameters_beside
 
 
 @pytest.mark.parametrize('name', ['a.mcap', 'A.MCAP', 'out/x.y.Mcap'])
@@ -45,7 +45,19 @@ def test_a_recording_in_a_directory_with_such_a_name_can_be_replaced(tmp_path):
         ('GROOVE.MCAP', 'GROOVE.yaml'),
         ('night.2026-11-29', 'night.2026-11-29.yaml'),
         ('night', 'night.yaml'),
+        ('a.mcap.zstd', 'a.yaml'),
     ],
 )
 def test_parameters_have_the_name_of_their_recording(recording, parameters):
     assert parameters_beside(Path(recording)) == Path(parameters)
+
+
+def test_parameters_are_found_beside_a_recording_that_is_there(tmp_path):
+    recording, parameters = tmp_path / 'a.mcap', tmp_path / 'a.yaml'
+    parameters.touch()
+    assert found_parameters(recording) is None
+    recording.touch()
+    assert found_parameters(recording) == parameters
+    parameters.unlink()
+    parameters.mkdir()
+    assert found_parameters(recording) is None
