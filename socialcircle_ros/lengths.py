@@ -47,6 +47,11 @@ def known_unit(text: str | None) -> str | None:
     return None if text is None else _SPELLINGS.get(text.strip().lower())
 
 
+def unit_name(unit: str) -> str:
+    """A unit as a person reads it: µm for um."""
+    return 'µm' if known_unit(unit) == 'um' else unit
+
+
 def metres_per(unit: str | None) -> float:
     """The length of a unit in m.
 

@@ -7,7 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.lengths import METRES, length_scale, length_text, metres_per, range_text
+from socialcircle_ros.lengths import METRES, length_scale, length_text, metres_per, range_text, unit_name
+
+
+def test_a_person_reads_the_sign_of_the_micrometre():
+    assert [unit_name(unit) for unit in ('um', 'micron', 'mm', 'furlong')] == ['µm', 'µm', 'mm', 'furlong']
+
 
 WORTH = {'m': 1.0, 'mm': 1e-3, 'µm': 1e-6, 'nm': 1e-9, 'pm': 1e-12}
 

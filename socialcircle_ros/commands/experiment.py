@@ -123,6 +123,7 @@ def _surfaces(folder: Path) -> 'list[MeasuredCloud]':
     """Import the height maps of a folder; focus stacks are skipped."""
     import numpy as np
 
+    from socialcircle_ros.lengths import unit_name
     from socialcircle_ros.recording import import_cloud
     from socialcircle_ros.studies.comparison.measured import MeasuredCloud
 
@@ -133,9 +134,7 @@ def _surfaces(folder: Path) -> 'list[MeasuredCloud]':
                 continue
         cloud = import_cloud(path)
         clouds.append(
-            MeasuredCloud(
-                cloud.name, cloud.points, 'µm' if cloud.unit == 'um' else cloud.unit or 'unit of the file'
-            )
+            MeasuredCloud(cloud.name, cloud.points, unit_name(cloud.unit) if cloud.unit else 'unit of the file')
         )
     return clouds
 

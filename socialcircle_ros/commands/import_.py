@@ -164,7 +164,7 @@ def _print_cloud(path: Path, cloud: 'ImportedCloud', origin: 'FileOrigin') -> No
     heights = range_text(float(z[measured].min()), float(z[measured].max()), cloud.unit)
     written = ', written in m' if origin.converted else ''
     click.echo(
-        f'{path.name} ({origin.unit_text()}): {rows}×{columns} points, {measured.sum()} measured, z'
+        f'{path.name} ({origin.unit_text()}): {rows} × {columns} points, {measured.sum()} measured, z'
         f' {heights}{fields}{written}'
     )
     for note in (cloud.unit_note, *cloud.notes) if cloud.unit_note else cloud.notes:
@@ -176,7 +176,7 @@ def _print_frame(frame: 'ImportedFrame') -> None:
     number, name, z, (pixels, mode) = frame
     rows, columns = pixels.shape
     if number == 0:
-        click.echo(f'{"file":<24} {"z":>12}  {"size":>11}  {"mode":<18} range')
+        click.echo(f'{"file":<24} {"z":>12}  {"rows × columns":>14}  {"mode":<18} range')
     click.echo(
-        f'{name:<24} {z * 1e6:>9.6g} µm  {f"{columns}×{rows}":>11}  {mode:<18} {pixels.min()} to {pixels.max()}'
+        f'{name:<24} {z * 1e6:>9.6g} µm  {f"{rows} × {columns}":>14}  {mode:<18} {pixels.min()} to {pixels.max()}'
     )

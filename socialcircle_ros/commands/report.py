@@ -70,7 +70,7 @@ def command(
         report = make_report(recording, output, settings, topics=topics, progress=progress)
     click.echo(
         f'{quantity(len(report.entries), "measurement")}, {report.outliers} of {report.measured} measured points'
-        f' are outliers ({report.outliers / report.measured:.2%}).'
+        f' are outliers ({100 * report.outliers / report.measured:.2f} %).'
     )
     warned = sum(bool(entry.warnings) for entry in report.entries)
     if warned:

@@ -74,7 +74,7 @@ def command(
             simulation, output, compression=compression, overwrite=overwrite, progress=progress
         )
     click.echo(
-        f'{stack.frames} frames of {rows}×{columns} pixels written to {place_text(output)},'
+        f'{stack.frames} frames of {rows} × {columns} pixels written to {place_text(output)},'
         f' parameters to {stack.parameters}.'
     )
     given = shell_words(output, '--params-file', stack.parameters, '-o', 'cleaned.mcap')

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from socialcircle_ros.errors import ImportFileError, SocialCircleError
-from socialcircle_ros.lengths import known_unit, metres_per
+from socialcircle_ros.lengths import known_unit, metres_per, unit_name
 from socialcircle_ros.storage import check_place, kind_of_target, write_file
 
 from . import archive, lists, points, sdf, tiff, x3p
@@ -82,7 +82,8 @@ def check_given(
     if pitch is not None and not (isinstance(found, MeasuredSurface) and found.pitch == pitch):
         raise ImportFileError(f'{path} states its own coordinates: leave the pitch out.')
     if unit is not None and known_unit(found.unit) != known_unit(unit):
-        raise ImportFileError(f'{path} is in {found.unit}, not in {unit}: leave the unit out.')
+        stated = f'is in {unit_name(found.unit)}' if found.unit else 'does not state its unit'
+        raise ImportFileError(f'{path} {stated}, not in {unit_name(unit)}: leave the unit out.')
 
 
 def _read(
@@ -169,7 +170,8 @@ def _fitted(form: Format, suffix: str, surface: MeasuredSurface) -> tuple[Measur
         factor = metres_per(surface.unit)
         heights = cast('HeightMap', surface.heights.astype(np.float64) * factor)
         pitch = (surface.pitch[0] * factor, surface.pitch[1] * factor)
-        notes.append(f'{suffix} is always in m: the lengths are converted from {surface.unit}, in float64.')
+        stated = unit_name(surface.unit or '')
+        notes.append(f'{suffix} is always in m: the lengths are converted from {stated}, in float64.')
         surface = replace(surface, heights=heights, pitch=pitch, unit='m')
     if not form.double:
         with np.errstate(over='ignore'):

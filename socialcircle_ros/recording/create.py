@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from socialcircle_ros.errors import ImportFileError, SettingError
-from socialcircle_ros.lengths import known_unit
+from socialcircle_ros.lengths import known_unit, unit_name
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.simulation import Simulation
@@ -130,7 +130,7 @@ def record_clouds(
 
 
 def _unit_text(unit: str | None) -> str:
-    return unit or 'a unit that it does not name'
+    return unit_name(unit) if unit else 'a unit that it does not name'
 
 
 def write_cloud(writer: RecordingWriter, topic: str, cloud: ImportedCloud, *, stamp: int, frame_id: str) -> None:

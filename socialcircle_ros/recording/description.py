@@ -15,7 +15,7 @@ from socialcircle_ros.cloud import measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.formats import OrganizedCloud, format_of, surface_of
 from socialcircle_ros.interface import POINTS
-from socialcircle_ros.lengths import NOT_KNOWN, range_text
+from socialcircle_ros.lengths import NOT_KNOWN, range_text, unit_name
 from socialcircle_ros.messages import image
 from socialcircle_ros.messages.header import FIRST_DATE
 from socialcircle_ros.messages.image import Image
@@ -51,7 +51,7 @@ class TopicDescription(NamedTuple):
 
     def text(self) -> str:
         """All of it in one line."""
-        unit = f'in {self.unit}' if self.unit else NOT_KNOWN
+        unit = f'in {unit_name(self.unit)}' if self.unit else NOT_KNOWN
         parts = [self.size] * bool(self.size) + [unit] * (self.type == POINTS.type)
         return '  '.join((self.name, self.type, ', '.join((str(self.messages), *parts))))
 
@@ -172,7 +172,7 @@ def _measurement_file(path: Path) -> Description:
 def _unit_text(cloud: ImportedCloud) -> str:
     if cloud.unit is None:
         return 'not known: the file does not state it'
-    unit = 'µm' if cloud.unit == 'um' else cloud.unit
+    unit = unit_name(cloud.unit)
     return f'{unit}, taken, because the file does not state it' if cloud.unit_note else unit
 
 

@@ -35,8 +35,8 @@ class FrameChecks:
         first = self._first = self._first or picture
         if picture.pixels.shape != first.pixels.shape or picture.mode != first.mode:
             raise ImportFileError(
-                f'{name} is {described(picture)}, but {self._names[0]} is {described(first)}: the frames of a'
-                ' stack are alike; move away what does not belong.'
+                f'{name} is {described(picture)}, but {self._names[0]} is {described(first)} (rows × columns): the'
+                ' frames of a stack are alike; move away what does not belong.'
             )
         self._names.append(name)
         self._sharpness.append(_sharpness(picture.pixels))
@@ -63,9 +63,9 @@ class FrameChecks:
 
 
 def described(picture: FramePicture) -> str:
-    """Size and mode."""
+    """Rows and columns, and mode."""
     rows, columns = picture.pixels.shape
-    return f'{columns}×{rows} {picture.mode}'
+    return f'{rows} × {columns} {picture.mode}'
 
 
 def in_focus_everywhere(sharpness: npt.NDArray[np.float64]) -> int | None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Cloud
-from socialcircle_ros.lengths import from_metres, known_unit, to_metres
+from socialcircle_ros.lengths import from_metres, known_unit, to_metres, unit_name
 
 from .importers import ImportedCloud
 from .reader import RecordingReader
@@ -80,8 +80,7 @@ class FileOrigin:
 
     def unit_text(self) -> str:
         """The unit of the file for a person."""
-        unit = 'µm' if self.unit == 'um' else self.unit
-        return f'{unit}, {self.unit_from}' if unit else 'unit not known'
+        return f'{unit_name(self.unit)}, {self.unit_from}' if self.unit else 'unit not known'
 
     def in_unit_of_file(self, points: Cloud) -> Cloud:
         """The points in the unit of the file; those that are as imported have the numbers of the file.

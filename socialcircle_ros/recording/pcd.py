@@ -59,7 +59,7 @@ def read_pcd(path: Path) -> PointTable:
     points = width * height if points is None else points
     if points != width * height or points <= 0:
         raise ImportFileError(
-            f'{path} has a header with {points} points, but {width} × {height} places: save it again with matching'
+            f'{path} has a header with {points} points, but {height} × {width} places: save it again with matching'
             ' counts.'
         )
     data = content[start:]

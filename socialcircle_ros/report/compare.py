@@ -62,7 +62,7 @@ class ComparedCloud:
     def section(self, names: tuple[str, str]) -> Section:
         """The section of the cloud on the page."""
         rows: list[list[Cell]] = [
-            ['outliers', *(f'{count:,} ({count / self.measured:.2%})' for count in self.removed)],
+            ['outliers', *(f'{count:,} ({100 * count / self.measured:.2f} %)' for count in self.removed)],
             ['removed by this setting only', *(f'{count:,}' for count in self.only)],
         ]
         for key in ('Sa', 'Sq', 'Sz'):

@@ -149,4 +149,4 @@ class Section:
 def _text(cell: Cell, form: str) -> str:
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return '–'
-    return cell if isinstance(cell, str) else f'{cell:{form}}'
+    return cell if isinstance(cell, str) else f'{cell:{form}}'.replace('%', ' %')

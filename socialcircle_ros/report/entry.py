@@ -140,8 +140,8 @@ class ReportEntry:
     def _counts(self) -> Iterator[list[Cell]]:
         found = self.measurement
         yield ['points', f'{found.points:,}']
-        yield ['measured', f'{found.measured:,} ({found.measured / found.points:.1%})']
-        yield ['outliers', f'{found.outliers:,} ({found.outliers / found.measured:.2%})']
+        yield ['measured', f'{found.measured:,} ({100 * found.measured / found.points:.1f} %)']
+        yield ['outliers', f'{found.outliers:,} ({100 * found.outliers / found.measured:.2f} %)']
         yield ['kept', f'{found.kept:,}']
         if self.is_repaired:
             yield ['repaired', f'{found.repaired:,}']

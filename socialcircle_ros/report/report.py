@@ -244,7 +244,7 @@ def verdict_banner(entries: Sequence[ReportEntry], refused: int) -> Banner:
     measured, outliers = (
         sum(getattr(entry.measurement, field) for entry in entries) for field in ('measured', 'outliers')
     )
-    found = f'{outliers:,} of {measured:,} measured points are outliers ({outliers / measured:.2%}).'
+    found = f'{outliers:,} of {measured:,} measured points are outliers ({100 * outliers / measured:.2f} %).'
     judged = [entry for entry in entries if entry.measurement.verdict is not None]
     failed = [entry for entry in judged if entry.failed]
     if not judged:

@@ -68,7 +68,7 @@ def _rows(source: SourceCloud, points: int, trusted: float) -> Iterator[list[Cel
     yield ['step of the focus measure', f'{source.focus_step} pixels']
     if source.drift is not None:
         yield ['sideways drift', f'{source.drift:.1f} pixels']
-    yield [f'quality of at least {TRUSTED_QUALITY}', f'{trusted:.1%} of the pixels']
+    yield [f'quality of at least {TRUSTED_QUALITY}', f'{100 * trusted:.1f} % of the pixels']
     if source.registered is not None:
         yield [
             'registered',
@@ -76,4 +76,4 @@ def _rows(source: SourceCloud, points: int, trusted: float) -> Iterator[list[Cel
         ]
     for reason, count in source.reasons.items():
         if count:
-            yield [_SENTENCES.get(reason, reason), f'{count:,} ({count / points:.1%})']
+            yield [_SENTENCES.get(reason, reason), f'{count:,} ({100 * count / points:.1f} %)']

@@ -68,5 +68,5 @@ def test_heights_without_a_pitch_are_imported_with_the_pitch_that_is_given(run, 
     assert 'does not state its pitch' in refused.err
     done = run('import', 'a.npy', '-o', 'a.mcap', '--pitch', '2', '--unit', 'um')
     assert done.code == 0, done.err
-    assert 'a.npy (µm, given): 4×4 points' in done.out
+    assert 'a.npy (µm, given): 4 × 4 points' in done.out
     assert '4 × 4 (x, y, z), in m' in run('info', 'a.mcap').out

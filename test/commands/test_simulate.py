@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle simulate`, and focus stacks through `import` and `filter`."""
 
+import re
 import shlex
 
 import numpy as np
@@ -19,7 +20,7 @@ def contents(path):
 def test_a_simulated_stack_is_filtered_with_the_parameters_beside_it(run, tmp_path):
     done = run('simulate', 'flat', '-o', 'flat.mcap', '--size', '40', '50', '--frames', '20', '--seed', '2')
     assert done.code == 0, done.err
-    assert '20 frames of 40×50 pixels' in done.out
+    assert '20 frames of 40 × 50 pixels' in done.out
     filtered = run('filter', 'flat.mcap', '--params-file', 'flat.yaml', '-o', 'cleaned.mcap')
     assert filtered.code == 0, filtered.err
     assert '1 focus stack measured; 1 cloud filtered, ' in filtered.out
@@ -82,6 +83,8 @@ def test_an_imported_stack_needs_its_pitch_and_step(run, tmp_path):
     assert 'give --pitch and --z-step in metres' in refused.err
     done = run('import', 's.npz', '-o', 's.mcap', '--pitch', '2e-6', '--z-step', '1e-5')
     assert done.code == 0, done.err
+    heads, first = (re.split('  +', line) for line in done.out.splitlines()[:2])
+    assert dict(zip(heads, first, strict=True))['rows × columns'] == '20 × 30'
     filtered = run('filter', 's.mcap', '--params-file', 's.yaml', '-o', 'cleaned.mcap')
     assert '1 focus stack measured; ' in filtered.out
     assert PointCloud.decode(contents(tmp_path / 'cleaned.mcap')['/stack/points']).xyz()[0, 1, 0] == np.float32(

@@ -87,7 +87,7 @@ def test_a_byte_order_mark_before_a_text_is_no_part_of_it(tmp_path, suffix):
 def test_a_format_in_metres_converts_and_says_so(tmp_path, suffix):
     heights = np.array([[1, 2.5], [np.nan, 4]], np.float32)
     notes = write_surface(tmp_path / f'a{suffix}', MeasuredSurface(heights, (2.0, 3.0), 'um'))
-    assert notes == (f'{suffix} is always in m: the lengths are converted from um, in float64.',)
+    assert notes == (f'{suffix} is always in m: the lengths are converted from µm, in float64.',)
     read = read_file(tmp_path / f'a{suffix}')
     np.testing.assert_array_equal(read.heights, heights.astype(float) * 1e-6)
     assert (read.pitch, read.unit) == ((2.0 * 1e-6, 3.0 * 1e-6), 'm')

@@ -45,6 +45,12 @@ def test_a_recording(tmp_path, target):
     assert found.damage is None
 
 
+def test_a_topic_in_micrometres_is_told_with_their_sign(tmp_path):
+    record_clouds([surface(tmp_path / 'a.npz')], tmp_path / 'a.mcap')
+    (topic,) = describe(tmp_path / 'a.mcap').topics
+    assert topic._replace(unit='um').text() == f'/points  {CLOUD}  1, 2 × 3 (x, y, z), in µm'
+
+
 def test_units_attachments_and_records_are_listed(tmp_path):
     record_clouds([surface(tmp_path / 'a.x3p')], tmp_path / 'a.mcap')
     with open_recording(tmp_path / 'a.mcap') as reader, RecordingWriter(tmp_path / 'b.mcap') as writer:

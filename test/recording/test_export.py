@@ -258,7 +258,7 @@ def test_a_measurement_file_opens_as_a_recording_of_one_cloud(tmp_path):
 
 def test_files_in_different_units_do_not_become_one_topic(tmp_path):
     write_surface(tmp_path / 'a.ply', measured_surface())
-    for unit, text in (('um', 'um'), (None, 'a unit that it does not name')):
+    for unit, text in (('um', 'µm'), (None, 'a unit that it does not name')):
         write_surface(tmp_path / 'b.ply', measured_surface(unit=unit), overwrite=True)
         with pytest.raises(ImportFileError, match=rf'b\.ply is in {text}, but the files before it are in m'):
             record_clouds([tmp_path / 'a.ply', tmp_path / 'b.ply'], tmp_path / 'x.mcap', keep_unit=True)

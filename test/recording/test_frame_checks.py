@@ -67,6 +67,7 @@ def test_a_frame_of_another_size_or_mode_is_named(pixels, mode):
     frames = list(stack(frames=6))
     other = frames[0] if pixels is None else pixels
     with pytest.raises(
-        ImportFileError, match=rf'^f6 is {other.shape[1]}×.* {mode}, but f0 is 128×96 gray, 8 bits'
+        ImportFileError,
+        match=rf'^f6 is {other.shape[0]} × .* {mode}, but f0 is 96 × 128 gray, 8 bits \(rows × columns\)',
     ):
         check([*frames, other], [GRAY] * 6 + [mode])

@@ -29,7 +29,7 @@ def test_a_pitch_or_unit_that_contradicts_the_file_is_refused(tmp_path, suffix):
     for read in (socialcircle_ros.read_surface, import_cloud):
         with pytest.raises(ImportFileError, match='states its own coordinates'):
             read(tmp_path / f'a{suffix}', pitch=(2.0, 2.0))
-        with pytest.raises(ImportFileError, match='is in m, not in um'):
+        with pytest.raises(ImportFileError, match='is in m, not in µm'):
             read(tmp_path / f'a{suffix}', unit='um')
         read(tmp_path / f'a{suffix}', unit='m')
 

@@ -36,8 +36,8 @@ def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
     kept[10, 12], kept[40:45, 50:55] = np.nan, np.nan
     assert (found.before, found.after) == (areal_texture(z, (1.0, 1.0)), areal_texture(kept, (1.0, 1.0)))
     shown = texts(found)
-    assert shown['measured'] == ['5,594 (99.9%)']
-    assert shown['outliers'] == ['26 (0.46%)']
+    assert shown['measured'] == ['5,594 (99.9 %)']
+    assert shown['outliers'] == ['26 (0.46 %)']
     assert shown['kept'] == ['5,568']
     assert shown['Sz'][:2] == [f'{found.before.sz:.4g}', f'{found.after.sz:.4g}']
     assert shown['circle.radius_scale'] == ['1.0']

@@ -23,7 +23,7 @@ TABLE = Table(
 
 
 def test_cells_are_formatted_by_their_columns():
-    assert TABLE.texts() == [['a, "b" & <c>', '12.3%', '–'], ['d', '–', '7']]
+    assert TABLE.texts() == [['a, "b" & <c>', '12.3 %', '–'], ['d', '–', '7']]
 
 
 def test_csv_has_numbers_at_full_precision():
