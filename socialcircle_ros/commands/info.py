@@ -2,8 +2,12 @@
 """`socialcircle info`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from socialcircle_ros.recording.description import Description
 
 
 @click.command('info', epilog='Example: socialcircle info night.mcap')
@@ -16,19 +20,34 @@ def command(files: tuple[Path, ...]) -> None:
     measurement file  points, measured points, unit, pitch, range of heights, fields
     focus stack       number and size of frames, range of z
 
-    A recording is read whole, so that damage is found.
+    A recording is read whole, so that damage is found. A file that cannot be read is told, the others are shown all
+    the same, and the exit code is 1.
     """  # noqa: D301 - click reads \b
+    from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.recording.description import describe
 
-    for number, path in enumerate(files):
-        found = describe(path)
-        if number:
+    shown = failed = 0
+    for path in files:
+        try:
+            found = describe(path)
+        except SocialCircleError as error:
+            click.echo(f'Error: {error}', err=True)
+            failed += 1
+            continue
+        if shown:
             click.echo()
-        click.echo(f'{path}: {found.kind}')
-        width = max(map(len, found.facts))
-        for name, text in found.facts.items():
-            click.echo(f'  {name.ljust(width)}  {text}')
-        for topic in found.topics:
-            click.echo(f'  {topic.text()}')
-        if found.damage:
-            click.echo(f'Warning: {found.damage}', err=True)
+        shown += 1
+        _show(found)
+    if failed:
+        raise click.exceptions.Exit(1)
+
+
+def _show(found: 'Description') -> None:
+    click.echo(f'{found.path}: {found.kind}')
+    width = max(map(len, found.facts))
+    for name, text in found.facts.items():
+        click.echo(f'  {name.ljust(width)}  {text}')
+    for topic in found.topics:
+        click.echo(f'  {topic.text()}')
+    if found.damage:
+        click.echo(f'Warning: {found.damage}', err=True)

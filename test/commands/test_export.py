@@ -70,3 +70,17 @@ def test_heights_without_a_pitch_are_imported_with_the_pitch_that_is_given(run, 
     assert done.code == 0, done.err
     assert 'a.npy (µm, given): 4 × 4 points' in done.out
     assert '4 × 4 (x, y, z), in m' in run('info', 'a.mcap').out
+
+
+def test_info_shows_every_file_also_after_one_that_cannot_be_read(run, tmp_path):
+    save(tmp_path / 'a.x3p')
+    save(tmp_path / 'b.x3p')
+    (tmp_path / 'cut.x3p').write_bytes((tmp_path / 'a.x3p').read_bytes()[:100])
+    done = run('info', 'a.x3p', 'nowhere.x3p', 'cut.x3p', 'b.x3p')
+    assert done.code == 1
+    assert [line for line in done.out.splitlines() if line.endswith('file')] == [
+        'a.x3p: ISO 25178-72 file', 'b.x3p: ISO 25178-72 file',
+    ]  # fmt: skip
+    assert 'Error: nowhere.x3p does not exist' in done.err
+    assert 'Error: cut.x3p' in done.err
+    assert run('info', 'nowhere.x3p', 'a.x3p').out.startswith('a.x3p')
