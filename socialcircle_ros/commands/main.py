@@ -15,6 +15,8 @@ import click
 from socialcircle_ros.errors import SocialCircleError, UnitWarning
 from socialcircle_ros.storage import SignalExit
 
+from .spelling import nearest_name
+
 GROUPS = {
     'Run': {'demo': 'demo', 'node': 'node', 'tune': 'tune', 'warm-up': 'warm_up'},
     'Recordings and files': {
@@ -54,6 +56,16 @@ class _Commands(click.Group):
         module = importlib.import_module(f'.{COMMANDS[cmd_name]}', __package__)
         command: click.Command = module.command
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, and ask for the one that was meant where there is none."""
+        name = args[0]
+        near = None if name in COMMANDS else nearest_name(name, COMMANDS)
+        if near is not None and not name.startswith('-'):
+            ctx.fail(f"No such command {name!r}. Did you mean '{near}'?")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the first sentence of each command, whole, in groups."""

@@ -35,6 +35,14 @@ def test_an_unknown_command_is_refused(run):
     done = run('polish')
     assert done.code == 2
     assert "No such command 'polish'" in done.err
+    assert 'Did you mean' not in done.err
+
+
+@pytest.mark.parametrize(('typed', 'meant'), [('fliter', 'filter'), ('warmup', 'warm-up'), ('reports', 'report')])
+def test_a_misspelt_command_is_asked_back(run, typed, meant):
+    done = run(typed)
+    assert done.code == 2
+    assert f"No such command '{typed}'. Did you mean '{meant}'?" in done.err
 
 
 def test_help_imports_neither_numpy_nor_the_compiler_nor_ros():

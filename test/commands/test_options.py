@@ -38,6 +38,13 @@ def test_a_file_may_set_parameters_that_are_unknown_here_and_this_is_told(invoke
     done = invoke('--node', '/cell1/social_circle')
     assert json.loads(done.output.splitlines()[-1]) == {'circle.window': 5}
     assert 'Warning: there is no parameter fixed_frame' in done.output
+    assert 'Did you mean' not in done.output
+
+
+def test_a_misspelt_parameter_of_a_file_is_asked_back(tmp_path):
+    (tmp_path / 'a.yaml').write_text('/**:\n  ros__parameters:\n    circle.windw: 5\n')
+    done = CliRunner().invoke(show, ['--params-file', str(tmp_path / 'a.yaml')])
+    assert 'has no effect. Did you mean circle.window?' in done.output
 
 
 def test_single_parameters_override_the_file_and_have_the_types_of_ros(invoke):
@@ -49,7 +56,9 @@ def test_single_parameters_override_the_file_and_have_the_types_of_ros(invoke):
     ('text', 'sentence'),
     [
         ('circle.window=5', 'not of the form NAME:=VALUE'),
-        ('circle.windw:=5', 'There is no parameter circle.windw'),
+        ('circle.windw:=5', r'There is no parameter circle\.windw; did you mean circle\.window\?$'),
+        ('mode:=paper', r'There is no parameter mode; did you mean circle\.mode\?$'),
+        ('exposure:=5', r'There is no parameter exposure; the parameters are: .*circle\.mode,'),
         ('circle.window:=[5', 'it is not YAML'),
         ('circle.window:=', 'has no value'),
         ('circle.window:={a: 1}', 'it is a mapping'),
