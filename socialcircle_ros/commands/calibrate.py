@@ -8,7 +8,7 @@ import click
 
 from socialcircle_ros.errors import SettingError
 
-from .options import parameter_options, parameter_values, progress_bar
+from .options import parameter_options, parameter_values, progress_bar, quantity
 
 
 def _length(context: click.Context, parameter: click.Parameter, text: str) -> float:  # noqa: ARG001 - click's signature
@@ -60,7 +60,7 @@ def _latency(recording: Path, params_file: Path | None, parameters: tuple[str, .
 
         found = measure_latency(recording, settings, seen)
     spread = f', within {1e3 * found.spread_s:.3f} ms' if found.pairs > 1 else ''
-    click.echo(f'Latency: {1e3 * found.latency_s:.3f} ms, from {found.pairs} pairs of scans{spread}.')
+    click.echo(f'Latency: {1e3 * found.latency_s:.3f} ms, from {quantity(found.pairs, "pair")} of scans{spread}.')
     click.echo(
         f'Heights up and down differ by {1e6 * found.before_m:.3f} µm with stack.latency'
         f' {settings.stack.latency:g} s, and by {1e6 * found.after_m:.3f} µm with the new one.'

@@ -67,6 +67,11 @@ class _Server(viser.ViserServer):
         """Open no tunnel."""
         return None
 
+    def stop(self) -> None:
+        """Stop without viser's sentence about it, which no option turns off."""
+        with redirect_stdout(io.StringIO()):
+            super().stop()
+
 
 def open_server(host: str, port: int, trends: Trends | None = None) -> tuple[viser.ViserServer, str]:
     """Open the server of the page.

@@ -4,6 +4,7 @@
 Both emit the same bytes, so that a replay shows what the line did.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -36,6 +37,8 @@ from socialcircle_ros.settings import LimitSettings, PipelineSettings, RepairSet
 from .limits import verdict
 
 STATUS_NAME = 'social_circle: measurement'
+
+_NAME = re.compile(r'\w+\.\w')  # such as circle.radius_scale
 
 Emit = Callable[[NodeTopic, bytes | memoryview], None]
 """Takes an output as soon as it is made. A memoryview is valid during the call only."""
@@ -271,7 +274,8 @@ def failure_sentence(topic: NodeTopic, error: Exception) -> str:
 
 
 def _as_sentence(text: str) -> str:
-    return f'{text[0].upper()}{text[1:]}'
+    """The text with a capital at its beginning, unless that is the name of a parameter."""
+    return text if _NAME.match(text) else f'{text[0].upper()}{text[1:]}'
 
 
 def _sentences(

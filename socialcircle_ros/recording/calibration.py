@@ -103,8 +103,8 @@ def measure_latency(
         found = [(apart, speeds) for apart, speeds in found if np.isfinite(apart)]
         if not found:
             raise StackError(
-                f'{recording} has {len(scans)} scans, and no scan up next to a scan down with {_LEAST_PIXELS}'
-                f' pixels of quality {TRUSTED_QUALITY:g} in both.'
+                f'{recording} has {len(scans)} scan{"" if len(scans) == 1 else "s"}, and no scan up next to a scan'
+                f' down with {_LEAST_PIXELS} pixels of quality {TRUSTED_QUALITY:g} in both.'
             )
         latencies = [latency + apart / speeds for apart, speeds in found]
         latency = float(np.median(latencies))

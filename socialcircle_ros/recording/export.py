@@ -72,8 +72,8 @@ def export_recording(
 
     Args:
         recording: an MCAP file, a rosbag2 directory, or a measurement file.
-        folder: where the files are written, with a name without a suffix of a file; it is created, and removed again
-            if nothing is written.
+        folder: where the files are written, with a name without a suffix of a file; it is created, and removed
+            again if nothing is written.
         suffix: of the format, such as `.ply`.
         topics: topics of clouds; none: cleaned and repaired clouds, or the clouds themselves if there are none.
         unit: of the clouds, where the recording does not say.

@@ -169,7 +169,8 @@ def _folder_stack(folder: Path, z_from: ZFrom, order: Order) -> ImportedStack:
         )
     if len(files) < _LEAST:
         raise ImportFileError(
-            f'{folder} holds {len(files)} images ({", ".join(SUFFIXES)}); a focus stack needs {_LEAST}.'
+            f'{folder} holds {len(files)} image{"" if len(files) == 1 else "s"} ({", ".join(SUFFIXES)}); a focus'
+            f' stack needs {_LEAST}.'
         )
     named = order_frames(folder, files, z_from, order)
     pages = [ImagePage(file) for file in named.files]

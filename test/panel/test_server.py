@@ -41,6 +41,12 @@ def served():
     server.stop()
 
 
+def test_nothing_is_printed_when_it_is_opened_and_stopped(capfd):
+    server, _ = open_server('127.0.0.1', 0)
+    server.stop()
+    assert capfd.readouterr() == ('', '')
+
+
 def visit(served):
     return connect(f'ws://{served.host}/{served.token}', subprotocols=[PROTOCOL], max_size=None)
 

@@ -257,6 +257,11 @@ def test_what_the_method_could_not_decide_is_a_warning_of_the_measurement():
     assert 'islands of one height were kept as the texture of the surface' in measurement.message
 
 
+def test_a_warning_that_begins_with_a_parameter_keeps_its_spelling():
+    found = outputs(surface(), CircleSettings(radius_scale=2.0)).measurement.message
+    assert '. circle.radius_scale has no effect in the adaptive mode' in found
+
+
 def test_a_cloud_without_any_measured_point_is_refused_by_the_adaptive_mode():
     with pytest.raises(SocialCircleError, match='No point of the cloud is measured'):
         outputs(np.full((70, 80, 3), np.nan, np.float32), ADAPTIVE)

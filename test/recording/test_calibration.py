@@ -53,7 +53,7 @@ def test_latency_is_found_from_a_scan_up_and_a_scan_down(tmp_path, latency_s):
 
 def test_a_scan_in_one_direction_has_no_latency(tmp_path):
     path = scan_file(tmp_path / 'up.mcap', 0.0, (1,))
-    with pytest.raises(StackError, match='no scan up next to a scan down'):
+    with pytest.raises(StackError, match='has 1 scan, and no scan up next to a scan down'):
         measure_latency(path, SETTINGS)
 
 

@@ -151,6 +151,13 @@ def test_what_is_no_image_is_named(tmp_path, content):
             read(tmp_path / name)
 
 
+def test_a_missing_file_and_a_directory_are_not_called_damaged_images(tmp_path):
+    with pytest.raises(ImportFileError, match=r'a\.png does not exist: check the name'):
+        read(tmp_path / 'a.png')
+    with pytest.raises(ImportFileError, match=r'cannot be read \(Is a directory\)'):
+        read(tmp_path)
+
+
 @pytest.mark.parametrize('suffix', ['png', 'tif', 'bmp', 'jpg'])
 def test_a_damaged_image_is_read_or_named(tmp_path, suffix):
     content = saved(tmp_path / f'a.{suffix}', GRAY).read_bytes()

@@ -62,6 +62,9 @@ def test_an_archive_without_a_stack_is_refused_with_the_reason(tmp_path, arrays,
 def test_a_folder_with_too_few_images_is_refused(tmp_path):
     with pytest.raises(ImportFileError, match='holds 0 images'):
         import_stack(tmp_path)
+    (tmp_path / 'a.png').touch()
+    with pytest.raises(ImportFileError, match=r'holds 1 image \('):
+        import_stack(tmp_path)
 
 
 def test_an_unreadable_image_is_named(tmp_path):
