@@ -104,8 +104,11 @@ def _read(
         return points.read_text(path)
     if suffix == '.csv' and points.is_matrix(path):
         return points.read_matrix(path, pitch, unit)
-    if suffix in _LISTS and (found := lists.read_list(path)) is not None:
+    wanted = pitch is not None and suffix != '.xyz'
+    if suffix in _LISTS and (found := lists.read_list(path, matrix_wanted=wanted)) is not None:
         return found
+    if suffix == '.csv' and wanted and points.is_matrix(path, least=3):
+        return points.read_matrix(path, pitch, unit)
     if known.reads == BASE:
         raise lists.no_list(path)
     return read_vendor_file(path, known.readers, pitch, unit)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
 
-from .surface import OrganizedCloud
+from .surface import SOURCE_FORMAT, OrganizedCloud
 from .text import open_text
 
 if TYPE_CHECKING:
@@ -25,6 +25,9 @@ _LARGEST_DEVIATION = 1e-2  # of the pitch, from a regular grid
 _LEAST_FILLED = 0.25  # of the places of the grid; fewer points do not make a grid certain
 _MOST_DIGITS = 12
 _FARTHEST = 1e150  # coordinate, so that the fit of the spacing can square it
+
+LIST = 'text file with x, y and z per line'
+"""What a list of points is, as `SOURCE_FORMAT`."""
 
 
 class _ListLayout(NamedTuple):
@@ -49,12 +52,28 @@ class _Spacing(NamedTuple):
     deviation: float
 
 
-def read_list(path: Path) -> OrganizedCloud | None:
-    """Read a list of points; None if the file has other than three numbers per line.
+def read_list(path: Path, *, matrix_wanted: bool = False) -> OrganizedCloud | None:
+    """Read a list of points; None if the file is a matrix of heights.
+
+    Lines of other than three numbers are a matrix. Lines of three numbers are points if these lie on a regular
+    grid, some of them on one row of it and some on one column; the three lines of a small matrix hardly do.
+
+    Args:
+        path: of the file.
+        matrix_wanted: whether lines of three numbers without a certain grid are a matrix; else they are refused.
 
     Raises:
         ImportFileError: the points do not lie on a regular grid, or too few of them to be certain of it.
     """
+    try:
+        return _read_list(path)
+    except ImportFileError:
+        if matrix_wanted:
+            return None
+        raise
+
+
+def _read_list(path: Path) -> OrganizedCloud | None:
     with open_text(path) as file:
         layout = _layout(file)
         if layout is None:
@@ -71,6 +90,9 @@ def read_list(path: Path) -> OrganizedCloud | None:
     farthest = np.abs(table[:, :2]).max(initial=0)
     if farthest > _FARTHEST:
         raise _uncertain(path, f'x or y reaches {farthest:.2g}')
+    for place, line in enumerate(('column', 'row')):
+        if len(np.unique(table[:, place])) == len(table):  # as in the few lines of a matrix of heights
+            raise _uncertain(path, f'no two points lie on one {line} of it')
     columns, rows = (_places(path, table[:, place], axis) for place, axis in enumerate('xy'))
     shape = int(rows.max()) + 1, int(columns.max()) + 1
     places = rows * shape[1] + columns
@@ -83,7 +105,9 @@ def read_list(path: Path) -> OrganizedCloud | None:
     with np.errstate(over='ignore'):
         single = points.astype(np.float32)
     exact = np.array_equal(single.astype(np.float64), points, equal_nan=True)
-    return OrganizedCloud(cast('Cloud', (single if exact else points).reshape(*shape, 3)))
+    return OrganizedCloud(
+        cast('Cloud', (single if exact else points).reshape(*shape, 3)), metadata={SOURCE_FORMAT: LIST}
+    )
 
 
 def no_list(path: Path) -> ImportFileError:
@@ -179,7 +203,8 @@ def _rounding(values: NDArray[np.float64]) -> float:
 
 
 def _uncertain(path: Path, why: str) -> ImportFileError:
+    heights = '' if path.suffix.lower() == '.xyz' else ' If each line is three heights, import it with --pitch.'
     return ImportFileError(
         f'{path} has x, y and z per line, but no certain grid: {why}. Export it as a matrix, with every point, or'
-        ' as ply or x3p.'
+        f' as ply or x3p.{heights}'
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
 
-from .surface import MeasuredSurface, OrganizedCloud, PointValues, given_pitch
+from .surface import MATRIX, SOURCE_FORMAT, MeasuredSurface, OrganizedCloud, PointValues, given_pitch
 from .text import BYTE_ORDER_MARK, open_text
 
 if TYPE_CHECKING:
@@ -113,10 +113,11 @@ def read_text(path: Path) -> OrganizedCloud:
     return OrganizedCloud(cast('Cloud', points), comments.get('unit'), fields, _metadata(comments))
 
 
-def is_matrix(path: Path) -> bool:
-    """Whether a text has more than the three numbers of a point in its first line."""
+def is_matrix(path: Path, *, least: int = 4) -> bool:
+    """Whether the first line of a text has commas between its values, and more of them than a point has."""
     with open_text(path) as file:
-        return next((line for line in file if line.strip() and not line.startswith('#')), '').count(',') > 2
+        first = next((line for line in file if line.strip() and not line.startswith('#')), '')
+    return ';' not in first and first.count(',') >= least - 1
 
 
 def read_matrix(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> MeasuredSurface:
@@ -133,7 +134,7 @@ def read_matrix(path: Path, pitch: tuple[float, float] | None, unit: str | None)
             f'{path} is no matrix of numbers with commas between them ({str(error).splitlines()[0]}):'
             ' save it again.'
         ) from None
-    return MeasuredSurface(heights, given_pitch(path, pitch), unit)
+    return MeasuredSurface(heights, given_pitch(path, pitch), unit, metadata={SOURCE_FORMAT: MATRIX})
 
 
 def _height(text: str) -> float:

@@ -18,6 +18,12 @@ PointValues = NDArray[np.generic]
 _LARGEST_DEVIATION = 1e-3  # of the pitch, from a regular grid
 _ROUNDING = 8  # units in the last place, by which products that were rounded twice may differ
 
+SOURCE_FORMAT = 'source format'
+"""The name, in the metadata, of what a file was taken for, where its suffix does not tell that."""
+
+MATRIX = 'text file with a matrix of heights'
+"""What a matrix of heights is, as `SOURCE_FORMAT`."""
+
 
 @dataclass(frozen=True, eq=False)
 class OrganizedCloud:

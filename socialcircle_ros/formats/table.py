@@ -15,7 +15,7 @@ class Format:
 
     Attributes:
         suffixes: of its files, in lower case.
-        name: of the format.
+        name: of the format; what may vary, after a semicolon.
         reads: what reads it: the base install or a library of an extra; '': nothing.
         writes: what writes it; '': nothing.
         readers: the names of the format in SurfaceTopography, the likeliest first.
@@ -36,6 +36,11 @@ class Format:
     double: bool = True
     metres: bool = False
     exact: str = ''
+
+    @property
+    def title(self) -> str:
+        """The name without what may vary."""
+        return self.name.partition(';')[0]
 
     def lacks(self) -> str:
         """What a written file cannot hold."""
@@ -62,19 +67,19 @@ FORMATS = (
     Format(('.ply',), 'PLY, organized', BASE, BASE, any_points=True, fields=True, exact=_ALL),
     Format(('.pcd',), 'PCD, organized', BASE, BASE, any_points=True, fields=True, exact=_ALL),
     Format(('.x3p',), 'ISO 25178-72', BASE, BASE, metres=True, exact=_GRID + ' in m'),
-    Format(('.sdf',), 'ISO 25178-71, text and binary; written as text', BASE, BASE, metres=True,
+    Format(('.sdf',), 'ISO 25178-71; text and binary, written as text', BASE, BASE, metres=True,
            exact=_GRID + ' in m'),
     Format(('.tif', '.tiff'), 'TIFF with heights, as GeoTIFF', PILLOW, PILLOW, double=False,
            exact=_GRID + ' in float32'),
     Format(('.csv', '.xyz'),
-           'text, x, y and z per line, also without points not measured; matrix with commas', BASE, BASE,
+           'text; x, y and z per line, also without points not measured, or a matrix with commas', BASE, BASE,
            readers=('xyz',), any_points=True, fields=True, exact=_ALL),
-    _vendor('.txt .asc', 'ASCII matrix of heights; x, y and z per line without the library', 'asc'),
+    _vendor('.txt .asc', 'text; a matrix of heights, or x, y and z per line, which needs no library', 'asc'),
     Format(('.npy',), 'NumPy array of heights (rows, columns)', BASE),
     _vendor('.al3d', 'Alicona', 'al3d'),
     _vendor('.opd', 'Wyko', 'opd'),
     _vendor('.opdx', 'Bruker, Dektak', 'opdx'),
-    _vendor('.dat', 'Zygo MetroPro; else an ASCII matrix', 'metropro asc'),
+    _vendor('.dat', 'Zygo MetroPro; or text, as .txt', 'metropro asc'),
     _vendor('.datx', 'Zygo Mx', 'datx'),
     _vendor('.plu', 'Sensofar', 'plu'),
     _vendor('.plux', 'Sensofar', 'plux'),

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,7 @@ from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.errors import ImportFileError, install_command
 from socialcircle_ros.lengths import known_unit
 
-from .surface import MeasuredSurface, given_pitch
+from .surface import MATRIX, SOURCE_FORMAT, MeasuredSurface, given_pitch
 from .text import without_mark
 
 
@@ -42,7 +43,8 @@ def read_vendor_file(
         for name in readers:
             found = _attempt(path, partial(open_topography, str(plain), format=name), pitch, unit)
             if isinstance(found, MeasuredSurface):
-                return found
+                taken = {SOURCE_FORMAT: MATRIX} if name == 'asc' else {}
+                return replace(found, metadata={**found.metadata, **taken})
             reasons.append(f'{name}: {found}')
     raise ImportFileError(
         f'{path} cannot be read as {" or ".join(readers)}: it is damaged, or of a variant that is not known'

@@ -166,7 +166,7 @@ def _measurement_file(path: Path) -> Description:
     facts['heights'] = range_text(float(heights.min()), float(heights.max()), cloud.unit)
     if cloud.fields:
         facts['fields'] = ', '.join(f'{name} ({values.dtype})' for name, values in cloud.fields.items())
-    return Description(path, f'{form.name if form else "measurement"} file', facts)
+    return Description(path, cloud.kind or f'{form.title if form else "measurement"} file', facts)
 
 
 def _unit_text(cloud: ImportedCloud) -> str:

@@ -14,7 +14,9 @@ from socialcircle_ros.cloud import Cloud, Floats, grid_coordinates
 from socialcircle_ros.errors import CloudError, ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, stated_time
 from socialcircle_ros.formats.damage import unreadable
+from socialcircle_ros.formats.lists import LIST
 from socialcircle_ros.formats.points import comments_of
+from socialcircle_ros.formats.surface import SOURCE_FORMAT
 from socialcircle_ros.messages.header import FIRST_DATE
 
 from .npz import Npz, open_npz
@@ -25,6 +27,7 @@ from .point_table import FieldValues, PointTable
 _Number = TypeVar('_Number', bound=np.generic)
 _OWN_ARRAYS = {'z', 'x', 'y', 'dx', 'dy', 'unit', 'metadata'}
 _HEIGHT_MAP = 'a height map needs z (rows, columns), and the pitches dx and dy in µm or its own x and y'
+_OF_A_POINT = 3  # numbers in a line of text
 _SAME_PITCH = 1e-3  # relative
 
 
@@ -41,6 +44,7 @@ class ImportedCloud:
         unit_note: what was taken for a unit that the file does not state; empty: it states its unit, or the caller
             gave it.
         measured_ns: when it was measured, as the file states it, ns since 1970; None: the file does not.
+        kind: what the file was taken for, where its suffix does not tell that; else empty.
     """
 
     name: str
@@ -50,6 +54,7 @@ class ImportedCloud:
     notes: tuple[str, ...] = ()
     unit_note: str = ''
     measured_ns: int | None = None
+    kind: str = ''
 
 
 def import_cloud(
@@ -221,7 +226,10 @@ def _read_other(
     rows, columns = cloud.points.shape[:2]
     if shape is not None and shape != (rows, columns):
         raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
-    imported = ImportedCloud(path.stem, cloud.points, dict(cloud.fields), cloud.unit)
+    taken = cloud.metadata.get(SOURCE_FORMAT, '')
+    # Three numbers in a line may be a point or three heights, so that it is said which they are.
+    notes = (f'it is taken as a {taken}',) if taken == LIST or (taken and columns == _OF_A_POINT) else ()
+    imported = ImportedCloud(path.stem, cloud.points, dict(cloud.fields), cloud.unit, notes, kind=taken)
     return _checked(path, replace(imported, measured_ns=_date(cloud.metadata)))
 
 

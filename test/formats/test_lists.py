@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import read_file, surface_of
+from socialcircle_ros.recording import import_cloud
 
 HEIGHTS = np.arange(12.0).reshape(3, 4) / 10
 POINTS = [(column * 0.5, row * 0.25, HEIGHTS[row, column]) for row in range(3) for column in range(4)]
@@ -141,6 +142,38 @@ def test_an_empty_text_needs_no_library(tmp_path, suffix):
     (tmp_path / f'a{suffix}').touch()
     with pytest.raises(ImportFileError, match='is empty'):
         read_file(tmp_path / f'a{suffix}')
+
+
+@pytest.mark.parametrize('suffix', ['.txt', '.csv', '.asc', '.dat'])
+@pytest.mark.parametrize('heights', [np.arange(9.0).reshape(3, 3), [[1, 2, 3], [1, 5, 6], [7, 8, 9]]])
+def test_three_heights_in_a_line_are_not_taken_for_points(tmp_path, suffix, heights):
+    path = tmp_path / f'a{suffix}'
+    np.savetxt(path, heights, '%g', delimiter=',' if suffix == '.csv' else ' ')
+    with pytest.raises(
+        ImportFileError, match=r'no two points lie on one (column|row) .* import it with --pitch\.$'
+    ):
+        read_file(path)
+
+
+def test_the_pitch_says_that_three_columns_are_heights(tmp_path):
+    (tmp_path / 'a.csv').write_text('1,2,3\n4,5,6\n')
+    surface = read_file(tmp_path / 'a.csv', pitch=(2.0, 2.0), unit='um')
+    np.testing.assert_array_equal(surface.heights, [[1, 2, 3], [4, 5, 6]])
+    imported = import_cloud(tmp_path / 'a.csv', pitch=(2.0, 2.0))
+    assert imported.notes == ('it is taken as a text file with a matrix of heights',)
+
+
+def test_a_list_with_semicolons_needs_no_header(tmp_path):
+    text = '\n'.join(';'.join(f'{value:g}'.replace('.', ',') for value in point) for point in POINTS)
+    (tmp_path / 'a.csv').write_text(text)
+    np.testing.assert_array_equal(surface_of(read_file(tmp_path / 'a.csv')).surface.heights, HEIGHTS)
+
+
+def test_what_the_lines_were_taken_for_is_said(tmp_path):
+    (tmp_path / 'a.txt').write_text(lines(POINTS))
+    imported = import_cloud(tmp_path / 'a.txt')
+    assert imported.kind == 'text file with x, y and z per line'
+    assert imported.notes == (f'it is taken as a {imported.kind}',)
 
 
 def test_rounded_coordinates_are_kept_as_they_are(tmp_path):

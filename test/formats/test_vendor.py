@@ -10,6 +10,7 @@ from formats import vendor_files
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import read_file
 from socialcircle_ros.lengths import metres_per
+from socialcircle_ros.recording import import_cloud
 
 PAIRS = {
     'al3d-1.al3d': 'alicona_fv_al3d1',
@@ -98,6 +99,8 @@ def test_a_file_without_pitch_takes_the_pitch_that_is_given(tmp_path, suffix):
     surface = read_file(path, pitch=(2.0, 3.0), unit='um')
     np.testing.assert_array_equal(surface.heights, heights)
     assert (surface.pitch, surface.unit) == ((2.0, 3.0), 'um')
+    cloud = import_cloud(path, pitch=(2.0, 3.0))
+    assert (cloud.kind, cloud.notes) == ('' if suffix == '.npy' else 'text file with a matrix of heights', ())
 
 
 def test_a_byte_order_mark_before_an_ascii_matrix_is_no_part_of_it(tmp_path):

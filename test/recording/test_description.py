@@ -33,6 +33,13 @@ def test_a_measurement_file(tmp_path):
     }
 
 
+def test_the_kind_is_that_of_the_file_and_not_of_its_suffix(tmp_path):
+    (tmp_path / 'a.txt').write_text('\n'.join(f'{x} {y} {x + y}' for x in range(3) for y in range(4)))
+    assert describe(tmp_path / 'a.txt').kind == 'text file with x, y and z per line'
+    assert describe(surface(tmp_path / 'a.sdf')).kind == 'ISO 25178-71 file'
+    assert describe(surface(tmp_path / 'a.csv')).kind == 'text file'
+
+
 @pytest.mark.parametrize('target', ['a.mcap', 'bag'])
 def test_a_recording(tmp_path, target):
     record_clouds([surface(tmp_path / 'a.x3p')] * 3, tmp_path / target)
