@@ -67,7 +67,7 @@ def command(
     such as stack.pitch_x in m: give them with --params-file or -p.
 
     If the output is a measurement file, such as part.x3p, it holds the cleaned cloud of the one cloud that was
-    read. docs/formats.md lists the formats.
+    read; the mask as well, if the format has fields. docs/formats.md lists the formats.
 
     If limits are set, such as -p limits.outlier_share_max:=0.05, each measurement passes or fails. If one fails,
     the exit code is 3, and everything is written all the same.

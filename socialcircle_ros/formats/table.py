@@ -48,7 +48,7 @@ class Format:
             return ''
         lacking = [
             ('points off a regular grid, another origin than 0', self.any_points),
-            ('fields; the mask is a PNG beside it', self.fields),
+            ('fields; `export` writes the mask as a PNG beside it', self.fields),
             ('float64: rounded to float32, and said', self.double),
             ('another unit than m: converted, and said', not self.metres),
         ]

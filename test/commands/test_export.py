@@ -24,6 +24,7 @@ def test_from_a_file_to_a_cleaned_file_in_one_step(run, tmp_path):
     again = run('filter', 'part.sdf', '-o', 'part.x3p')
     assert again.code == 1
     assert 'part.x3p exists already' in again.err
+    assert not list(tmp_path.glob('*.png'))  # docs/formats.md: only export writes the mask beside a file
     into_a_folder = run('filter', 'part.sdf', '-o', 'new/part.x3p')
     assert into_a_folder.code == 0, into_a_folder.err
     assert (tmp_path / 'new/part.x3p').is_file()
