@@ -101,6 +101,7 @@ def record_clouds(
         SettingError: the period is not above 0.
         ImportFileError: a file cannot be used.
         RecordingError: the recording cannot be written.
+        SocialCircleError: its folder cannot be created.
     """
     if not period_s > 0:
         raise SettingError(f'The period must be above 0 s, not {period_s}.')
@@ -174,6 +175,7 @@ def record_stack(
         ImportFileError: the stack cannot be used, its order or z is not certain, a frame does not belong to it, or
             its pitch or step is missing.
         RecordingError: the recording or the parameter file cannot be written, or exists already.
+        SocialCircleError: their folder cannot be created.
     """
     path = Path(path)
     stack = import_stack(path, z_from=z_from, order=order)
@@ -244,6 +246,7 @@ def record_simulation(
 
     Raises:
         RecordingError: the recording or the parameter file cannot be written, or exists already.
+        SocialCircleError: their folder cannot be created.
     """
     total = len(simulation)
 

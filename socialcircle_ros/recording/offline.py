@@ -142,6 +142,7 @@ def filter_recording(
 
     Raises:
         RecordingError: it cannot be read or written, or it holds neither clouds nor frames of a stack.
+        SocialCircleError: the folder of the target cannot be created.
     """
     summary = Summary()
     with open_recording(source) as reader:
