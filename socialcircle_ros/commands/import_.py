@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import place_text, shell_words
+from .options import place_text, shell_words, stack_text
 
 if TYPE_CHECKING:
     from socialcircle_ros.recording import ImportedCloud
@@ -121,12 +121,7 @@ def command(
             written=_print_frame,
             tell=lambda sentence: click.echo(f'Note: {sentence}.', err=True),
         )
-        click.echo(
-            f'{stack.frames} frames of {files[0]} written to {place_text(output)},'
-            f' parameters to {stack.parameters}.'
-        )
-        given = shell_words(output, '--params-file', stack.parameters, '-o', 'cleaned.mcap')
-        click.echo(f'Next: socialcircle filter {given}')
+        click.echo(f'{stack.frames} frames of {files[0]} {stack_text(output, stack.parameters)}')
         return
     stated = {path.suffix.lower() for path in files} & {'.npz', '.ply', '.pcd'}
     for_stacks = z_step is not None or (pitch is not None and stated) or (z_from, order) != ('auto', 'auto')

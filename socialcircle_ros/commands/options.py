@@ -189,6 +189,12 @@ def place_text(output: Path) -> str:
     return f'the directory {output}' if output.is_dir() else str(output)
 
 
+def stack_text(output: Path, parameters: Path) -> str:
+    """Where a focus stack and its parameters were written, and the command that filters it."""
+    given = shell_words(output, '--params-file', parameters, '-o', 'cleaned.mcap')
+    return f'written to {place_text(output)}, parameters to {parameters}.\nNext: socialcircle filter {given}'
+
+
 def tell_refusals(refused: Mapping[str, int], damage: str | None) -> None:
     """Print on stderr what was refused and why, and where the recording is damaged."""
     for reason, count in refused.items():

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from .options import place_text, progress_bar, shell_words
+from .options import progress_bar, stack_text
 
 if TYPE_CHECKING:
     from socialcircle_ros.recording.mcap_writer import Compression
@@ -73,9 +73,5 @@ def command(
         stack = record_simulation(
             simulation, output, compression=compression, overwrite=overwrite, progress=progress
         )
-    click.echo(
-        f'{stack.frames} frames of {rows} × {columns} pixels written to {place_text(output)},'
-        f' parameters to {stack.parameters}.'
-    )
-    given = shell_words(output, '--params-file', stack.parameters, '-o', 'cleaned.mcap')
-    click.echo(f'Next: socialcircle filter {given}')
+    told = stack_text(output, stack.parameters)
+    click.echo(f'{stack.frames} frames of {rows} × {columns} pixels {told}')

@@ -98,7 +98,8 @@ def test_a_recording_that_a_signal_ends_holds_all_messages_before(run, tmp_path,
     out, err = recorder.output
     assert recorder.returncode == 128 + ending
     assert f'Ended by {ending.name}; all later messages are missing.' in err
-    assert f'8 messages written to {name}' in out
+    place = name if name.endswith('.mcap') else f'the directory {name}'
+    assert f'8 messages written to {place}.' in out
     with open_recording(tmp_path / name) as reader:
         assert len(list(reader.messages())) == 8
         assert reader.damage is None
