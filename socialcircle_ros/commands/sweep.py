@@ -68,7 +68,8 @@ def command(
                   run it with the same folder at once work together
 
     --params-file and -p set the parameters that are not varied. A parameter that only the mode paper uses, such as
-    circle.radius_scale, sets circle.mode to paper; --param circle.mode=paper,adaptive compares the modes.
+    circle.radius_scale, is tried in this mode, and compared with the parameters as given in their own mode;
+    --param circle.mode=paper,adaptive compares the modes.
 
     Example of a search: socialcircle sweep bags/parts.mcap --param circle.radius_scale=0.5:3 --search 50
     """  # noqa: D301 - click reads \b
@@ -102,6 +103,7 @@ def command(
         click.echo(f'{quantity(result.resumed, "trial")} of an earlier run taken from {out / TRIALS}.', err=True)
     trials, clouds = quantity(len(result.trials), 'trial'), quantity(len(result.clouds), 'cloud')
     click.echo(f'{trials} on {clouds}, {"scored against the truth" if result.has_truth else "without a truth"}.')
+    click.echo(result.mode_note, nl=bool(result.mode_note))
     decision, score = result.decision, result.score_names[0]
     for number, trial in enumerate(decision.candidates, 1):
         note = ', as given' if trial is result.given else ''

@@ -81,6 +81,7 @@ def sweep_page(result: SweepResult, made_by: str) -> str:
     )
     introduction = [
         f'Varied: {"; ".join(described(result.search_space))}.',
+        *([result.mode_note] if result.mode_note else []),
         f'Clouds of {result.recording} that each setting filtered: {len(result.clouds)}.',
         _TRUTH if result.has_truth else _CRITERION,
         f'Made by: {made_by}',
@@ -171,7 +172,7 @@ def _warnings(result: SweepResult) -> Iterator[str]:
     if not result.has_truth:
         return
     for dimension in result.search_space:
-        value = best.values[dimension.name]
+        value = best.values.get(dimension.name)
         if PARAMETERS[dimension.name].kind not in (int, float):
             continue
         if isinstance(dimension, Range):
@@ -190,16 +191,20 @@ def _chart(result: SweepResult) -> bytes:
     count = len(result.search_space)
     figure = new_figure(4.6 * count, 3.4)
     plots = figure.subplots(1, count, sharey=True, squeeze=False)[0]
-    scores = [trial.score for trial in result.trials]
-    errors = [trial.standard_error for trial in result.trials]
     marked = result.decision.winner
     for dimension, axes in zip(result.search_space, plots, strict=True):
-        values = [trial.values[dimension.name] for trial in result.trials]
+        trials = [trial for trial in result.trials if dimension.name in trial.values]
+        if result.given not in trials:
+            axes.axhline(result.given.score, color=SURFACE, linestyle='--', label='as given')
+            axes.legend()
+        scores = [trial.score for trial in trials]
+        errors = [trial.standard_error for trial in trials]
+        values = [trial.values[dimension.name] for trial in trials]
         if PARAMETERS[dimension.name].kind not in (int, float):
             values = [str(value) for value in values]
         axes.errorbar(values, scores, errors, fmt='o', color=SURFACE, alpha=0.5, markersize=5, elinewidth=1)
         if marked is not None:
-            place = result.trials.index(marked)
+            place = trials.index(marked)
             axes.plot(values[place], scores[place], 'o', color=OUTLIER, markersize=9)
         axes.set_xlabel(dimension.name)
         axes.grid(alpha=0.3)

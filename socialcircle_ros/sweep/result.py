@@ -4,9 +4,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from socialcircle_ros.settings.effects import MODE, has_effect
+
 from .clouds import SweepCloud
 from .decision import Decision
-from .search_space import ParameterValues, SearchDimension
+from .search_space import ParameterValues, SearchDimension, described, switched_mode
 from .trials import Trial
 
 
@@ -16,7 +18,7 @@ class SweepResult:
 
     Attributes:
         recording: name of the recording.
-        search_space: the varied parameters.
+        search_space: the varied parameters, with `circle.mode` if they need another mode than the one as given.
         base: all parameters as given, by their full names.
         trials: all trials in the order in which they finished.
         best: the trial with the highest score; whether it is better than `given` says `decision`.
@@ -44,6 +46,17 @@ class SweepResult:
     def has_truth(self) -> bool:
         """Whether the trials were scored against a truth, and not against the criterion."""
         return self.clouds[0].has_truth
+
+    @property
+    def mode_note(self) -> str:
+        """A sentence if the settings are tried in another mode than the given one; '' if they are not."""
+        if not switched_mode(self.search_space, self.base):
+            return ''
+        (dimension,) = (each for each in self.search_space if each.name == MODE)
+        names = [each.name for each in self.search_space if not has_effect(each.name, self.base)]
+        needed = f', which {" and ".join(names)} {"needs" if len(names) == 1 else "need"}' if names else ''
+        modes = next(described([dimension]))
+        return f'The setting as given has circle.mode {self.base[MODE]}; all others have {modes}{needed}.'
 
     @property
     def unit(self) -> str | None:

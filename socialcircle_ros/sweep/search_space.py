@@ -9,7 +9,7 @@ from typing import cast
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import PARAMETERS, CircleSettings, FocusSettings, Parameter, RosValue
-from socialcircle_ros.settings.effects import MODE, needing
+from socialcircle_ros.settings.effects import MODE, has_effect, needing
 from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
 
 ParameterValues = dict[str, RosValue]
@@ -195,25 +195,36 @@ def check_search_space(search_space: Sequence[SearchDimension]) -> None:
             raise SettingError(f'{name} is given twice; give all its values with one --param.')
 
 
-def with_mode(search_space: Sequence[SearchDimension], given: Mapping[str, RosValue]) -> Mapping[str, RosValue]:
-    """The given parameters, with the mode 'paper' if a parameter varies that only this mode uses.
+def with_mode(search_space: Sequence[SearchDimension], base: Mapping[str, RosValue]) -> list[SearchDimension]:
+    """The search space, in the mode 'paper' if a parameter varies that only this mode uses.
 
     Args:
         search_space: the parameters to vary.
-        given: parameters with other values than their defaults.
-
-    Raises:
-        SettingError: `circle.mode` is given as another mode, so all trials would have the same result.
+        base: all parameters as given.
     """
     names = [dimension.name for dimension in search_space]
-    of_the_paper = [name for name in names if name in needing('paper')]
-    if not of_the_paper or MODE in names:
-        return given
-    if given.get(MODE, 'paper') != 'paper':
-        raise SettingError(
-            f'{of_the_paper[0]} has no effect with circle.mode {given[MODE]}; set circle.mode to paper.'
-        )
-    return {**given, MODE: 'paper'}
+    switched = base[MODE] != 'paper' and MODE not in names and not set(names).isdisjoint(needing('paper'))
+    return [*([Choice(MODE, ['paper'])] if switched else []), *search_space]
+
+
+def setting_as_given(search_space: Sequence[SearchDimension], base: Mapping[str, RosValue]) -> ParameterValues:
+    """The given values of the parameters that vary; if the given mode is not tried, of those that it uses.
+
+    Args:
+        search_space: the parameters to vary.
+        base: all parameters as given.
+    """
+    names = [dimension.name for dimension in search_space]
+    if switched_mode(search_space, base):
+        names = [name for name in names if has_effect(name, base)]
+    return {name: base[name] for name in names}
+
+
+def switched_mode(search_space: Sequence[SearchDimension], base: Mapping[str, RosValue]) -> bool:
+    """Whether the search space has another mode only than the one that is given."""
+    return any(
+        isinstance(each, Choice) and each.name == MODE and base[MODE] not in each.values for each in search_space
+    )
 
 
 def grid(search_space: Sequence[SearchDimension]) -> list[ParameterValues]:

@@ -26,7 +26,15 @@ from .journal import TrialJournal, import_optuna
 from .page import sweep_page, trials_table
 from .result import SweepResult
 from .search import Search
-from .search_space import ParameterValues, SearchDimension, check_search_space, grid, with_mode
+from .search_space import (
+    ParameterValues,
+    SearchDimension,
+    check_search_space,
+    contains,
+    grid,
+    setting_as_given,
+    with_mode,
+)
 from .trials import Trial, best_of, fingerprint_of, key_of, run_trial
 from .work import SweptClouds, TrialTask, do_trial
 
@@ -68,7 +76,8 @@ def run_sweep(
 
     Args:
         recording: an MCAP file or a rosbag2 directory.
-        search_space: the parameters to vary, of the groups `circle` and `focus`; those of the mode 'paper' set it.
+        search_space: the parameters to vary, of the groups `circle` and `focus`. If one has an effect in the mode
+            'paper' only, all settings but the one as given are tried in this mode.
         output: the folder of the results; it is created.
         parameters: parameters with other values than their defaults, by their full names. A value of a varied
             parameter is the one that counts as given.
@@ -98,26 +107,39 @@ def run_sweep(
     """
     recording, output = Path(recording), Path(output)
     check_search_space(search_space)
-    parameters = with_mode(search_space, parameters or {})
+    parameters = parameters or {}
     base = _all_parameters(parameters)
-    as_given = {dimension.name: base[dimension.name] for dimension in search_space}
+    search_space = with_mode(search_space, base)
+    as_given = setting_as_given(search_space, base)
     others = [] if search else [values for values in grid(search_space) if values != as_given]
     _check_extras()
     with folder_of_results(output):
         clouds = cached((recorded := SweptRecording(recording, base, tuple(topics), max_clouds)).load)
-        fixed = {name: value for name, value in base.items() if name not in as_given}
-        fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
         wanted = [as_given, *others]
-        varied, location = tuple(as_given), str(recording.absolute())
-        swept = SweptClouds(location, json.dumps(base), varied, tuple(topics), max_clouds, fingerprint)
+        swept = _swept(recording, base, search_space, topics, max_clouds, clouds)
         with _trial_runner(swept, base, clouds, scheduler, started) as run:
-            journal = TrialJournal(output / TRIALS, fingerprint, restart=restart)
+            journal = TrialJournal(output / TRIALS, swept.fingerprint, restart=restart)
             resumed = len(journal.trials)
             _run_trials(journal, run, wanted, search_space, search, progress)
         trials = _in_order_of(wanted, journal.trials)
         result = _concluded(recording.name, search_space, base, trials, as_given, clouds, recorded, resumed)
         _write_results(output, result, parameters, made_by)
     return result
+
+
+def _swept(
+    recording: Path,
+    base: ParameterValues,
+    search_space: Sequence[SearchDimension],
+    topics: Sequence[str],
+    max_clouds: int,
+    clouds: CloudSource,
+) -> SweptClouds:
+    """What a worker needs to find the same clouds."""
+    varied = tuple(dimension.name for dimension in search_space)
+    fixed = {name: value for name, value in base.items() if name not in varied}
+    fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
+    return SweptClouds(str(recording.absolute()), json.dumps(base), varied, tuple(topics), max_clouds, fingerprint)
 
 
 def _concluded(
@@ -227,7 +249,9 @@ def _run_trials(
     for trial in run(journal.untried([wanted[0], *shuffled])):
         finish(trial)
     if search:
-        study = Search(search_space, search, journal.trials, journal.storage, journal.fingerprint)
+        # The setting as given counts, whether or not it is a point of the search space.
+        count = search - (not contains(search_space, wanted[0]))
+        study = Search(search_space, count, journal.trials, journal.storage, journal.fingerprint)
         for trial in run(study):
             study.tell(trial)
             finish(trial)

@@ -23,7 +23,8 @@ from socialcircle_ros.recording import RecordingWriter, ros_topic
 from socialcircle_ros.sweep.journal import TrialJournal
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
-GRID = ('sweep', BAGS / 'parts.mcap', '--param', 'circle.radius_scale=0.5:1.5:0.5', '--clouds', '3')
+PAPER = ('-p', 'circle.mode:=paper')
+GRID = ('sweep', BAGS / 'parts.mcap', '--param', 'circle.radius_scale=0.5:1.5:0.5', '--clouds', '3', *PAPER)
 
 
 def page_of(folder):
@@ -80,9 +81,12 @@ def test_a_setting_that_is_better_beyond_the_spread_is_written_and_forgotten_by_
 
 
 def test_without_a_truth_there_is_no_verdict_and_the_page_shows_candidates(run, tmp_path, without_truth):
-    done = run('sweep', without_truth, '--param', 'circle.radius_scale=0.01,1,100', '-p', 'circle.window:=5')
+    done = run('sweep', without_truth, '--param', 'circle.radius_scale=0.01,100', '-p', 'circle.window:=5')
     assert done.code == 0, done.err
     assert '3 trials on 3 clouds, without a truth.' in done.out
+    note = 'The setting as given has circle.mode adaptive; all others have circle.mode paper, which'
+    assert f'{note} circle.radius_scale needs.' in done.out
+    assert 'Candidate 1, as given: circle.mode adaptive: ' in done.out
     assert 'Look at the candidates: a person decides.' in done.out
     assert 'Refused: The cloud is not organized' in done.err
     text = page_of(tmp_path / 'out/sweep')
@@ -90,7 +94,7 @@ def test_without_a_truth_there_is_no_verdict_and_the_page_shows_candidates(run, 
     assert 'and not which is right' in text
     assert not (tmp_path / 'out/sweep/best.yaml').exists()
     first = (tmp_path / 'out/sweep/candidates/1.yaml').read_text()
-    assert 'circle.radius_scale: 1.0' in first
+    assert 'circle.mode: "adaptive"' in first
     assert 'circle.window: 5' in first
 
 

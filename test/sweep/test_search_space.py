@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
+from socialcircle_ros.settings import CircleSettings, FocusSettings
 from socialcircle_ros.sweep.search_space import (
     Choice,
     Range,
@@ -13,6 +14,7 @@ from socialcircle_ros.sweep.search_space import (
     described,
     grid,
     parse_dimension,
+    setting_as_given,
     with_mode,
 )
 
@@ -133,14 +135,22 @@ def test_a_search_space_is_described_in_words():
     ]  # fmt: skip
 
 
-def test_a_parameter_of_the_paper_s_mode_sets_the_mode():
-    window, modes = Choice('circle.window', [3, 5]), Choice('circle.mode', ['adaptive', 'paper'])
-    focus = Choice('focus.step', [1, 2])
-    assert with_mode([window, focus], {'circle.radius': 1.0}) == {'circle.radius': 1.0, 'circle.mode': 'paper'}
-    assert with_mode([window], {'circle.mode': 'paper'}) == {'circle.mode': 'paper'}
-    for space in ([focus], [window, modes]):
-        assert with_mode(space, {}) == {}
-    with pytest.raises(
-        SettingError, match=r'circle.window has no effect with circle.mode adaptive; set circle.mode'
-    ):
-        with_mode([window], {'circle.mode': 'adaptive'})
+ADAPTIVE, PAPER = (
+    {**FocusSettings().to_ros(), **CircleSettings(mode=mode).to_ros()} for mode in ('adaptive', 'paper')
+)
+WINDOW, FOCUS = Choice('circle.window', [3, 5]), Choice('focus.step', [1, 2])
+
+
+def test_a_parameter_of_the_paper_s_mode_is_tried_in_this_mode():
+    assert with_mode([WINDOW, FOCUS], ADAPTIVE) == [Choice('circle.mode', ['paper']), WINDOW, FOCUS]
+    for space in ([FOCUS], [WINDOW, Choice('circle.mode', ['adaptive', 'paper'])]):
+        assert with_mode(space, ADAPTIVE) == space
+    assert with_mode([WINDOW], PAPER) == [WINDOW]
+
+
+def test_the_setting_as_given_keeps_its_mode_and_leaves_out_what_has_no_effect_in_it():
+    space = with_mode([WINDOW, FOCUS], ADAPTIVE)
+    assert setting_as_given(space, ADAPTIVE) == {'circle.mode': 'adaptive', 'focus.step': 0}
+    assert setting_as_given([WINDOW, FOCUS], PAPER) == {'circle.window': 3, 'focus.step': 0}
+    modes = Choice('circle.mode', ['adaptive', 'paper'])
+    assert setting_as_given([modes, WINDOW], ADAPTIVE) == {'circle.mode': 'adaptive', 'circle.window': 3}

@@ -13,7 +13,10 @@ from clusters import cluster_of_processes
 from sweep.sweep_examples import BASE
 
 import socialcircle_ros
+from socialcircle_ros.circle import remove_outliers
 from socialcircle_ros.errors import SettingError, SocialCircleError
+from socialcircle_ros.metrics.scores import score
+from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.sweep.search_space import Choice, Range
 from socialcircle_ros.sweep.work import SweptClouds, TrialTask, do_trial
 
@@ -22,11 +25,16 @@ pytest.importorskip('optuna')
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 SPACE = [Choice('circle.radius_scale', [0.5, 1.5])]
+PAPER = {'circle.mode': 'paper'}
 
 
 def test_a_notebook_gets_the_trials_and_the_files(tmp_path):
     result = socialcircle_ros.run_sweep(
-        BAGS / 'padded.mcap', SPACE, tmp_path / 'new/sweep', parameters={'circle.window': 5}, made_by='my notebook'
+        BAGS / 'padded.mcap',
+        SPACE,
+        tmp_path / 'new/sweep',
+        parameters=PAPER | {'circle.window': 5},
+        made_by='my notebook',
     )
     assert sorted(trial.values['circle.radius_scale'] for trial in result.trials) == [0.5, 1.0, 1.5]
     assert result.given.values == {'circle.radius_scale': 1.0}
@@ -44,6 +52,28 @@ def test_a_notebook_gets_the_trials_and_the_files(tmp_path):
     assert {path.name for path in (tmp_path / 'new/sweep').iterdir()} == {
         'sweep.html', 'sweep.csv', 'candidates', 'trials.log',
     }  # fmt: skip
+
+
+def test_the_setting_as_given_is_in_its_own_mode_where_a_parameter_needs_another(tmp_path):
+    result = socialcircle_ros.run_sweep(BAGS / 'padded.mcap', SPACE, tmp_path, parameters={'circle.window': 5})
+    assert result.given.values == {'circle.mode': 'adaptive'}
+    assert [trial.values for trial in result.trials[1:]] == [
+        {**PAPER, 'circle.radius_scale': each} for each in (0.5, 1.5)
+    ]
+    given = remove_outliers(result.clouds[0].xyz, CircleSettings()).outliers
+    assert result.given.cloud_scores[0] == score(given, result.clouds[0].outlier, result.clouds[0].counted).f1
+    note = result.mode_note
+    assert note.startswith('The setting as given has circle.mode adaptive; all others have circle.mode paper,')
+    page = (tmp_path / 'sweep.html').read_text()
+    assert note in page
+    assert 'circle.mode adaptive (as given)' in page
+    written = [(tmp_path / f'candidates/{number}.yaml').read_text() for number in (1, 2)]
+    assert [yaml.safe_load(each)['/**']['ros__parameters']['circle.mode'] for each in written] == [
+        'adaptive',
+        'paper',
+    ]
+    same = socialcircle_ros.run_sweep(BAGS / 'padded.mcap', SPACE, tmp_path / 'paper', parameters=PAPER)
+    assert same.mode_note == ''
 
 
 def test_progress_counts_the_trials_and_an_earlier_run_is_continued(tmp_path):
@@ -68,6 +98,7 @@ def test_a_search_tries_the_given_number_of_settings(tmp_path):
     space = [Range('circle.radius_scale', 0.5, 3)]
     result = socialcircle_ros.run_sweep(BAGS / 'padded.mcap', space, tmp_path, search=5, max_clouds=1)
     assert len(result.trials) == 5
+    assert result.given.values == {'circle.mode': 'adaptive'}
     assert len(result.clouds) == 1
 
 
@@ -117,7 +148,7 @@ class TestCluster:
         assert len(dashboards) == 1
         alone = swept('alone')
         assert timeless(result) == timeless(alone)
-        assert len(result.trials) == 14
+        assert len(result.trials) == 15
 
 
 def timeless(result):
