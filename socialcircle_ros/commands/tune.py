@@ -54,6 +54,8 @@ def command(
     from socialcircle_ros.panel.page import require_viser
     from socialcircle_ros.panel.presets import default_folder
 
+    if recording is not None:
+        _check(recording)
     require_viser()
     from socialcircle_ros.clients.tune import tune
 
@@ -75,6 +77,18 @@ def command(
         )  # fmt: skip
     except RuntimeError as error:  # rclpy raises it for arguments that it cannot read; its text has several lines
         raise SocialCircleError(f'The page cannot start: {str(error).splitlines()[0]}') from None
+
+
+def _check(recording: Path) -> None:
+    """End with a sentence where the recording cannot be opened, instead of a page that waits."""
+    from socialcircle_ros.errors import SocialCircleError
+    from socialcircle_ros.panel.recorded import check_recording
+
+    if not recording.exists() and _CELL.fullmatch(f'/{recording}'):
+        raise SocialCircleError(
+            f'{recording} does not exist; if it is the namespace of a cell, write /{recording}.'
+        )
+    check_recording(recording)
 
 
 def _split(arguments: tuple[str, ...]) -> tuple[Path | None, list[str], list[str]]:

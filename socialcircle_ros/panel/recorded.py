@@ -229,6 +229,17 @@ class RecordedClouds:
         return RecordedCloud(message.topic, message.log_time, unit=unit_of(self._reader, message.topic))
 
 
+def check_recording(path: Path) -> None:
+    """Check that the page can open a recording, as far as that takes no time.
+
+    Raises:
+        RecordingError: it cannot be read, or has neither clouds nor stacks.
+        ImportFileError: it is a measurement file that cannot be used.
+    """
+    with open_recording(path) as reader:
+        _clouds_in(reader)
+
+
 def _clouds_in(reader: RecordingReader) -> tuple[str, ...]:
     """The topics of clouds that were not filtered yet.
 
