@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executable `social_circle_node`."""
 
-import contextlib
 import itertools
 import os
 import signal
@@ -53,10 +52,9 @@ def _run(arguments: list[str] | None) -> int:
 
     from .social_circle_node import SocialCircleNode  # noqa: PLC0415
 
-    other_text = _file_without_parameters(sys.argv[1:] if arguments is None else arguments)
-    if other_text is not None:
-        form = 'see config/social_circle.yaml for the form'
-        sys.stderr.write(f'The node cannot start: {other_text} holds no parameters; {form}.\n')
+    fault = _fault_of_a_file(sys.argv[1:] if arguments is None else arguments)
+    if fault is not None:
+        sys.stderr.write(f'The node cannot start: {fault}\n')
         return 1
     node, began = None, False
     try:
@@ -102,18 +100,22 @@ def _spin(executor: 'SingleThreadedExecutor', node: 'SocialCircleNode') -> None:
         node.executor_failed(error)
 
 
-def _file_without_parameters(arguments: Sequence[str]) -> str | None:
-    """The first parameter file that holds another text; None: there is none.
+def _fault_of_a_file(arguments: Sequence[str]) -> str | None:
+    """Why the first faulty parameter file cannot be used, as a sentence; None: rcl is left to read the files.
 
-    rcl takes such a file for one without parameters. An empty file may be intended. Files that rcl refuses, and
-    unreadable files, are left to rcl.
+    rcl shows its source code for a file that it cannot open, and takes a file with another text for one without
+    parameters. An empty file may be intended. Other faults are told by rcl.
     """
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
-            with contextlib.suppress(OSError, PlainYamlError):
+            try:
                 content = load_plain_yaml(Path(path).read_bytes())
-                if content is not None and not isinstance(content, dict):
-                    return path
+            except OSError as error:
+                return f'{path} cannot be read: {error.strerror}.'
+            except PlainYamlError:
+                continue
+            if content is not None and not isinstance(content, dict):
+                return f'{path} holds no parameters; see config/social_circle.yaml for the form.'
     return None
 
 

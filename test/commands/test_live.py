@@ -163,7 +163,7 @@ def test_the_recording_of_a_killed_recorder_gets_a_name_from_the_next(run, tmp_p
         (['tune', BAGS / 'stack.yaml'], 1, 'stack.yaml'),
         (['node', '--ros-args', '-p', 'circle.window:=4'], 1, 'circle.window'),
         (['node', 'circle.window:=5'], 2, 'arguments for ROS follow --ros-args'),
-        (['node', '--ros-args', '--params-file', 'nowhere.yaml'], 1, 'nowhere.yaml'),
+        (['node', '--ros-args', '--params-file', 'nowhere.yaml'], 1, 'nowhere.yaml cannot be read: No such file'),
         (['node', '--ros-args', '--params-file', 'notes.txt'], 1, 'notes.txt holds no parameters'),
     ],
 )
