@@ -88,9 +88,14 @@ def command(
     limits.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.archive import run_batch
+    from socialcircle_ros.cloud import load_row
+    from socialcircle_ros.kernels.compiled import has_cached_code
+    from socialcircle_ros.kernels.compiling import announce
     from socialcircle_ros.settings import PipelineSettings
 
     settings = PipelineSettings.from_ros(parameter_values(params_file, parameters))
+    if scheduler is None and not has_cached_code(load_row):  # the workers compile, and nobody listens to them
+        announce()
     with _progress() as (found, progress):
         result = run_batch(
             inputs,

@@ -13,6 +13,7 @@ from typing import TextIO
 import click
 
 from socialcircle_ros.errors import SocialCircleError, UnitWarning
+from socialcircle_ros.kernels import compiling
 from socialcircle_ros.storage import SignalExit
 
 from .spelling import nearest_name
@@ -82,11 +83,32 @@ class _Commands(click.Group):
     epilog='Start with: socialcircle demo. A command explains itself: socialcircle filter --help',
 )
 @click.version_option(package_name='socialcircle_ros')
-def socialcircle() -> None:
+@click.pass_context
+def socialcircle(context: click.Context) -> None:
     """Remove the outliers of organized point clouds with the social circle method, live or from recordings.
 
     A recording is an MCAP file or a rosbag2 directory. `ros2 bag play` reads every recording that is written here.
     """
+    if context.invoked_subcommand not in GROUPS['Run']:  # which say themselves what they wait for
+        context.with_resource(_told_compilation())
+
+
+@contextmanager
+def _told_compilation() -> Iterator[None]:
+    """Say once on stderr that kernels are compiled, if one was not in the cache."""
+    told = False
+
+    def tell() -> None:
+        nonlocal told
+        if not told:
+            told = True
+            click.echo('The first use compiles the filter, which can take half a minute.', err=True)
+
+    compiling.listeners.append(tell)
+    try:
+        yield
+    finally:
+        compiling.listeners.remove(tell)
 
 
 @contextmanager

@@ -10,7 +10,10 @@ from pathlib import Path
 from typing import Protocol, TypeVar, cast
 
 import numba
+from numba.core import event
 from numba.core.compiler_lock import global_compiler_lock
+
+from .compiling import announce
 
 Function = TypeVar('Function', bound=Callable[..., object])
 
@@ -53,6 +56,19 @@ class _Cache(Protocol):
 
     def flush(self) -> None:
         """Empty the cache."""
+
+
+class _Announcement(event.Listener):  # type: ignore[misc]
+    """Tells that Numba compiles a kernel: it was not in the cache."""
+
+    def on_start(self, event: object) -> None:  # noqa: ARG002 - Numba's signature
+        announce()
+
+    def on_end(self, event: object) -> None:
+        """Nothing is told."""
+
+
+event.register('numba:compile', _Announcement())
 
 
 def kernel(function: Function) -> Function:
@@ -168,6 +184,10 @@ def _keep_going_without_room(cache: _Cache) -> None:
     cache.save_overload = save_overload  # type: ignore[method-assign]
 
 
+_UNREADABLE = (AttributeError, ImportError, EOFError, TypeError, ValueError, pickle.UnpicklingError)
+"""What reading the cache of another version may raise."""
+
+
 def _pass_over_unreadable_entries(cache: _Cache) -> None:
     """Make a cache that cannot be read empty, so that the kernel is compiled again.
 
@@ -179,7 +199,7 @@ def _pass_over_unreadable_entries(cache: _Cache) -> None:
     def load_overload(signature: object, target: object) -> object:
         try:
             return load(signature, target)
-        except (AttributeError, ImportError, EOFError, TypeError, ValueError, pickle.UnpicklingError):
+        except _UNREADABLE:
             cache.flush()
             return None
 
@@ -193,6 +213,14 @@ def is_cached(compiled: Callable[[], object]) -> bool:
     with global_compiler_lock, contextlib.suppress(OSError):
         return cache is not None and cache.load_overload((), target) is not None
     return False  # it cannot be read
+
+
+def has_cached_code(compiled: Callable[..., object]) -> bool:
+    """Whether a kernel is in the cache for some types of its arguments; its machine code is not loaded."""
+    file = getattr(getattr(compiled, '_cache', None), '_cache_file', None)
+    with contextlib.suppress(OSError, *_UNREADABLE):
+        return file is not None and bool(file._load_index())  # noqa: SLF001 - there is no public way
+    return False
 
 
 @kernel

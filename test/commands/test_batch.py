@@ -13,6 +13,9 @@ import pytest
 from archive.archives import recorded
 from storage.disks import fill, small_disk
 
+from socialcircle_ros.commands.main import main
+from socialcircle_ros.kernels import compiled
+
 for library in ('distributed', 'fsspec', 'pyarrow', 'duckdb'):
     pytest.importorskip(library)
 
@@ -110,3 +113,11 @@ def test_what_cannot_start_is_told_and_leaves_nothing(run, tmp_path):
     assert alone.code == 1
     assert 'Error: No Dask scheduler answers at none.json' in alone.err
     assert list(tmp_path.iterdir()) == [tmp_path / 'a.mcap']
+
+
+def test_it_says_that_the_workers_compile(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(compiled, 'has_cached_code', lambda _: False)
+    assert main(['batch', str(tmp_path / 'nights'), '-o', str(tmp_path / 'out')]) == 1
+    assert capsys.readouterr().err.startswith(
+        'The first use compiles the filter, which can take half a minute.'
+    )

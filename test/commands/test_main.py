@@ -102,3 +102,27 @@ def test_tune_says_what_is_wrong_with_its_arguments(run, arguments, sentence):
     assert done.code in (1, 2)
     assert sentence in done.err
     assert 'Traceback' not in done.err
+
+
+COMPILING = """
+import sys
+import click
+from socialcircle_ros.commands import main
+
+@click.command()
+def command():
+    from numba import njit
+    from socialcircle_ros.kernels import compiled  # listens
+    njit(lambda x: x)(1)
+    njit(lambda x: x + 1)(1)
+
+main.socialcircle.get_command = lambda *_: command
+sys.exit(main.main([sys.argv[1]]))
+"""
+
+
+@pytest.mark.parametrize(('name', 'times'), [('filter', 1), ('warm-up', 0)])
+def test_an_offline_command_says_once_that_it_compiles(name, times):
+    done = subprocess.run([sys.executable, '-c', COMPILING, name], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == 'The first use compiles the filter, which can take half a minute.\n' * times

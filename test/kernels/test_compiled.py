@@ -83,7 +83,11 @@ def run(tmp_path, monkeypatch):
 CACHED = """
 import sys
 
-from socialcircle_ros.kernels.compiled import is_cached, kernel
+from socialcircle_ros.kernels import compiling
+from socialcircle_ros.kernels.compiled import has_cached_code, is_cached, kernel
+
+told = []
+compiling.listeners.append(lambda: told.append('compiles'))
 
 
 @kernel
@@ -91,18 +95,25 @@ def nothing():
     return 0
 
 
-print(is_cached(nothing), len(nothing.signatures))
+print(is_cached(nothing), has_cached_code(nothing), len(nothing.signatures), told)
 if sys.argv[1:]:
     nothing()
+    print(told)
 """
 
 
 def test_a_kernel_is_cached_once_it_was_called_and_asking_compiles_nothing(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
     (tmp_path / 'cached.py').write_text(CACHED)
-    for call, answer in (([], 'False 0'), (['call'], 'False 0'), ([], 'True 0')):
+    absent, present = 'False False 0 []', 'True True 0 []'
+    for call, answer in (
+        ([], [absent]),
+        (['call'], [absent, "['compiles']"]),
+        ([], [present]),
+        (['call'], [present, '[]']),
+    ):
         program = [sys.executable, str(tmp_path / 'cached.py'), *call]
-        assert subprocess.run(program, capture_output=True, text=True, check=True).stdout.strip() == answer
+        assert subprocess.run(program, capture_output=True, text=True, check=True).stdout.splitlines() == answer
 
 
 def test_a_cache_that_cannot_be_read_holds_nothing(monkeypatch):
@@ -111,6 +122,8 @@ def test_a_cache_that_cannot_be_read_holds_nothing(monkeypatch):
 
     monkeypatch.setattr(compiled._nothing._cache, 'load_overload', refuse)
     assert not compiled.is_cached(compiled._nothing)
+    monkeypatch.setattr(compiled._nothing._cache._cache_file, '_load_index', refuse)
+    assert not compiled.has_cached_code(compiled._nothing)
 
 
 def test_the_cache_is_read_by_the_next_process(run):

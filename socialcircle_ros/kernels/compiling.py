@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is told that kernels are compiled, which takes seconds. Without Numba, whose import takes half a second."""
+
+from collections.abc import Callable
+
+listeners: list[Callable[[], None]] = []
+"""Called before each kernel is compiled that is not in the cache."""
+
+
+def announce() -> None:
+    """Tell all listeners that a kernel is compiled."""
+    for listener in tuple(listeners):
+        listener()
