@@ -14,7 +14,7 @@ import click
 
 from socialcircle_ros.errors import SocialCircleError, UnitWarning
 from socialcircle_ros.kernels import compiling
-from socialcircle_ros.storage import SignalExit
+from socialcircle_ros.storage import NotedSignal, SignalExit, lasting_interruption
 
 from .spelling import nearest_name
 
@@ -150,9 +150,8 @@ def main(arguments: list[str] | None = None) -> int:
     # The last collection of a process would visit all objects of all libraries: 0.4 s at the end of a batch.
     atexit.register(gc.freeze)
     try:
-        with _told_units():
-            # Outside of standalone mode click returns an exit code instead of ending the process.
-            return int(socialcircle.main(arguments, standalone_mode=False) or 0)
+        with _told_units(), lasting_interruption() as interrupted:
+            return _run(arguments, interrupted)
     except click.ClickException as error:
         error.show()
         return error.exit_code
@@ -165,6 +164,24 @@ def main(arguments: list[str] | None = None) -> int:
     except (KeyboardInterrupt, click.Abort):
         click.echo('Stopped.', err=True)
         return 130
+
+
+def _run(arguments: list[str] | None, interrupted: NotedSignal) -> int:
+    """Run a command; whatever it does after Ctrl-C, it is stopped, unless it takes Ctrl-C as its normal end.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C came.
+    """
+    try:
+        # Outside of standalone mode click returns an exit code instead of ending the process.
+        code = int(socialcircle.main(arguments, standalone_mode=False) or 0)
+    except Exception as error:
+        if interrupted.first is None:
+            raise
+        raise KeyboardInterrupt from error  # a library made this error of it
+    if interrupted.first is not None:
+        raise KeyboardInterrupt  # a library dropped it
+    return code
 
 
 if __name__ == '__main__':

@@ -7,7 +7,7 @@ Nothing here knows what a file holds; the rooms above write their recordings, re
 from .direct import ALIGNMENT, DirectFile
 from .folders import check_folder_name, folder_of_results, has_suffix_of_file
 from .remote import file_system, is_below, is_url, real_location, reason_of
-from .signals import SignalExit, noted_signals, raised_signals
+from .signals import NotedSignal, SignalExit, lasting_interruption, noted_signals, raised_signals
 from .space import Reserve, free_bytes, is_full
 from .unfinished import (
     Unfinished,
@@ -23,6 +23,7 @@ from .unfinished import (
 __all__ = [
     'ALIGNMENT',
     'DirectFile',
+    'NotedSignal',
     'Reserve',
     'SignalExit',
     'Unfinished',
@@ -36,6 +37,7 @@ __all__ = [
     'is_full',
     'is_url',
     'kind_of_target',
+    'lasting_interruption',
     'lies_in',
     'noted_signals',
     'open_in_place',

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signals while files are written: raised as an exception, noted, or put off to the end of a step.
+"""Signals while files are written: raised as an exception, noted, put off to the end of a step, or raised again.
 
 Python runs the handlers of signals in the main thread only, so elsewhere these functions do nothing.
 """
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -132,3 +133,48 @@ def _handled(numbers: tuple[signal.Signals, ...], handler: object) -> Iterator[N
     finally:
         for number, found in before.items():
             signal.signal(number, found)
+
+
+_AGAIN_S = 0.1  # after an interruption that was lost
+
+
+@contextmanager
+def lasting_interruption() -> Iterator[NotedSignal]:
+    """Note SIGINT, which raises KeyboardInterrupt as ever, and raise it again if it is lost.
+
+    Python drops an exception in a finalizer or in a function that C calls, and libraries make other errors of it:
+    Numba does both while it compiles. Handlers that are set in the block are not changed.
+
+    Yields:
+        Whether SIGINT has come.
+    """
+    noted = NotedSignal()
+    main = threading.main_thread()
+    if threading.current_thread() is not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield noted
+        return
+    timers: list[threading.Timer] = []
+    others = sys.unraisablehook
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        noted.first = signal.SIGINT
+        signal.default_int_handler(number, frame)
+
+    def again(lost: 'sys.UnraisableHookArgs') -> None:
+        if not isinstance(lost.exc_value, KeyboardInterrupt):
+            others(lost)
+            return
+        timers.append(threading.Timer(_AGAIN_S, signal.pthread_kill, (main.ident, signal.SIGINT)))
+        timers[-1].daemon = True
+        timers[-1].start()
+
+    signal.signal(signal.SIGINT, interrupt)
+    sys.unraisablehook = again
+    try:
+        yield noted
+    finally:
+        sys.unraisablehook = others
+        for timer in timers:
+            timer.cancel()
+        if signal.getsignal(signal.SIGINT) is interrupt:
+            signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -104,6 +104,50 @@ def test_tune_says_what_is_wrong_with_its_arguments(run, arguments, sentence):
     assert 'Traceback' not in done.err
 
 
+INTERRUPTED = """
+import signal, sys
+import click
+from socialcircle_ros.commands import main
+
+@click.command()
+def command():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        {handled}
+
+main.socialcircle.get_command = lambda *_: command
+sys.exit(main.main(['filter']))
+"""
+
+
+@pytest.mark.parametrize(
+    ('handled', 'code', 'err'),
+    [
+        ("raise RuntimeError('no compiled object yet')", 130, 'Stopped.\n'),
+        ("raise click.ClickException('no output')", 130, 'Stopped.\n'),
+        ('pass', 130, 'Stopped.\n'),
+        ('sys.exit(0)', 0, ''),  # as the node, whose normal end it is
+    ],
+)
+def test_ctrl_c_stops_a_command_whatever_a_library_makes_of_it(handled, code, err):
+    program = INTERRUPTED.format(handled=handled)
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (code, err)
+
+
+def test_an_error_without_ctrl_c_is_raised():
+    program = INTERRUPTED.replace('signal.raise_signal(signal.SIGINT)', 'raise KeyError').replace(
+        'KeyboardInterrupt', 'KeyError'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', program.format(handled="raise RuntimeError('a fault')")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert 'RuntimeError: a fault' in done.stderr
+
+
 COMPILING = """
 import sys
 import click
