@@ -38,8 +38,8 @@ def command(
     """Teach the adaptive mode the texture of one kind of part, from GOOD clouds of it.
 
     GOOD are recordings or measurement files of parts without outliers. Outliers are put into them, and a lesson
-    learns to tell these from the islands, pits and scratches of the part itself. It is checked on parts of the
-    clouds that were kept back, and written only if it helps there.
+    learns to tell these from the islands, pits and scratches of the part itself. It is checked on
+    the fields kept back, every second cloud or strip of a single cloud, and written only if it helps there.
 
     The adaptive mode uses the lesson that circle.lesson names:
 

@@ -41,7 +41,7 @@ def lesson_page(teaching: Teaching) -> str:
         f'Taught on: {names}.',
         'Outliers were put into some parts of the good clouds. The lesson learnt to tell them from the texture.',
         f'It decides about the points that the {teaching.lesson.judge} of the adaptive mode suspected.',
-        'The figures below are of the parts that were kept back.',
+        'The figures below are of the fields kept back.',
     ]
     verdict = teaching.refusal or 'The lesson helps on the fields kept back.'
     check = Section('Check', findings=[verdict], items=[_figures(teaching)], warnings=[*teaching.warnings])

@@ -220,12 +220,13 @@ def _suspicions(taught: Sequence[GoodField], kept_back: Sequence[GoodField]) -> 
 def _refusal(before: LessonCheck, after: LessonCheck) -> str:
     """Why a lesson does not help; '' where it does."""
     gain, saved = after.f1 - before.f1, before.removed - after.removed
-    worse = gain < -_WORSE_F1 or saved < -_WORSE_REMOVED
+    f1 = f'F1 would be {after.f1:.3f} instead of {before.f1:.3f}'
+    removed = f'{after.removed:.3%} instead of {before.removed:.3%} of the good points would be removed'
+    worse = [text for text, is_worse in ((f1, gain < -_WORSE_F1), (removed, saved < -_WORSE_REMOVED)) if is_worse]
     if not worse and (gain > _BETTER_F1 or saved > _BETTER_REMOVED):
         return ''
-    what = 'would make it worse' if worse else 'would change little'
+    what = 'do harm' if worse else 'change little'
     return (
-        f'A lesson {what} on the fields kept back: F1 is {before.f1:.3f} without and {after.f1:.3f} with it, and'
-        f' {before.removed:.3%} and {after.removed:.3%} of the good points are removed. Use the adaptive mode'
-        ' without a lesson, or teach on more clouds.'
+        f'A lesson would {what}: in the fields kept back {" and ".join(worse or (f1, removed))}. Use the adaptive'
+        ' mode without a lesson, or teach on more clouds.'
     )

@@ -2,6 +2,7 @@
 """Lessons from good clouds."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from good_parts import part, pitted
 from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.teaching import page
 from socialcircle_ros.teaching.examples import CHECKED
-from socialcircle_ros.teaching.teach import teach
+from socialcircle_ros.teaching.teach import LessonCheck, _refusal, teach
 
 
 @pytest.fixture(scope='module', params=['network', 'rules'])
@@ -71,6 +72,26 @@ def test_a_lesson_says_what_it_was_taught_on_and_what_its_check_found(taught):
 def test_a_lesson_that_does_not_help_is_refused():
     smooth = np.random.default_rng(1).normal(size=(140, 150))
     assert 'would change little' in teach([part(smooth)], settings=CircleSettings(judge='rules')).refusal
+
+
+@pytest.mark.parametrize(
+    ('f1', 'removed', 'reason'),
+    [
+        (0.620, 0.00091, 'do harm: in the fields kept back 0.091% instead of 0.010% of the good points would be'),
+        (0.600, 0.0, 'do harm: in the fields kept back F1 would be 0.600 instead of 0.615. '),
+        (0.5, 0.01, 'F1 would be 0.500 instead of 0.615 and 1.000% instead of 0.010% of the good points would'),
+        (
+            0.616,
+            0.0001,
+            'change little: in the fields kept back F1 would be 0.616 instead of 0.615 and 0.010% instead',
+        ),
+    ],
+)
+def test_a_refusal_names_the_figure_that_is_worse(f1, removed, reason):
+    before, after = (
+        LessonCheck((SimpleNamespace(f1=score),), share) for score, share in ((0.615, 0.0001), (f1, removed))
+    )
+    assert reason in _refusal(before, after)
 
 
 def test_the_rules_find_what_is_taught_where_a_depth_of_field_is_known():
