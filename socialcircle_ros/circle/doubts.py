@@ -21,6 +21,8 @@ _MANY_UNDECIDED = 0.005
 _FAR_TOO_LARGE = 10.0
 """A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
 about 5 of them."""
+_FAR_TOO_DEEP = 10.0
+"""A depth of field of more than this many ranges of all heights is probably in another unit."""
 _HARDLY_ANY = 1e-3
 """Share of neighbours that may differ by more than the circle where hardly a point can be an outlier."""
 _SAMPLED_ROWS = 64
@@ -59,7 +61,7 @@ def doubts_of(
         f'{name} has no effect in the adaptive mode; set circle.mode to paper to use it.'
         for name in settings.without_effect()
     ]
-    if adaptive and settings.lesson and known_lesson(settings.lesson).judge == 'network':
+    if adaptive and _by_network_lesson(settings):
         doubts += _without_effect_on_a_lesson(settings)
     if removed > kept:
         doubts.append(
@@ -74,6 +76,8 @@ def doubts_of(
     if adaptive and removed > _TOO_MANY * (kept + removed):
         share = 100 * removed / (kept + removed)
         doubts.append(f'{share:.0f} % of the points were removed; good points may be among so many.')
+    if adaptive and removed == 0 and settings.depth_of_field and not _by_network_lesson(settings):
+        doubts += _too_deep(heights, settings.depth_of_field)
     found = _large_circle(heights, radius) if removed == 0 else None
     if found is not None and adaptive and found.beyond == 0:
         doubts.append(
@@ -83,6 +87,25 @@ def doubts_of(
     elif found is not None and not adaptive:
         doubts.append(_too_large(found))
     return tuple(doubts)
+
+
+def _by_network_lesson(settings: CircleSettings) -> bool:
+    """Whether a lesson on what the network finds decides, which uses no depth of field."""
+    return bool(settings.lesson) and known_lesson(settings.lesson).judge == 'network'
+
+
+def _too_deep(heights: HeightMap, depth_of_field: float) -> list[str]:
+    """Warn of a depth of field in another unit than the heights: islands lower than a third of it are kept.
+
+    The heights of a clean plane from a stack may all lie within its depth of field.
+    """
+    known = heights[np.isfinite(heights)]
+    span = float(known.max() - known.min()) if known.size else 0.0
+    if not 0 < _FAR_TOO_DEEP * span < depth_of_field:
+        return []
+    times = f'{depth_of_field / span:.3g} times the range of all heights'
+    unit = 'circle.depth_of_field is in the unit of the cloud'
+    return [f'no point can be an outlier: the depth of field, {depth_of_field:g}, is {times}; {unit}.']
 
 
 def _without_effect_on_a_lesson(settings: CircleSettings) -> list[str]:

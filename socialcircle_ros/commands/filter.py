@@ -77,13 +77,16 @@ def command(
     from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.recording import open_recording
     from socialcircle_ros.recording.export import filter_to_file, is_file_target
-    from socialcircle_ros.recording.offline import filter_recording
+    from socialcircle_ros.recording.offline import clouds_of, filter_recording, stacks_of
+    from socialcircle_ros.recording.units import unit_of
     from socialcircle_ros.settings import PipelineSettings
 
     keep_freed_memory()
     settings = PipelineSettings.from_ros(parameter_values(params_file, parameters, recording))
     with open_recording(recording) as reader:
         total = reader.message_count
+        clouds = [name for name in topics or clouds_of(reader) if name in reader.topics]
+        units = {unit_of(reader, name) for name in clouds} | {'m' for _ in stacks_of(reader)}
     read, found = 0, _Counts()
     with progress_bar(f'filtering {recording.name}') as progress:
 
@@ -110,7 +113,7 @@ def command(
                 seen=count,
             )
     _tell(summary, recording, output, found, notes)
-    tell_failures(found.failures, found.judged, sum(summary.refused.values()))
+    tell_failures(found.failures, found.judged, sum(summary.refused.values()), settings.limits, units)
 
 
 @dataclass

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle import`."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,11 @@ if TYPE_CHECKING:
     from socialcircle_ros.recording.create import ImportedFrame
     from socialcircle_ros.recording.frame_names import Order, ZFrom
     from socialcircle_ros.recording.origins import FileOrigin
+
+
+_LARGEST_M = 1e-3
+"""Pitch and step of a stack above which a warning comes: a macro lens has a pitch of 0.1 mm at most."""
+_OPTIONS = {'pitch': '--pitch', 'step': '--z-step'}
 
 
 @click.command('import', epilog='Example: socialcircle import part1.npz part2.npz -o parts.mcap')
@@ -93,10 +99,9 @@ def command(
     name and the unit of each file, and export writes the numbers of the file again.
 
     A focus stack is imported by itself: an .npz file with frames (N, rows, columns) and z (N), a TIFF with pages,
-    or a folder of images. z comes from the numbers in the names of the images, which hold z itself
-    (part_z-12.5um) or count the frames, or from what ImageJ or OME say in a TIFF. What was taken is printed as a
-    table. What is not certain is refused: --z-from or --order settles it. The stack needs --pitch and --z-step,
-    unless the files say them. The parameters that measure the stack are written beside the recording.
+    or a folder of images. z comes from the numbers in their names, which hold z itself (part_z-12.5um) or count
+    the frames, or from what ImageJ or OME say in a TIFF. A table shows what was taken. What is not certain is
+    refused: --z-from or --order settles it. The stack needs --pitch and --z-step, unless the files say them.
 
     Example of a stack: socialcircle import frames/ -o stack.mcap --pitch 1e-6 --z-step 2e-6
     """  # noqa: D301 - click reads \b
@@ -118,9 +123,10 @@ def command(
             order=order,
             period_s=period,
             overwrite=overwrite,
-            written=_print_frame,
+            written=(table := _FrameTable()).print_frame,
             tell=lambda sentence: click.echo(f'Note: {sentence}.', err=True),
         )
+        table.print_lengths(stack.pitch)
         click.echo(f'{stack.frames} frames of {files[0]} {stack_text(output, stack.parameters)}')
         return
     stated = {path.suffix.lower() for path in files} & {'.npz', '.ply', '.pcd'}
@@ -164,6 +170,33 @@ def _print_cloud(path: Path, cloud: 'ImportedCloud', origin: 'FileOrigin') -> No
     )
     for note in (cloud.unit_note, *cloud.notes) if cloud.unit_note else cloud.notes:
         click.echo(f'Note: {path.name}: {note}.', err=True)
+
+
+class _FrameTable:
+    """Prints what was taken of a focus stack: a line for each frame, and the lengths."""
+
+    def __init__(self) -> None:
+        self._heights: list[float] = []
+
+    def print_frame(self, frame: 'ImportedFrame') -> None:
+        self._heights.append(frame.z)
+        _print_frame(frame)
+
+    def print_lengths(self, pitch: tuple[float, float]) -> None:
+        """Print the pitch and the step, and warn where one cannot be that of a microscope."""
+        from statistics import median
+
+        from socialcircle_ros.lengths import length_text
+
+        steps = [abs(after - before) for before, after in pairwise(self._heights)]
+        lengths = {'pitch': max(pitch), 'step': median(steps) if steps else 0.0}
+        pitches = ' × '.join(length_text(each, 'm') for each in dict.fromkeys(pitch))
+        click.echo(f'pitch {pitches}, step {length_text(lengths["step"], "m")}')
+        for name, value in lengths.items():
+            if value > _LARGEST_M:
+                bound = f'and that of a microscope is below {length_text(_LARGEST_M, "m")}'
+                unit = f'lengths are in m, so that {_OPTIONS[name]} 1e-6 is 1 µm'
+                click.echo(f'Warning: the {name} is {length_text(value, "m")}, {bound}; {unit}.', err=True)
 
 
 def _print_frame(frame: 'ImportedFrame') -> None:

@@ -4,7 +4,7 @@
 import contextlib
 import re
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
 
@@ -19,6 +19,8 @@ from .spelling import nearest_name
 
 if TYPE_CHECKING:
     from rich.progress import Progress
+
+    from socialcircle_ros.settings import LimitSettings
 
 _NODE = 'socialcircle.node'
 
@@ -207,13 +209,17 @@ LIMITS_FAILED = 3
 """Exit code if a measurement failed its limits; everything is written by then."""
 
 
-def tell_failures(failures: Sequence[str], judged: int, refused: int) -> None:
+def tell_failures(
+    failures: Sequence[str], judged: int, refused: int, limits: 'LimitSettings', units: Iterable[str | None]
+) -> None:
     """Print which measurements failed their limits, and end with `LIMITS_FAILED` if any did.
 
     Args:
         failures: one sentence for each measurement that failed.
         judged: number of measurements that were held to limits; 0: no limit is set.
         refused: number of clouds and frames that could not be measured; where limits are set, they fail as well.
+        limits: the limits.
+        units: those of the clouds; None among them: not known.
     """
     if not judged:
         return
@@ -221,9 +227,28 @@ def tell_failures(failures: Sequence[str], judged: int, refused: int) -> None:
         click.echo(f'Failed: {failure}', err=True)
     if refused:
         click.echo(f'Failed: {quantity(refused, "refused cloud or frame", "refused clouds or frames")}.', err=True)
-    click.echo(f'{judged - len(failures)} of {quantity(judged, "measurement")} passed the limits.')
+    passed = f'{judged - len(failures)} of {quantity(judged, "measurement")} passed the limits.'
+    click.echo(f'{passed} {_limits_text(limits, units)}')
     if failures or refused:
         raise click.exceptions.Exit(LIMITS_FAILED)
+
+
+def _limits_text(limits: 'LimitSettings', units: Iterable[str | None]) -> str:
+    """The limits with their unit, as a sentence."""
+    from socialcircle_ros.lengths import length_text
+
+    known = set(units)
+    unit = known.pop() if len(known) == 1 else None
+    texts = []
+    if limits.outlier_share_max is not None:
+        texts.append(f'at most {100 * limits.outlier_share_max:.4g} % outliers')
+    if limits.measured_share_min is not None:
+        texts.append(f'at least {100 * limits.measured_share_min:.4g} % measured')
+    for name, low, high in limits.of_texture:
+        for bound, value in (('at least', low), ('at most', high)):
+            if value is not None:
+                texts.append(f'{name} {bound} {length_text(value, unit)}')
+    return f'Limits: {"; ".join(texts)}.'
 
 
 def require_ros() -> None:

@@ -78,7 +78,8 @@ def command(
     tell_refusals(report.refused, report.damage)
     click.echo(f'Next: open {shell_words(output)}')
     failures = [f'{entry.name}: {entry.measurement.verdict_reason}' for entry in report.failed]
-    tell_failures(failures, report.judged, sum(report.refused.values()))
+    units = {entry.unit for entry in report.entries}
+    tell_failures(failures, report.judged, sum(report.refused.values()), settings.limits, units)
 
 
 def _compare(

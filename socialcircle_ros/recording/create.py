@@ -42,10 +42,12 @@ class StackRecording(NamedTuple):
     Attributes:
         frames: number of frames.
         parameters: the parameter file with which the node measures the stack.
+        pitch: distances of two pixels along x and y on the part, in m.
     """
 
     frames: int
     parameters: Path
+    pitch: tuple[float, float]
 
 
 class ImportedFrame(NamedTuple):
@@ -199,7 +201,7 @@ def record_stack(
             write_frame(writer, stamp, picture.pixels)
             written(ImportedFrame(number, name, float(z) * metres, picture))
         checks.finish()
-    return StackRecording(len(stack.z), parameters)
+    return StackRecording(len(stack.z), parameters, (pitch_x, pitch_y))
 
 
 def _lengths(
@@ -248,7 +250,7 @@ def record_simulation(
         RecordingError: the recording or the parameter file cannot be written, or exists already.
         SocialCircleError: their folder cannot be created.
     """
-    total = len(simulation)
+    total, pitch = len(simulation), pitch_of(simulation)
 
     def done(frames: int) -> None:
         if progress is not None:
@@ -256,10 +258,8 @@ def record_simulation(
 
     with (
         folder_of_results(Path(output).parent),
-        parameter_file(
-            Path(output), node_parameters(total, *pitch_of(simulation)), overwrite=overwrite
-        ) as parameters,
+        parameter_file(Path(output), node_parameters(total, *pitch), overwrite=overwrite) as parameters,
         RecordingWriter(output, compression=compression, overwrite=overwrite) as writer,
     ):
         write_simulation(simulation, writer, done)
-    return StackRecording(total, parameters)
+    return StackRecording(total, parameters, pitch)

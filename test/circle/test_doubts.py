@@ -66,6 +66,26 @@ def test_coarse_steps_blind_the_adaptive_mode_with_a_warning():
     assert remove_outliers(smooth(), pitch=(1.0, 1.0)).warnings == ()
 
 
+def test_a_depth_of_field_in_another_unit_is_named():
+    heights = smooth()
+    heights[40, 50] = 1.0
+    found = remove_outliers(heights, CircleSettings(depth_of_field=0.3), pitch=(1.0, 1.0))
+    assert found.outliers.any()
+    assert not any('depth of field' in warning for warning in found.warnings)
+    found = remove_outliers(heights, CircleSettings(depth_of_field=1e5), pitch=(1.0, 1.0))
+    assert not found.outliers.any()
+    (sentence,) = (warning for warning in found.warnings if 'depth of field' in warning)
+    assert sentence.startswith('no point can be an outlier: the depth of field, 100000, is ')
+    assert sentence.endswith(' times the range of all heights; circle.depth_of_field is in the unit of the cloud.')
+
+
+def test_a_clean_plane_within_its_depth_of_field_gives_no_warning():
+    found = remove_outliers(smooth(), CircleSettings(depth_of_field=0.3), pitch=(1.0, 1.0))
+    assert not found.outliers.any()
+    assert not any('depth of field' in warning for warning in found.warnings)
+    assert not remove_outliers(np.zeros((9, 9)), CircleSettings(depth_of_field=1.0), pitch=(1.0, 1.0)).warnings
+
+
 def test_settings_without_effect_are_named():
     settings = CircleSettings(radius_scale=2.0, window=5)
     assert remove_outliers(smooth(), settings, pitch=(1.0, 1.0)).warnings == tuple(

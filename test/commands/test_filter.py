@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from examples import cloud
 from storage.disks import small_disk
@@ -198,7 +199,17 @@ def test_a_measurement_that_fails_its_limits_is_told_and_ends_with_its_exit_code
     assert (tmp_path / 'cleaned.mcap').exists()
     done = run('filter', BAGS / 'padded.mcap', '-o', 'passed.mcap', '-p', 'limits.outlier_share_max:=0.99')
     assert done.code == 0, done.err
-    assert '2 of 2 measurements passed the limits.' in done.out
+    assert '2 of 2 measurements passed the limits. Limits: at most 99 % outliers.' in done.out
+
+
+def test_limits_on_lengths_are_told_with_their_unit(run, tmp_path):
+    np.savez(tmp_path / 'part.npz', z=np.random.default_rng(0).normal(size=(40, 50)), dx=1.0, dy=1.0)
+    limits = ('-p', 'limits.sq_max:=2.0', '-p', 'limits.sa_min:=1e-9', '-p', 'limits.measured_share_min:=0.5')
+    done = run('filter', 'part.npz', '-o', 'cleaned.mcap', *limits)
+    assert done.code == 0, done.err
+    assert 'Limits: at least 50 % measured; Sa at least 1 nm; Sq at most 2 m.' in done.out
+    done = run('filter', BAGS / 'parts.mcap', '-o', 'other.mcap', '-p', 'limits.sz_max:=1e3')
+    assert 'Limits: Sz at most 1 mm.' in done.out
 
 
 def test_a_refused_cloud_fails_where_limits_are_set(run, tmp_path):

@@ -54,3 +54,22 @@ def test_an_error_is_one_sentence_and_leaves_no_recording(run, tmp_path, argumen
     assert sentence in done.err
     assert 'Traceback' not in done.err
     assert not (tmp_path / 'x.mcap').exists()
+
+
+@pytest.mark.parametrize(
+    ('pitch', 'step', 'told', 'warned'),
+    [
+        ('1e-6', '5e-6', 'pitch 1 µm, step 5 µm', []),
+        ('1', '5', 'pitch 1 m, step 5 m', [('pitch', '1 m', '--pitch'), ('step', '5 m', '--z-step')]),
+    ],
+)
+def test_the_lengths_of_a_stack_are_told_and_doubted(run, tmp_path, pitch, step, told, warned):
+    np.savez(tmp_path / 'stack.npz', frames=np.zeros((4, 20, 30), np.uint8), z=np.arange(4.0))
+    done = run('import', 'stack.npz', '-o', 'stack.mcap', '--pitch', pitch, '--z-step', step)
+    assert done.code == 0, done.err
+    assert told in done.out.splitlines()
+    assert [line for line in done.err.splitlines() if line.startswith('Warning')] == [
+        f'Warning: the {name} is {length}, and that of a microscope is below 1 mm; lengths are in m, so that'
+        f' {option} 1e-6 is 1 µm.'
+        for name, length, option in warned
+    ]

@@ -51,7 +51,7 @@ def test_a_period_that_is_not_above_0_is_refused(tmp_path):
 def test_a_stack_is_recorded_with_the_parameters_that_measure_it(tmp_path):
     np.savez(tmp_path / 's.npz', frames=FRAMES, z=np.arange(4))
     written = record_stack(tmp_path / 's.npz', tmp_path / 's.mcap', pitch=2e-6, z_step=1e-5)
-    assert written == (4, tmp_path / 's.yaml')
+    assert written == (4, tmp_path / 's.yaml', (2e-6, 2e-6))
     frames = [message for message in messages_of(tmp_path / 's.mcap') if message.topic == '/stack/image']
     assert [message.log_time for message in frames] == [20_000_000, 40_000_000, 60_000_000, 80_000_000]
     np.testing.assert_array_equal([Image.decode(message.data).pixels() for message in frames], FRAMES)
@@ -81,7 +81,7 @@ def test_a_simulation_is_recorded_with_its_parameters(tmp_path):
     written = record_simulation(
         simulation, tmp_path / 's.mcap', progress=lambda done, total: seen.append((done, total))
     )
-    assert written == (5, tmp_path / 's.yaml')
+    assert written == (5, tmp_path / 's.yaml', (1e-6, 1e-6))
     assert seen == [(number, 5) for number in range(1, 6)]
     topics = {message.topic for message in messages_of(tmp_path / 's.mcap')}
     assert topics == {'/stack/image', '/stack/joint_states', '/truth/surface', '/truth/description'}
