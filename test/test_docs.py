@@ -98,3 +98,10 @@ def test_the_rooms_are_described_in_the_order_of_their_levels():
         r'^\| ((?:`\w+`(?:, )?)+) \|', (TOP / 'CONTRIBUTING.md').read_text(encoding='utf-8'), re.MULTILINE
     )
     assert [set(re.findall(r'\w+', row)) for row in rows] == LEVELS
+
+
+def test_the_page_of_parameters_names_those_that_cannot_be_changed_while_the_node_runs():
+    text = ' '.join((DOCS / 'parameters.md').read_text(encoding='utf-8').split())
+    sentence = text.partition('can be changed while the node runs, except ')[2].partition('. ')[0]
+    named = set(re.findall(r'`([^`]+)`', f'{sentence}.'))
+    assert named == {name for name, parameter in PARAMETERS.items() if parameter.read_only}

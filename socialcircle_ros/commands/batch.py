@@ -84,8 +84,8 @@ def command(
     count.
     Inputs that fail are told at the end and tried again by the next run.
 
-    The exit code is 0 if every input is sound, 1 if one failed or is damaged, otherwise 3 if a cloud failed its
-    limits.
+    The exit code is 1 if an input failed or is damaged, otherwise 3 if a cloud failed its limits, otherwise 0.
+    Refused clouds do not change it: they are told at the end.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.archive import run_batch
     from socialcircle_ros.cloud import load_row

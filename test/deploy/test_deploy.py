@@ -55,6 +55,15 @@ def test_the_unit_of_systemd_runs_a_command_that_exists():
     check_command(words)
 
 
+def test_the_unit_of_systemd_reads_the_kernels_of_an_installation_that_was_warmed_up():
+    (line,) = re.findall(r'^Environment=(.*)$', (DEPLOY / 'socialcircle@.service').read_text(), re.MULTILINE)
+    values = dict(word.split('=') for word in shlex.split(line))
+    assert (
+        values['XDG_CACHE_HOME'] == '/var/cache/socialcircle'
+    )  # Numba asks for it after the cache beside the package
+    assert 'NUMBA_CACHE_DIR' not in values  # which would come before it
+
+
 def test_systemd_takes_the_unit():
     if shutil.which('systemd-analyze') is None:
         pytest.skip('systemd is not here')
