@@ -28,7 +28,7 @@ class RestOfScan:
 
     def takes(self, stamp: int) -> bool:
         """Whether a frame belongs to the scan; it is its last one then."""
-        if self.period <= 0 or stamp < self.first:  # a replay that begins again
+        if self.period <= 0 or stamp <= self.first:  # a replay that begins again
             return False
         if stamp - self.last >= PAUSE_PERIODS * self.period:
             return False

@@ -14,7 +14,7 @@ from socialcircle_ros.messages.image import Image
 from socialcircle_ros.settings import StackSettings
 
 from .frame_stamps import GAP_PERIODS, frame_numbers, period_of
-from .rest_of_scan import PAUSE_PERIODS, RestOfScan
+from .rest_of_scan import PAUSE_PERIODS
 from .stack_cloud import StackCloud, make_cloud
 
 _MOST_DRIFT = 2.0
@@ -35,7 +35,7 @@ class RunningStack:
         stamps: of the frames that were measured, ns.
         offered: frames that were offered, with those that could not be measured.
         ended_by: what ended the stack before its time; '': nothing did.
-        after_jump: whether time went backwards before it, while another stack ran.
+        after_another: whether another stack was given up before it, and nothing tells where the next scan began.
     """
 
     focus: FocusStack
@@ -46,7 +46,7 @@ class RunningStack:
     stamps: list[int] = field(default_factory=list)
     offered: int = 0
     ended_by: str = ''
-    after_jump: bool = False
+    after_another: bool = False
     _first_z: float = math.nan
     _last_z: float = math.nan
     _furthest_z: float = math.nan
@@ -78,7 +78,7 @@ class RunningStack:
         self.focus.add(pixels, z, frame.colours())
         header = frame.header
         self._blue_first = frame.blue_first
-        self._gap |= self.counts and self._periods_to(header.stamp) >= GAP_PERIODS
+        self._gap |= self.counts and self._shows_gap(header.stamp)
         self.header = header
         self.stamps.append(header.stamp)
         if self.frames == 1:
@@ -104,7 +104,7 @@ class RunningStack:
         if periods < GAP_PERIODS:
             return False
         if self.settings.frames:
-            return self._last_number() + round(periods) > self.settings.frames
+            return self._last_number() + round(periods) >= self.settings.frames
         if periods >= PAUSE_PERIODS:
             self.ended_by = f', before a pause of {periods:.0f} periods'
             return True
@@ -148,16 +148,22 @@ class RunningStack:
         """Whether z is counted by the stamps."""
         return self.settings.z_source == 'step' and self.settings.check_stamps
 
-    def rest(self, last: int, period: int) -> RestOfScan:
-        """The rest of the scan behind the frame with the stamp `last`; `period` as in `RestOfScan`."""
-        return RestOfScan(self.stamps[0] if self.stamps else last, last, period, self.settings.frames)
-
     def _counted(self, numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.float64] | None:
         """Z of the frames in ascending order; None: some frame was not measured, or no frame was lost."""
         if self.offered != self.frames or numbers[-1] + 1 == self.frames:
             return None
         z = self.settings.z_start + self.settings.z_step * numbers
         return np.sort(z)
+
+    def _shows_gap(self, stamp: int) -> bool:
+        """Whether frames are missing before a stamp: just before it, or before the period was known."""
+        period = period_of([*self.stamps, stamp])
+        if period <= 0:
+            return False
+        return (
+            stamp - self.stamps[-1] >= GAP_PERIODS * period
+            or stamp - self.stamps[0] >= (len(self.stamps) + 0.5) * period
+        )
 
     def _periods_to(self, stamp: int) -> float:
         """The periods from the last frame to a stamp; 0: the period is not known yet."""
@@ -217,10 +223,10 @@ class RunningStack:
                 f'{_frames(lost)} of a stack {"was" if lost == 1 else "were"} lost on the way, as the stamps show;'
                 ' z is counted with the gaps.'
             )
-        if self.after_jump and self.counts:
+        if self.after_another and self.counts:
             sentences.append(
-                'Time went backwards before the first frame of a stack: if that was in the middle of a scan, its'
-                ' heights are wrong.'
+                'Another stack was given up just before the first frame of a stack: if that was in the middle of a'
+                ' scan, its heights are wrong.'
             )
         wanted = self.settings.frames
         if self.frames + lost < wanted:

@@ -2,7 +2,7 @@
 """Focus stacks: frames and stage positions → clouds. The node does this live, `socialcircle filter` offline.
 
 A stack is closed at its end, and the next frame begins the next stack. It is given up where a frame cannot belong
-to it. Where z is counted, the next stack then begins with the next scan.
+to it. Where z is counted, the next stack then begins with the next scan, as far as the stamps tell where that is.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ from socialcircle_ros.messages.joint_state import JointState
 from socialcircle_ros.settings import FocusSettings, StackSettings
 
 from .frame_stamps import period_of
-from .rest_of_scan import RestOfScan  # noqa: TC001
+from .rest_of_scan import PAUSE_PERIODS, RestOfScan
 from .running_stack import RunningStack
 from .stack_cloud import StackCloud, fields_of
 
@@ -84,10 +84,13 @@ class StackAssembler:
         self._last_stamp = self._last_placed = _NEVER
         self._recent: deque[int] = deque(maxlen=4)  # stamps of the last frames, ascending
         self._last_message = b''
-        self._jumped = False  # whether time went backwards since the last stack began, while one ran
-        self._was_late = False  # whether the last frame was refused, because it came after a later one
+        self._gave_up = False  # a stack since the last one began, and nothing tells where the next scan begins
+        self._late: int | None = None  # stamp of the last frame, if that was refused: it came after a later one
+        self._first: int | None = None  # stamp of the first frame of the scan
+        self._period = 0  # of the frames of the last stack, ns; 0: unknown
         self._rest: RestOfScan | None = None  # of a stack that was given up
-        self._ended: RestOfScan | None = None  # of the stack that the last frame ended
+        self._ended: RestOfScan | None = None  # of the last stack that ended
+        self._ended_early = False  # whether frames of that one may follow: its end was told by a stamp alone
 
     def configure(self, focus: FocusSettings, settings: StackSettings) -> None:
         """Set how the next stack is measured; the running one keeps its settings."""
@@ -95,7 +98,7 @@ class StackAssembler:
 
     @property
     def running(self) -> bool:
-        """Whether a stack has begun."""
+        """Whether a stack has begun, or frames of one that was given up are refused."""
         return self._stack is not None or bool(self._waiting) or self._rest is not None
 
     @property
@@ -118,11 +121,14 @@ class StackAssembler:
                 self._last_stamp = stamp
                 yield Refusal(_OF_GIVEN_UP)
                 return
-            self._rest, self._last_stamp, self._last_placed = None, _NEVER, _NEVER
+            self._rest, self._last_stamp, self._last_placed, self._first = None, _NEVER, _NEVER, None
             self._recent.clear()
         counts = self._settings_now.z_source == 'step' and self._settings_now.check_stamps
         if counts and stamp == self._last_stamp and message == self._last_message:
             yield Refusal('A frame was refused: it came twice.')
+            return
+        if counts and self._stack is None and self._is_of_ended(stamp):
+            yield Refusal('A frame was refused: it came after its stack had ended.')
             return
         if stamp < self._last_stamp:
             if counts and (refusals := self._refused_late(stamp)):
@@ -132,7 +138,7 @@ class StackAssembler:
                 yield from self._refuse_after(stamp)
             else:
                 yield from self._go_back(stamp)
-        self._track_is_new = self._was_late = False
+        self._track_is_new, self._late = False, None
         self._last_stamp, self._last_message = stamp, message
         if self._settings_now.z_source == 'joint_states':
             self._waiting.append(frame)
@@ -174,7 +180,8 @@ class StackAssembler:
 
     def finish(self) -> Iterator[StackEvent]:
         """Close the running stack, on request or after the timeout."""
-        self._rest = self._ended = None
+        self._rest = self._ended = self._first = None
+        self._last_message = b''
         if self._waiting:
             count = len(self._waiting)
             self._waiting.clear()
@@ -184,12 +191,22 @@ class StackAssembler:
             yield Refusal(stamps)
         yield from self._close()
 
+    def _end(self, stack: RunningStack, *, early: bool) -> Iterator[StackEvent]:
+        """Close the running stack at its end; `early`: a stamp alone tells it, and may be wrong."""
+        self._ended, self._ended_early, self._first = None, early, None
+        if stack.counts:
+            stamps, period = stack.stamps, period_of(stack.stamps) or self._period
+            is_far = len(stamps) > 1 and stamps[-1] - stamps[-2] >= PAUSE_PERIODS * period > 0
+            last = stamps[-2] if is_far else stamps[-1]  # a stamp far ahead ends a stack, but is a wrong one
+            self._ended = RestOfScan(stamps[0], last, period, stack.settings.frames)
+        yield from self._close()
+
     def _close(self) -> Iterator[StackEvent]:
         """Make a cloud of the running stack; waiting frames belong to the next one."""
         stack, self._stack = self._stack, None
-        self._last_message = b''
         if stack is None:
             return
+        self._period = (period_of(stack.stamps) if stack.counts else 0) or self._period
         try:
             yield stack.cloud(preview=False)
         except StackError as error:
@@ -209,12 +226,19 @@ class StackAssembler:
         if self.running:
             back_s = (self._last_stamp - stamp) / 1e9
             yield Refusal(f'Time went backwards by {back_s:.3f} s: the running stack was given up.')
-            self._jumped = True
-        self._stack = None
+            self._gave_up = True
+        self._stack = self._first = self._ended = None
         self._waiting.clear()
         self._last_placed = _NEVER
         if not self._track_is_new:
             self._track.clear()  # its stamps are from before
+
+    def _is_of_ended(self, stamp: int) -> bool:
+        """Whether a frame belongs to the last stack, although that has ended: it is late, or a stamp was wrong."""
+        ended = self._ended
+        if ended is None:
+            return False
+        return ended.first < stamp <= ended.last or (self._ended_early and ended.takes(stamp))
 
     def _refused_late(self, stamp: int) -> list[StackEvent]:
         """Refuse a frame, of which z is counted, that came after a frame with a later stamp; none: it is no such.
@@ -222,18 +246,38 @@ class StackAssembler:
         One such frame counts as lost. After two of them it is the later stamp that is wrong, and z is not known.
         """
         stack, late_s = self._stack, (self._last_stamp - stamp) / 1e9
+        given_up: list[StackEvent] = [
+            Refusal(f'Time went backwards by {late_s:.3f} s: the running stack was given up.')
+        ]
         if self._ended is not None and stack is not None and stack.frames == 1 and self._ended.takes(stamp):
             # The stamp of one frame, far ahead, ended the stack before.
             self._stack, self._rest, self._last_stamp = None, self._ended, stamp
-            return [Refusal(f'Time went backwards by {late_s:.3f} s: the running stack was given up.')]
+            return given_up
         if stack is None or stamp <= stack.stamps[0]:
             return []
-        if not self._was_late:
-            self._was_late = True
+        if self._late is None:
+            self._late = stamp
             return [Refusal(f'A frame was refused: it came {late_s:.3f} s after a later one.')]
-        self._was_late = False
-        self._stack, self._rest, self._last_stamp = None, stack.rest(stamp, period_of(stack.stamps)), stamp
-        return [Refusal(f'Time went backwards by {late_s:.3f} s: the running stack was given up.')]
+        since, self._late = abs(stamp - self._late), None
+        self._give_up(stack, stamp, period_of(stack.stamps) or self._period or since)
+        self._last_stamp = stamp
+        return given_up
+
+    def _give_up(self, stack: RunningStack, stamp: int, period: int) -> bool:
+        """Give a stack up, of which z is counted, at a frame with this stamp.
+
+        Returns:
+            Whether the frame belongs to the rest of the scan, as far as the stamps tell.
+        """
+        first = stack.stamps[0] if self._first is None else self._first
+        rest = RestOfScan(first, stamp, period, stack.settings.frames)
+        self._stack = None
+        if not rest.takes(stamp):
+            # Without a period nothing tells whether the scan goes on.
+            self._gave_up, self._first = period <= 0, first if period <= 0 else None
+            return False
+        self._rest = rest
+        return True
 
     def _goes_on(self, stamp: int) -> bool:
         """Whether time goes on with a frame, although a later stamp came before: that stamp is the wrong one.
@@ -279,19 +323,16 @@ class StackAssembler:
         pixels = frame.gray()
         stack = self._stack
         if stack is not None and stack.ends_before(stamp, z):
-            self._ended = stack.rest(stack.stamps[-1], period_of(stack.stamps)) if stack.counts else None
-            yield from self._close()
+            yield from self._end(stack, early=True)
             stack = None
         if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):
             yield Refusal(
                 f'A stack of {_frames(stack.frames)} broke off: a frame of {pixels.shape} {frame.encoding} came'
                 f' after {stack.shape} {stack.encoding}.'
             )
-            rest = stack.rest(stamp, period_of(self._recent) if stack.counts else 0)
-            stack = self._stack = None
-            if z is None and rest.takes(stamp):
-                self._rest = rest
+            if stack.counts and self._give_up(stack, stamp, period_of(self._recent) or self._period):
                 return
+            stack = self._stack = None
         if stack is None:
             stack = self._begin(frame, pixels.shape)
         try:
@@ -301,7 +342,7 @@ class StackAssembler:
             return
         settings = stack.settings
         if stack.is_whole:
-            yield from self._close()
+            yield from self._end(stack, early=stack.frames < settings.frames)
         elif settings.preview and stack.frames % settings.preview == 0 and stack.focus.places >= 3:
             with contextlib.suppress(StackError):  # the end of the stack tells it
                 yield stack.cloud(preview=True)
@@ -338,7 +379,9 @@ class StackAssembler:
         focus.reset()
         focus.register = self._settings.register
         self._stack = RunningStack(focus, self._settings, shape, frame.encoding, frame.header)
-        self._stack.after_jump, self._jumped = self._jumped, False
+        self._stack.after_another, self._gave_up = self._gave_up, False
+        if self._first is None:
+            self._first = frame.header.stamp
         return self._stack
 
     def release_memory(self) -> None:

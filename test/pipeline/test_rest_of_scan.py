@@ -12,6 +12,7 @@ from socialcircle_ros.pipeline.rest_of_scan import RestOfScan
         (10, 0, [130, 140, 219, 299], [True, True, True, False]),  # until a pause of eight periods
         (10, 5, [130, 140, 150, 160], [True, True, False, False]),  # until the last of five frames, at 140
         (10, 0, [99], [False]),  # a replay that begins again
+        (10, 0, [100], [False]),  # one that begins with the same frame
         (0, 0, [121], [False]),  # no frame can be told from those of the next scan
     ],
 )

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulated_drift import drifting_frames
 
@@ -226,42 +226,62 @@ FAULTS = {
 }
 
 
-@settings(deadline=None, max_examples=150)
-@given(
-    fault=st.sampled_from(list(FAULTS)), k=st.integers(0, 14), known=st.booleans(), pause=st.sampled_from([0, 20])
+def scan_of(count, begin):
+    """The frames of a scan and their numbers: a plane that is sharpest in the middle."""
+    return [(pixels, begin + number) for number, pixels in enumerate(frames(count))]
+
+
+def is_right(cloud, count):
+    z = PointCloud.decode(cloud.points).xyz()[..., 2] / STEP
+    return (np.abs(z - (count - 1) / 2) < 0.5)[np.isfinite(z)].all()
+
+
+@pytest.mark.parametrize('k', [0, 1, 2, 3, 7, 9, 10, 13, 14])
+@pytest.mark.parametrize('fault', FAULTS)
+@pytest.mark.parametrize(
+    ('known', 'pause', 'finished'),
+    [(True, 0, False), (True, 20, False), (True, 100, True), (False, 20, False), (False, 100, True)],
 )
-def test_a_fault_of_one_frame_gives_no_wrong_height_without_a_warning_and_the_next_scan_is_right(
-    fault, k, known, pause
+def test_a_fault_of_one_frame_gives_no_wrong_height_without_a_word_and_a_later_scan_is_right(
+    fault, k, known, pause, finished
 ):
-    """Where z is counted, and the stamps are those of a camera."""
+    """Where z is counted, by the stamps of a camera. `finished`: the pause is longer than the timeout."""
+    if k == 0 and not fault.startswith('far'):
+        pytest.skip('nothing tells that the first frame is lost')
     count = 15
-    assume(k > 0 or fault.startswith('far'))  # nothing tells that the first frame is lost
-    if not known:
-        pause = 20  # nothing but a pause tells where a scan ends
     made = assembler(frames=count if known else 0)
-    scan = [(pixels, 2000 + number) for number, pixels in enumerate(frames(count))]
-    later = 4000 if 'ahead' in fault and pause else 2000 + count + pause  # after the stamp that is far ahead
-    events = [
-        event for pixels, number in FAULTS[fault](scan, k) for event in made.add_frame(image(pixels, number))
-    ]
-    if pause:
-        events += made.finish()  # the caller does this after the pause
-    following = [
-        event
-        for number, pixels in enumerate(frames(count))
-        for event in made.add_frame(image(pixels, later + number))
-    ]
-    following += made.finish()
-    for cloud in clouds(events):
-        z = PointCloud.decode(cloud.points).xyz()[..., 2]
-        right = np.abs(z / STEP - (count - 1) / 2) < 0.5
-        # A clock that is set looks like a pause, of which the cloud before it warns.
-        warned = cloud.warning or (fault == 'far ahead from then on' and clouds(events)[0].warning)
-        assert right[np.isfinite(z)].all() or warned
-    if pause:
-        (last,) = clouds(following)
-        z = PointCloud.decode(last.points).xyz()[..., 2]
-        assert np.abs(np.nanmedian(z) / STEP - (count - 1) / 2) < 0.1
+    begins = [2000 + number * (count + pause) for number in range(4)]
+    if 'from then on' in fault:
+        begins[1:] = [begin + 1000 for begin in begins[1:]]
+    scans = [FAULTS[fault](scan_of(count, begins[0]), k), *(scan_of(count, begin) for begin in begins[1:])]
+    told, found = [], []
+    for number, scan in enumerate(scans):
+        events = [event for pixels, at in scan for event in made.add_frame(image(pixels, at))]
+        if finished or number == len(scans) - 1:
+            events += made.finish()
+        told += [cloud.warning for cloud in clouds(events) if cloud.warning] + reasons(events)
+        for cloud in clouds(events):
+            assert is_right(cloud, count) or told, number
+        found.append(clouds(events))
+    if not pause and fault.startswith('far'):
+        assert told or (k == 0 and 'from then on' in fault)  # nothing tells any more where the next scan begins
+        return
+    # Without a number of frames and a timeout, the scan before ends with the first frame of this one.
+    assert len(found[-1]) == (1 if known or finished else 2)
+    assert is_right(found[-1][-1], count)
+    assert found[-1][-1].warning == ''
+
+
+def test_a_replay_in_a_loop_gives_a_cloud_in_each_pass_but_that_of_a_fault():
+    for known in (True, False):
+        made = assembler(frames=15 if known else 0)
+        passes = [FAULTS['two late'](scan_of(15, 100), 7), *[scan_of(15, 100)] * 3]
+        found = []
+        for one in passes:
+            events = [event for pixels, at in one for event in made.add_frame(image(pixels, at))]
+            found.append(clouds(events + list(made.finish())))
+        assert [len(each) for each in found[1:]] == [1, 1, 1]
+        assert all(is_right(each[0], 15) for each in found[1:])
 
 
 def test_time_that_goes_backwards_gives_the_stack_up_and_begins_the_next():
