@@ -73,7 +73,8 @@ class _Helpers:
             self._callers += 1
             self._place()
         try:
-            others += [(band, self._pool.submit(work, band)) for band in bands[1:]]
+            for band in bands[1:]:
+                others.append((band, self._pool.submit(work, band)))  # noqa: PERF401 - known one by one
             # Bands that no helper has started by then run in the calling thread.
             return [work(bands[0]), *(work(band) if job.cancel() else job.result() for band, job in others)]
         except BaseException:
