@@ -99,12 +99,17 @@ def _check_place(path: Path, good: tuple[Path, ...], mark: str, kind: str) -> No
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.storage import check_place, lies_in
 
+    if path.is_dir():
+        raise SocialCircleError(f'{path} is a directory: give the name of a file.')
     source = next((each for each in good if lies_in(path, each)), None)
     if source is not None:
         raise SocialCircleError(f'{path} would be written into {source}, which is read: give another name.')
+    check_place(path)
     if path.is_file():
-        with path.open('rb') as file:
-            beginning = file.read(_BEGINNING)
+        try:
+            with path.open('rb') as file:
+                beginning = file.read(_BEGINNING)
+        except OSError as error:
+            raise SocialCircleError(f'{path} cannot be read: {error.strerror}.') from None
         if mark.encode() not in beginning:
             raise SocialCircleError(f'{path} is no {kind}, and is not replaced: give another name.')
-    check_place(path)

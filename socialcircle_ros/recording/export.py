@@ -227,11 +227,13 @@ class _Clouds:
             if namespace is not None and key in self._measurements:
                 status = diagnostics.Status.decode(zlib.decompress(self._measurements[key]))
                 metadata |= {'result': status.message, **status.values}
-        key = (namespaces[0] or '', cloud.header.stamp)
-        if namespaces[0] is not None and key in self._masks:
+        namespace = next((each for each in namespaces if each is not None), None)
+        key = (namespace or '', cloud.header.stamp)
+        if namespace is not None and key in self._masks:
             pixels = np.array(decode_mono8(zlib.decompress(self._masks[key])))
             if pixels.shape == points.shape[:2]:
-                mask, points = pixels, measured_only(points, pixels != NOT_MEASURED)
+                points = measured_only(points, pixels != NOT_MEASURED)
+                mask = pixels if namespaces[0] is not None else None
         unit = unit_of(self._reader, message.topic) or self._unit
         origin = self._origins.get((message.topic.rpartition('/')[0], cloud.header.stamp))
         if origin is not None:

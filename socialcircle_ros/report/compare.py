@@ -12,7 +12,7 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import Mask, measured_only
 from socialcircle_ros.errors import RecordingError, SettingError, SocialCircleError
 from socialcircle_ros.kernels.ordered import in_order
-from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER
+from socialcircle_ros.messages.image import KEPT, NOT_MEASURED, OUTLIER
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.metrics.areal import Texture, texture
 from socialcircle_ros.metrics.scores import Scores, score
@@ -113,11 +113,11 @@ def make_comparison(
     differing = _differing(*settings)
     new_figure(1, 1)  # fails now if matplotlib or Jinja2 is missing, and not after minutes
     environment()
+    check_page_name(output)
     if lies_in(output, recording):
         raise SocialCircleError(
             f'{output} would be written into the recording that is read, {recording}: give another name.'
         )
-    check_page_name(output)
     with folder_of_results(output.parent):
         check_place(output)
         compared, refused = [], Counter[str]()
@@ -183,17 +183,18 @@ def _compared_cloud(
     masks: tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]],
     truth: tuple[Mask, Mask] | None,
 ) -> ComparedCloud:
-    # What is not measured by one setting only is measured: the other may have called it an outlier.
-    unmeasured = (masks[0] == NOT_MEASURED) & (masks[1] == NOT_MEASURED)
-    xyz = measured_only(PointCloud.decode(points).xyz(), ~unmeasured)
+    whole = PointCloud.decode(points).xyz()
+    # What one setting alone takes for a mark of what is not measured is no height of that setting.
+    clouds = [measured_only(whole, mask != NOT_MEASURED) for mask in masks]
     found: tuple[Mask, Mask] = (masks[0] == OUTLIER, masks[1] == OUTLIER)
-    first = CloudPictures(xyz, found[0], unit)
-    second = CloudPictures(xyz, found[1], unit, first.colour_range)
-    measured = np.isfinite(first.heights)
-    kept = [np.where(mask, np.nan, first.heights) for mask in found]
+    first = CloudPictures(clouds[0], found[0], unit)
+    second = CloudPictures(clouds[1], found[1], unit, first.colour_range)
+    measured = (masks[0] != NOT_MEASURED) | (masks[1] != NOT_MEASURED)
+    both = CloudPictures(measured_only(whole, measured), found[0], unit, first.colour_range)
+    kept = [np.where(mask == KEPT, whole[..., 2], np.nan) for mask in masks]
     rows = [
         Pictures([Picture('first', first.after(), 'A'), Picture('second', second.after(), 'B')]),
-        Pictures([Picture('before', first.before(), 'before'), Picture('differ', first.against(second), '')]),
+        Pictures([Picture('before', both.before(), 'before'), Picture('differ', both.against(second), '')]),
     ]
     return ComparedCloud(
         name=name,

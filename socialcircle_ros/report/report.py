@@ -122,11 +122,11 @@ def make_report(
     recording, output, settings = Path(recording), Path(output), settings or PipelineSettings()
     new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after minutes
     environment()
+    check_page_name(output)
     if lies_in(output, recording):
         raise SocialCircleError(
             f'{output} would be written into the recording that is read, {recording}: give another name.'
         )
-    check_page_name(output)
     with folder_of_results(output.parent):
         check_place(output)
         entries: list[ReportEntry] = []

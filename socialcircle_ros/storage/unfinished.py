@@ -74,7 +74,8 @@ def check_place(path: Path) -> None:
 
 def lies_in(target: Path, source: Path) -> bool:
     """Whether writing the target would change the source, a file or a folder; both names are followed."""
-    written, read = target.resolve(), source.resolve()
+    # Path.resolve() fails on a loop of links.
+    written, read = (Path(os.path.realpath(path)) for path in (target, source))
     return written == read or written in read.parents or (read.is_dir() and read in written.parents)
 
 

@@ -72,8 +72,8 @@ def test_refused_clouds_are_named_and_the_others_shown(run, tmp_path):
         ([BAGS / 'parts.mcap', '-o', '.'], 'is a directory'),
         ([BAGS / 'parts.mcap', '-o', 'a.png'], 'a.png is not the name of a page: give one that ends in .html'),
         ([BAGS / 'parts.mcap', '-o', '/proc/nowhere/x.html'], '/proc/nowhere cannot be written'),
-        ([BAGS / 'parts.mcap', '-o', BAGS / 'parts.mcap'], 'would be written into the recording that is read'),
-        ([BAGS, '-o', BAGS / 'parts.mcap'], 'would be written into the recording that is read'),
+        ([BAGS / 'parts.mcap', '-o', BAGS / 'parts.mcap'], 'parts.mcap is not the name of a page'),
+        ([BAGS, '-o', BAGS / 'page.html'], 'would be written into the recording that is read'),
         (['nowhere.mcap', '-o', '/proc/x.html'], '/proc/x.html cannot be written'),  # found first
         ([BAGS / 'parts.mcap', '-p', 'circle.window:=4'], 'circle.window must be odd'),
         ([BAGS / 'parts.mcap', '--topic', '/nowhere'], 'has no topic /nowhere'),
