@@ -112,7 +112,10 @@ class _Mallinfo2(ctypes.Structure):
 
 
 def freed_bytes() -> int:
-    """Bytes that the process has freed and not given back to the system; 0 where the C library does not tell."""
+    """Bytes that the process has freed; 0 where the C library does not tell.
+
+    Those that `give_back_all_but` gives back count as freed, too, until they are used again.
+    """
     look = getattr(ctypes.CDLL(None), 'mallinfo2', None)  # glibc has it from 2.33 on
     if look is None:
         return 0

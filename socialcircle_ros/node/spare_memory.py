@@ -14,6 +14,9 @@ MARGIN = 2
 WORTH = 16 << 20
 """Less is not given back."""
 
+SMALLEST = 1 << 20
+"""Size of a cloud from which on memory is given back; smaller ones do not pile up to much."""
+
 PLANES_HELD = 6
 """Planes of a byte per point that the exact mode and the mask need at once."""
 
@@ -23,6 +26,7 @@ class SpareMemory:
 
     def __init__(self) -> None:
         self._looks, self._spare = 0, 0
+        self._given_back = 0  # of what is free
 
     def use(self) -> None:
         """Begin to look anew: what is free will be used, as by a stack."""
@@ -41,6 +45,9 @@ class SpareMemory:
         if self._looks < LOOKS:
             return
         self._looks = 0
-        if self._spare - MARGIN * size > max(size, WORTH):
+        if size < SMALLEST or self._spare - self._given_back <= MARGIN * size + max(size, WORTH):
+            self._given_back = min(self._given_back, self._spare)  # the rest is used again
+        else:
             kept = math.ceil((free - self._spare) / size) + MARGIN
+            self._given_back = self._spare - MARGIN * size
             give_back_all_but([plane] * PLANES_HELD + [size] * kept)

@@ -79,6 +79,21 @@ def test_what_a_stream_uses_at_times_is_kept(given):
     assert given.kept == [[PLANE] * PLANES_HELD + [CLOUD] * MARGIN]  # the last look sees four free ones
 
 
+def test_what_is_given_back_already_is_not_given_back_again_until_it_was_used(given):
+    looks = [9 * CLOUD] * 2 * LOOKS + [2 * CLOUD] * LOOKS + [9 * CLOUD] * LOOKS  # free even if it is given back
+    spare = given(looks)
+    for number in range(len(looks)):
+        spare.look(CLOUD, PLANE)
+        assert len(given.kept) == (number >= LOOKS - 1) + (number == len(looks) - 1)
+
+
+def test_after_a_tiny_cloud_nothing_is_given_back(given):
+    spare = given([60_000_000] * (LOOKS - 1) + [120_000_000])
+    for _ in range(LOOKS):
+        spare.look(200, 12)
+    assert given.kept == []
+
+
 def test_little_is_not_given_back_nor_what_others_will_use(given):
     spare = given([spare_memory.WORTH] * LOOKS)
     for _ in range(LOOKS):
