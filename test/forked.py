@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands in processes that are forked from one that has imported the libraries.
 
-Most of what a short command takes is the import of Numba. What is imported only when it is needed, and what an
-import costs, is tested in new processes.
+Most of what a short command takes is the import of Numba. Such a process does not show what is imported only when
+it is needed, what an import costs, what a variable of the environment does at an import, and how Python ends. That
+is tested in new processes.
 """
 
 import atexit

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import Measurement
 
@@ -54,7 +55,7 @@ class RowWriter:
         folder: the rows are in `measurements` in it.
         name: of the files, with the time of the start and a number; another one for each node.
         period_s: time from the first row of a batch to its writing.
-        failed: called on the writer's thread with a sentence if a batch cannot be written.
+        failed: called on the writer's thread with a sentence if rows wait or are lost.
 
     Raises:
         SocialCircleError: pyarrow is not installed.
@@ -131,13 +132,24 @@ class RowWriter:
         try:
             # The name stays until the batch is written, so that an attempt replaces what the last one has left.
             write_rows(self._folder, f'{self._name}-{self._number:06d}', self._rows)
-        except Exception as error:  # noqa: BLE001 - the last resort, as above
+        except (SocialCircleError, OSError) as error:
             lost = f' {self._lost} rows are lost.' if self._lost else ''
             self._waits = True
             self._failed(f'{len(self._rows)} rows of measurements wait, because: {error}{lost}')
             return
+        except Exception:  # noqa: BLE001 - the last resort, as above
+            self._write_singly()
         self._number += 1
         self._rows, self._waits = [], False
+
+    def _write_singly(self) -> None:
+        """Write each row of the batch by itself, so that one that cannot be written holds up no other."""
+        for place, row in enumerate(self._rows):
+            try:
+                write_rows(self._folder, f'{self._name}-{self._number:06d}-{place}', [row])
+            except Exception as error:  # noqa: BLE001, PERF203 - as above
+                self._lost += 1
+                self._failed(f'A row of measurements is lost, because: {error!r}')
 
 
 def _row(cloud: LiveCloud) -> MeasurementRow:

@@ -137,22 +137,23 @@ def test_a_fault_in_one_row_loses_that_row_and_no_other(tmp_path):
     assert sentence.startswith('A row of measurements is lost, because: ')
 
 
-def test_a_fault_in_writing_keeps_the_rows_for_the_next_attempt(tmp_path, monkeypatch):
+def test_a_row_that_the_library_cannot_write_holds_up_no_other(tmp_path, monkeypatch):
     told = []
     real = row_writer.write_rows
 
-    def write_rows(*arguments):
-        if not told:
+    def write_rows(folder, name, rows):
+        if any(row.number == 1 for row in rows):
             raise ValueError('a row that the library cannot write')
-        return real(*arguments)
+        return real(folder, name, rows)
 
     monkeypatch.setattr(row_writer, 'write_rows', write_rows)
-    writer = RowWriter(tmp_path, 'live', 0.02, told.append)
-    writer.put(refused(0))
-    wait_for(lambda: list(tmp_path.rglob('*.parquet')))
+    writer = RowWriter(tmp_path, 'live', 3600, told.append)
+    for number in range(3):
+        writer.put(refused(number))
     writer.close()
-    assert numbers(tmp_path) == [0]
-    assert 'a row that the library cannot write' in told[0]
+    assert numbers(tmp_path) == [0, 2]
+    (sentence,) = told
+    assert 'a row that the library cannot write' in sentence
 
 
 def test_a_process_that_is_killed_loses_at_most_the_last_batch(tmp_path):
