@@ -173,7 +173,8 @@ def test_a_preview_is_published_when_asked_for(microscope):
 def test_a_stack_that_breaks_off_is_told_and_the_next_works(microscope):
     scope = microscope(**{'stack.frames': '9'})
     scope.scan(4, shape=(30, 30))
-    scope.scan(9, begin=10)
+    scope.scan(1, begin=4)
+    scope.scan(9, begin=20)
     found = scope.cell.diagnosis(lambda found: found.values['stack_refusals'] == '1')
     assert 'A stack of 4 frames broke off' in found.values['last_reason']
     assert PointCloud.decode(scope.output('stack/points')).height == 40
