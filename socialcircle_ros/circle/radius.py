@@ -74,7 +74,7 @@ def circle_limit(xyz: Cloud, seed: tuple[int, int], window: int, radius: float |
     with np.errstate(over='ignore'):
         limit = ring_limit(xyz, seed, window) if radius is None else real(radius) * real(radius)
         limit = limit if scale == 1.0 else limit * (real(scale) * real(scale))
-    # Where R² is finite, a distance whose square is not is above R. So only an infinite R² needs a look.
+    # If R² is finite, a distance with an infinite square is above R. So only an infinite R² needs a look.
     if np.isinf(limit) and _ring_overflows(xyz, seed, window):
         raise CloudError(
             f'{xyz.dtype} does not hold the squares of the distances round the seed at row {seed[0]}, column'

@@ -49,7 +49,7 @@ class RecordingWriter:
         """Begin a recording.
 
         Args:
-            path: a file if the name ends in `.mcap`, else a rosbag2 directory, whose name has no suffix of a file.
+            path: a file if the name ends in `.mcap`, else a rosbag2 directory; its name has no suffix of a file.
             compression: of the chunks.
             overwrite: whether to replace an existing recording. Other files and folders are never replaced.
             source: the recording that is read at the same time; it is protected from being written into.

@@ -3,6 +3,7 @@
 
 import re
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import date, timedelta
 
@@ -43,6 +44,17 @@ def out(tmp_path, example):
     failed = replace(example, status='failed', cell='cell1', reason='It is <no> recording.', sq=None)
     write_rows(tmp_path / 'out', 'a', [*rows, failed])
     return tmp_path / 'out'
+
+
+@contextmanager
+def opened_page(path):
+    """The page of trends in a browser, once its charts are drawn."""
+    with browser() as chromium:
+        page = chromium.new_page()
+        page.set_default_timeout(TIMEOUT_MS)
+        page.goto(path.as_uri())
+        page.wait_for_function('Bokeh.documents.length && Bokeh.documents[0].is_idle')
+        yield page
 
 
 def test_what_drifts_is_found_and_what_does_not_is_not(out, tmp_path):
@@ -101,14 +113,11 @@ def test_one_large_value_does_not_change_the_prefix(tmp_path, example):
 def test_the_charts_show_the_unit_of_the_chosen_series(tmp_path, example):
     write_rows(tmp_path, 'a', list(of_units(example, 'm', 'px')))
     write_trend(tmp_path, tmp_path / 'trend.html')
-    with browser() as chromium:
-        page = chromium.new_page()
-        page.set_default_timeout(TIMEOUT_MS)
-        page.goto((tmp_path / 'trend.html').as_uri())
-        page.wait_for_function('Bokeh.documents.length && Bokeh.documents[0].is_idle')
+    with opened_page(tmp_path / 'trend.html') as page:
         for series, title, value in (('in px', 'Sq [px]', 1), ('in m', 'Sq [µm]', 2)):
             page.get_by_role('combobox').select_option(f'cell1, lid, {series}')
-            page.wait_for_function(SHOWN, arg=[title, value])
+            page.wait_for_function(SHOWN, arg=[title, value])  # the chart is drawn a moment later
+            assert page.evaluate(SHOWN, [title, value])
 
 
 SHOWN = """([title, value]) => {
@@ -188,11 +197,7 @@ def test_a_click_on_a_point_opens_the_report_of_its_cloud(tmp_path, example):
     (out / 'reports/a b.mcap.html').write_text('<h1>The report of it</h1>')
     Ledger(out).record('abc', LedgerEntry('nights/a.mcap', 1, '1', 'd', name='a b.mcap'))
     write_trend(out, tmp_path / 'trend.html')
-    with browser() as chromium:
-        page = chromium.new_page()
-        page.set_default_timeout(TIMEOUT_MS)
-        page.goto((tmp_path / 'trend.html').as_uri())
-        page.wait_for_function('Bokeh.documents.length && Bokeh.documents[0].is_idle')
+    with opened_page(tmp_path / 'trend.html') as page:
         with page.expect_popup() as opened:
             page.mouse.click(*page.evaluate(ON_THE_SCREEN))
         report = opened.value

@@ -2,6 +2,7 @@
 """Rows of live clouds, written by the node."""
 
 import threading
+from contextlib import contextmanager
 
 import pytest
 import rclpy
@@ -20,6 +21,21 @@ pytest.importorskip('pyarrow')
 pytest.importorskip('duckdb')
 
 
+@contextmanager
+def cloud_filter(configuration):
+    """What a node does with clouds, in a node of its own."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = LifecycleNode('rows', context=context)
+    clouds = CloudFilter(node, configuration, Health())
+    try:
+        yield clouds
+    finally:
+        clouds.close()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
 @pytest.mark.parametrize('message', [cloud(), b'no cloud'], ids=['cleaned', 'refused'])
 def test_a_row_has_the_settings_that_its_cloud_was_filtered_with(tmp_path, message):
     """Also where parameters change while the cloud is at hand."""
@@ -32,45 +48,29 @@ def test_a_row_has_the_settings_that_its_cloud_was_filtered_with(tmp_path, messa
         begun.set()
         return Configuration.from_ros(values | {'measurements.part': parts[-1]})
 
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = LifecycleNode('rows', context=context)
-    clouds = CloudFilter(node, configuration, Health())
-    try:
+    with cloud_filter(configuration) as clouds:
         begun.clear()
         expected = f'part {len(parts)}'
         clouds.filter(message)
         begun.wait()
         clouds.finish()
-    finally:
-        clouds.close()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
     assert open_measurements(folder).sql('select part from measurements').fetchall() == [(expected,)]
 
 
 def test_a_row_has_the_unit_of_its_cloud_where_the_node_made_it(tmp_path):
     """No message says the unit of a cloud that arrived; that of a stack is in metres."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = LifecycleNode('rows', context=context)
     begun = threading.Event()
 
     def configuration():
         begun.set()
         return Configuration.from_ros({'measurements.folder': str(tmp_path)})
 
-    clouds = CloudFilter(node, configuration, Health())
-    try:
+    with cloud_filter(configuration) as clouds:
         for hand_over in (lambda: clouds.filter(cloud()), lambda: clouds.filter_stack(cloud(seed=1), None)):
             begun.clear()
             hand_over()
             begun.wait()
             clouds.finish()
-    finally:
-        clouds.close()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
     found = open_measurements(tmp_path).sql('select number, unit from measurements order by number').fetchall()
     assert found == [(0, None), (1, 'm')]
 
