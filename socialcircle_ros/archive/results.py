@@ -3,12 +3,13 @@
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.storage import (
+    check_folder_name,
     file_system,
     folder_of_results,
     is_url,
@@ -67,9 +68,13 @@ class ResultFolder:
         """Create the folder, which is removed if the block fails before anything is in it; URLs need no folder.
 
         Raises:
-            SocialCircleError: the folder cannot be created.
+            SocialCircleError: the folder cannot be created, or would get the name of a file.
         """
-        with folder_of_results(Path(self.location)) if self._files is None else nullcontext():
+        if self._files is not None:
+            yield
+            return
+        check_folder_name(Path(self.location))
+        with folder_of_results(Path(self.location)):
             yield
 
     def tidy(self) -> None:

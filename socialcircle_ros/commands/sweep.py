@@ -7,7 +7,15 @@ from pathlib import Path
 
 import click
 
-from .options import parameter_options, parameter_values, progress_bar, quantity, tell_refusals, topics_option
+from .options import (
+    parameter_options,
+    parameter_values,
+    progress_bar,
+    quantity,
+    shell_words,
+    tell_refusals,
+    topics_option,
+)
 
 
 @click.command('sweep', epilog='Example: socialcircle sweep bags/parts.mcap --param circle.radius_scale=0.5:3:0.1')
@@ -109,7 +117,7 @@ def command(
         note = ', as given' if trial is result.given else ''
         click.echo(
             f'Candidate {number}{note}: {in_words(trial.values)}: {score} {trial.score:.4f}, removes'
-            f' {trial.removed:.2%}.'
+            f' {100 * trial.removed:.2f} %.'
         )
     if decision.winner is None:
         click.echo(f'No verdict. {decision.reason}')
@@ -117,4 +125,4 @@ def command(
         click.echo(f'Better than as given: {in_words(decision.winner.values)}. {decision.reason}')
     tell_refusals(result.refused, result.damage)
     written = [TABLE, CANDIDATES, *([BEST] if decision.winner else []), TRIALS]
-    click.echo(f'Written to {out}: {", ".join(written)}. Next: open {out / PAGE}')
+    click.echo(f'Written to {out}: {", ".join(written)}. Next: open {shell_words(out / PAGE)}')

@@ -255,15 +255,15 @@ class RecordingWriter:
             raise RecordingError(f'{self.path} cannot be written: make the directory {self.path.parent} first.')
         if not os.path.lexists(self.path):
             return
-        if not self._overwrite:
-            raise RecordingError(
-                f'{self.path} exists already: give another name, or overwrite it with --overwrite.'
-            )
         kind = kind_of_target(self.path)
         if kind not in ('a file', 'a directory'):
             raise RecordingError(f'{self.path} is {kind}, and is not overwritten: give another name.')
         if self._is_file != (kind == 'a file') or not (self._is_file or _is_only_a_recording(self.path)):
             raise RecordingError(f'{self.path} is not a recording, and is not overwritten: give another name.')
+        if not self._overwrite:
+            raise RecordingError(
+                f'{self.path} exists already: give another name, or overwrite it with --overwrite.'
+            )
 
     def _begin_file(self) -> McapOutput:
         """Begin a file of the recording.

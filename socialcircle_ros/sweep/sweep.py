@@ -18,7 +18,7 @@ from socialcircle_ros.settings import (
     StackSettings,
     yaml_text,
 )
-from socialcircle_ros.storage import folder_of_results, write_file
+from socialcircle_ros.storage import check_folder_name, folder_of_results, write_file
 
 from .clouds import CloudSource, SweptRecording, cached
 from .decision import decide
@@ -107,6 +107,7 @@ def run_sweep(
     """
     recording, output = Path(recording), Path(output)
     check_search_space(search_space)
+    check_folder_name(output)
     parameters = parameters or {}
     base = _all_parameters(parameters)
     search_space = with_mode(search_space, base)

@@ -221,7 +221,9 @@ def _refusal(before: LessonCheck, after: LessonCheck) -> str:
     """Why a lesson does not help; '' where it does."""
     gain, saved = after.f1 - before.f1, before.removed - after.removed
     f1 = f'F1 would be {after.f1:.3f} instead of {before.f1:.3f}'
-    removed = f'{after.removed:.3%} instead of {before.removed:.3%} of the good points would be removed'
+    removed = (
+        f'{100 * after.removed:.3f} instead of {100 * before.removed:.3f} % of the good points would be removed'
+    )
     worse = [text for text, is_worse in ((f1, gain < -_WORSE_F1), (removed, saved < -_WORSE_REMOVED)) if is_worse]
     if not worse and (gain > _BETTER_F1 or saved > _BETTER_REMOVED):
         return ''

@@ -112,6 +112,9 @@ def test_what_cannot_start_is_told_and_leaves_nothing(run, tmp_path):
     alone = run('batch', 'a.mcap', '-o', 'out/new', '--scheduler', 'none.json')
     assert alone.code == 1
     assert 'Error: No Dask scheduler answers at none.json' in alone.err
+    named = run('batch', 'a.mcap', '-o', 'out/new.png')
+    assert named.code == 1
+    assert 'new.png has the name of a file' in named.err
     assert list(tmp_path.iterdir()) == [tmp_path / 'a.mcap']
 
 

@@ -195,6 +195,7 @@ def test_a_focus_parameter_makes_the_cloud_of_a_stack_anew(run, tmp_path):
         ([BAGS / 'parts.mcap', '--param', 'circle.window=4'], 'circle.window must be odd'),
         ([BAGS / 'parts.mcap', '--param', 'circle.radius_scale=1:2'], 'or search with --search 50'),
         ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-o', '/proc/x'], '/proc/x cannot be written'),
+        ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-o', 'out/a.png'], 'a.png has the name of a file'),
         ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-p', 'circle.radius:=-1'], 'circle.radius'),
         ([BAGS / 'stack.mcap', '--param', 'circle.window=3'], 'stack.pitch_x is not set'),
         ([BAGS / 'parts.mcap', '--param', 'circle.window=3', '-o', 'other'], 'holds trials on other clouds'),

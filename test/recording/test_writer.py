@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import errno
+import itertools
 import os
 from importlib.metadata import version
 
@@ -238,9 +239,9 @@ def test_other_files_and_folders_are_never_overwritten(tmp_path):
     folder.mkdir()
     (folder / 'thesis.tex').write_text('...')
     (folder / 'notes').write_text('...')
-    for path in (folder, folder / 'notes'):
+    for path, overwrite in itertools.product((folder, folder / 'notes'), (True, False)):
         with pytest.raises(RecordingError, match='is not a recording, and is not overwritten'):
-            RecordingWriter(path, overwrite=True)
+            RecordingWriter(path, overwrite=overwrite)
     with pytest.raises(RecordingError, match=r'because it ends in \.tex'):
         RecordingWriter(folder / 'thesis.tex', overwrite=True)
     (tmp_path / 'a.mcap').mkdir()
