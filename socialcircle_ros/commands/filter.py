@@ -181,6 +181,6 @@ def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, not
     if summary.replaced:
         click.echo(f'Replaced the results of an earlier run on: {", ".join(summary.replaced)}.', err=True)
     refused = {with_found_parameters(reason, recording): count for reason, count in summary.refused.items()}
-    tell_refusals(refused, summary.damage)
+    tell_refusals(refused, summary.damage, summary.first_refused)
     if summary.clouds == 0:
         raise click.exceptions.Exit(1)

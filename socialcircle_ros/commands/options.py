@@ -197,10 +197,19 @@ def stack_text(output: Path, parameters: Path) -> str:
     return f'written to {place_text(output)}, parameters to {parameters}.\nNext: socialcircle filter {given}'
 
 
-def tell_refusals(refused: Mapping[str, int], damage: str | None) -> None:
-    """Print on stderr what was refused and why, and where the recording is damaged."""
+def tell_refusals(refused: Mapping[str, int], damage: str | None, first: Mapping[str, str] | None = None) -> None:
+    """Print on stderr what was refused and why, and where the recording is damaged.
+
+    Args:
+        refused: how often, by reason.
+        damage: where the recording breaks off; None: it is sound.
+        first: stamp in s of the first refused cloud, by reason, as far as it is known.
+    """
     for reason, count in refused.items():
-        click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
+        times = f', {count} times' if count > 1 else ''
+        stamp = (first or {}).get(reason)
+        where = '' if stamp is None else f', {"first " if times else ""}the cloud with the stamp {stamp} s'
+        click.echo(f'Refused{times}{where}: {reason}', err=True)
     if damage:
         click.echo(f'Warning: {damage}', err=True)
 

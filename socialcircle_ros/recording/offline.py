@@ -3,14 +3,14 @@
 
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from socialcircle_ros.cloud import Cloud, HeightMap, Mask
-from socialcircle_ros.errors import RecordingError, SocialCircleError
+from socialcircle_ros.errors import MessageError, RecordingError, SocialCircleError
 from socialcircle_ros.focus import Registered, count_reasons
 from socialcircle_ros.interface import (
     CLOUD_OUTPUTS,
@@ -27,6 +27,7 @@ from socialcircle_ros.interface import (
     outputs_of,
 )
 from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages.header import stamp_of, stamp_text
 from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
 from socialcircle_ros.pipeline.stacks import NOT_SET, Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
@@ -55,6 +56,7 @@ class Summary:
         clouds: clouds that were filtered, those of stacks included.
         stacks: stacks that became clouds.
         refused: number of refused clouds and frames by reason.
+        first_refused: stamp in s of the first refused cloud by reason, if it has one.
         warnings: number of stacks by warning.
         passed: messages of other topics, which were copied.
         replaced: topics of an earlier run in the recording; the new messages replace theirs.
@@ -64,6 +66,7 @@ class Summary:
     clouds: int = 0
     stacks: int = 0
     refused: dict[str, int] = field(default_factory=dict)
+    first_refused: dict[str, str] = field(default_factory=dict)
     warnings: dict[str, int] = field(default_factory=dict)
     passed: int = 0
     replaced: list[str] = field(default_factory=list)
@@ -382,6 +385,8 @@ def _filter(
     try:
         outputs = filter_cloud(cloud.points, settings, cloud.depth_of_field, take_heights)
     except SocialCircleError as refusal:
+        with suppress(MessageError):  # a damaged cloud may have no stamp
+            summary.first_refused.setdefault(str(refusal), stamp_text(stamp_of(cloud.points)))
         summary.refuse(str(refusal))
         if filtered is not None:
             filtered(cloud, Refusal(str(refusal)), None)

@@ -215,8 +215,10 @@ def test_limits_on_lengths_are_told_with_their_unit(run, tmp_path):
 def test_a_refused_cloud_fails_where_limits_are_set(run, tmp_path):
     with RecordingWriter(tmp_path / 'mixed.mcap') as writer:
         writer.add_topic(ros_topic('/points', CLOUD))
-        for number, points in enumerate((cloud(), cloud(1, 9))):
+        for number, points in enumerate((cloud(), cloud(1, 9), cloud(1, 9), b'')):
             writer.write('/points', points, number)
     done = run('filter', 'mixed.mcap', '-o', 'cleaned.mcap', '-p', 'limits.sz_max:=5.0')
     assert done.code == 3, done.err
-    assert 'Failed: 1 refused cloud or frame.' in done.err
+    assert 'Refused, 2 times, first the cloud with the stamp 1.000000000 s: The cloud is not organized' in done.err
+    assert 'Refused: The message' in done.err  # it has no stamp
+    assert 'Failed: 3 refused clouds or frames.' in done.err

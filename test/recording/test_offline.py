@@ -125,14 +125,15 @@ def test_results_of_an_earlier_run_give_way(tmp_path):
 
 
 def test_a_bad_cloud_is_kept_counted_and_ends_nothing(tmp_path):
-    bad = encode_point_cloud(Header(), np.zeros((1, 9, 3), np.float32))
-    messages = [('/points', data, time) for time, data in enumerate([cloud(), bad, cloud(), bad])]
+    bad, again = (encode_point_cloud(Header(stamp, 7), np.zeros((1, 9, 3), np.float32)) for stamp in (5, 8))
+    messages = [('/points', data, time) for time, data in enumerate([cloud(), bad, cloud(), again])]
     source = record(tmp_path / 'night.mcap', [ros_topic('/points', point_cloud.TYPE)], messages)
     summary = run(source, tmp_path / 'cleaned.mcap')
     assert summary.clouds == 2
     ((reason, count),) = summary.refused.items()
     assert count == 2
     assert 'not organized' in reason
+    assert summary.first_refused == {reason: '5.000000007'}
     _, after = contents(tmp_path / 'cleaned.mcap')
     assert [m.data for m in after if m.topic == '/points'] == [data for _, data, _ in messages]
 
