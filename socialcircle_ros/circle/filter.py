@@ -13,7 +13,7 @@ from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.settings.lessons import known_lesson
 
-from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, unlike
+from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, lonely_outliers, unlike
 from .doubts import doubts_of, texture_doubts, unknown_texture
 from .expansion import divide
 from .not_measured import recognise
@@ -165,6 +165,13 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
             warnings = texture_doubts(found.nearly)
     if lesson is not None:
         warnings = unlike(lesson, found.spread)
+    stopwatch = Stopwatch()
+    lonely = lonely_outliers(heights)
+    if lonely.any():
+        found = replace(
+            found, outliers=found.outliers | lonely, score=np.where(lonely, np.float32(1), found.score)
+        )
+    stopwatch.lap('lonely points')
     inliers = measured & ~found.outliers
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
@@ -174,7 +181,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         outliers=found.outliers,
         seed=_nearest_to_middle(inliers if inliers.any() else measured),
         radius=TOUCH * found.spread,
-        times_ms=found.times_ms,
+        times_ms=found.times_ms | stopwatch.times_ms,
         score=found.score,
         warnings=tuple(warnings),
     )

@@ -499,3 +499,29 @@ def islands_of_one_height(heights, islands):
 
 def cover(parts):
     return sum(len(part) for part in parts)
+
+
+def lonely_outliers(heights):
+    """The lonely points that stand beyond the heights of all others, see `circle.adaptive.lonely`."""
+    height, width = heights.shape
+    slopes = []
+    for plane in (heights, heights.T):
+        rows = plane[:: max(1, len(plane) // 16)]
+        steps = [b - a for row in rows for a, b in itertools.pairwise(row) if np.isfinite(b - a)]
+        slopes.append(np.median(steps) if steps else 0.0)
+    levelled = {
+        (row, column): heights[row, column] - slopes[0] * column - slopes[1] * row
+        for row, column in places((height, width))
+        if np.isfinite(heights[row, column])
+    }
+    lonely = [
+        place for place in levelled if sum(near in levelled for near in neighbours(*place, heights.shape)) < 3
+    ]
+    others = [levelled[place] for place in levelled if place not in lonely]
+    found = np.zeros(heights.shape, bool)
+    if others and len(lonely) <= 0.1 * len(levelled):
+        low, high = min(others), max(others)
+        for place in lonely:
+            beyond = max(low - levelled[place], levelled[place] - high)
+            found[place] = high > low and beyond > 0.1 * (high - low)
+    return found

@@ -16,6 +16,8 @@ Its steps, in order:
 In their place `likelihood` decides by the probability of each point, which a network gives. `far` finds the
 islands far off a plain surface that the network takes for parts of it.
 
+Both compare neighbours. `lonely` finds points far off that have none.
+
 `detection` composes them. `docs/adaptive.md` has the equations.
 """
 
@@ -23,8 +25,9 @@ from .detection import AdaptiveResult, Rules, find_outliers, find_probable_outli
 from .isolated import TOUCH
 from .lesson import CommunityJudge, LessonJudge, unlike
 from .likelihood import UNDECIDED, Likelihood, Probabilities
+from .lonely import lonely_outliers
 
 __all__ = [
     'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood', 'Probabilities',
-    'Rules', 'find_outliers', 'find_probable_outliers', 'unlike',
+    'Rules', 'find_outliers', 'find_probable_outliers', 'lonely_outliers', 'unlike',
 ]  # fmt: skip

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lonely points: they have hardly a neighbour that could be in touch, and stand beyond all other heights.
+
+What is measured alone, where nothing else is, is often glare. The network and the rules compare neighbours, and so
+keep such a point, however far off it is. Heights count from a plane with the median slopes, so that a tilt changes
+nothing.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from socialcircle_ros.cloud import HeightMap, Mask
+from socialcircle_ros.kernels.bands import in_bands
+from socialcircle_ros.kernels.compiled import kernel
+
+LEAST_NEIGHBOURS = 3
+"""A point with fewer measured neighbours, of eight, is lonely."""
+BEYOND = 0.1
+"""Lonely points further beyond the heights of the others than this share of their range are outliers."""
+MOST = 0.1
+"""Share of the measured points above which lonely points are how the surface was sampled."""
+_SAMPLED_ROWS = 16
+
+
+class _Others(NamedTuple):
+    """What is known of the points that are not lonely: their number, and their lowest and highest height."""
+
+    count: int
+    low: float
+    high: float
+
+
+def lonely_outliers(heights: HeightMap) -> Mask:
+    """Find the lonely points that stand beyond the heights of all others.
+
+    Args:
+        heights: (H, W), NaN where not measured.
+
+    Returns:
+        (H, W) bool.
+    """
+    lonely: Mask = np.zeros(heights.shape, np.bool_)
+    slopes = _median_slope(heights), _median_slope(heights.T)
+    bands = in_bands(lambda rows: _Others(*_find(heights, slopes, rows.start, rows.stop, lonely)), *heights.shape)
+    others = sum(band.count for band in bands)
+    found = np.flatnonzero(lonely)
+    if not len(found) or len(found) > MOST * (len(found) + others):
+        lonely[:] = False
+        return lonely
+    low, high = min(band.low for band in bands), max(band.high for band in bands)
+    rows, columns = np.divmod(found, heights.shape[1])
+    values = heights[rows, columns].astype(np.float64) - slopes[0] * columns - slopes[1] * rows
+    distances = np.maximum(low - values, values - high)
+    lonely.flat[found] = (distances > BEYOND * (high - low)) & (high > low)
+    return lonely
+
+
+def _median_slope(heights: HeightMap) -> float:
+    """The median difference of neighbours in a row, of some rows; 0 where there are none."""
+    sample = heights[:: max(1, len(heights) // _SAMPLED_ROWS)].astype(np.float64)
+    differences = np.diff(sample, axis=1)
+    known = differences[np.isfinite(differences)]
+    return float(np.median(known)) if known.size else 0.0
+
+
+@kernel
+def _find(
+    heights: HeightMap, slopes: tuple[float, float], first: int, last: int, lonely: Mask
+) -> tuple[int, float, float]:
+    """Mark the lonely points of the rows from `first` to before `last`.
+
+    Args:
+        heights: (H, W), NaN where not measured.
+        slopes: of the plane, from a column to the next and from a row to the next.
+        first: row.
+        last: row.
+        lonely: (H, W) is written.
+
+    Returns:
+        Number, lowest and highest height of the other measured points; ∞ and -∞ without any.
+    """
+    height, width = heights.shape
+    count, low, high = 0, np.inf, -np.inf
+    measured = np.zeros(width + 2, np.uint8)  # of the three rows, in each column
+    for row in range(first, last):
+        measured[:] = 0
+        for near in range(max(0, row - 1), min(height, row + 2)):
+            values = heights[near]
+            for column in range(width):
+                measured[column + 1] += np.uint8(values[column] == values[column])
+        values, marks = heights[row], lonely[row]
+        for column in range(width):
+            value = values[column] - slopes[0] * column - slopes[1] * row
+            known = value == value  # noqa: PLR0124 - not NaN
+            neighbours = measured[column] + measured[column + 1] + measured[column + 2] - 1
+            marks[column] = known and neighbours < LEAST_NEIGHBOURS
+            if known and neighbours >= LEAST_NEIGHBOURS:
+                count += 1
+                low, high = min(low, value), max(high, value)
+    return count, low, high

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from naive.adaptive import lonely_outliers as naive
+
+from socialcircle_ros import remove_outliers
+from socialcircle_ros.circle.adaptive import lonely_outliers
+from socialcircle_ros.settings import CircleSettings
+
+HEIGHTS = st.one_of(st.just(np.nan), st.integers(-3, 3).map(float), st.sampled_from([-50.0, 7.25, 100.0]))
+MAPS = st.tuples(st.integers(1, 9), st.integers(1, 12)).flatmap(
+    lambda shape: arrays(np.float64, shape, elements=HEIGHTS)
+)
+
+
+@settings(max_examples=300)
+@given(MAPS, st.sampled_from([1, 2, 5]))
+def test_they_are_those_of_the_definition_on_any_number_of_threads(heights, threads):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('socialcircle_ros.kernels.bands._LEAST', 1)
+        patch.setattr('socialcircle_ros.kernels.bands.limit', threads)
+        np.testing.assert_array_equal(lonely_outliers(heights), naive(heights))
+
+
+def sparse(random):
+    """A rough surface with a strip of glare, in which single points far off were measured."""
+    heights = random.normal(0, 1, (90, 120))
+    heights[:, 50:70] = np.nan
+    lonely = np.zeros(heights.shape, bool)
+    lonely[10:80:7, 55], lonely[40, 60:62] = True, True
+    heights[lonely] = random.choice([-200.0, 300.0], lonely.sum())
+    return heights, lonely
+
+
+@pytest.mark.parametrize('judge', ['network', 'rules'])
+@pytest.mark.parametrize('factor', [1, 1e-9])
+def test_glare_that_is_measured_alone_is_removed_whatever_the_judge_the_unit_and_the_tilt(judge, factor):
+    heights, lonely = sparse(np.random.default_rng(3))
+    rows, columns = np.mgrid[: heights.shape[0], : heights.shape[1]]
+    for tilt in (0, 20):
+        z = factor * (heights + tilt * (columns - 2 * rows))
+        result = remove_outliers(z, CircleSettings(judge=judge), pitch=(1.0, 1.0))
+        assert result.outliers[lonely].all()
+        assert np.nanmin(result.score[lonely]) == 1
+
+
+def test_lonely_points_within_the_heights_of_the_others_stay():
+    heights, lonely = sparse(np.random.default_rng(3))
+    heights[lonely] = np.linspace(-3, 3, lonely.sum())
+    assert not lonely_outliers(heights).any()
+
+
+def test_a_surface_that_was_sampled_sparsely_stays():
+    heights = np.full((60, 80), np.nan)
+    heights[::2, ::2] = np.random.default_rng(1).normal(size=(30, 40))
+    heights[:6, :6] = 0  # some points have neighbours
+    assert not lonely_outliers(heights).any()
