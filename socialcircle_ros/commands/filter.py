@@ -72,7 +72,7 @@ def command(
     If limits are set, such as -p limits.outlier_share_max:=0.05, each measurement passes or fails. If one fails,
     the exit code is 3, and everything is written all the same.
 
-    The same recording and parameters give the same bytes.
+    The same recording and parameters give the same bytes under the same name, which the recording holds.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.recording import open_recording
@@ -169,11 +169,14 @@ def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, not
 
     stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
     share = f' ({100 * found.outliers / found.measured:.2f} %)' if found.measured else ''
-    click.echo(
-        f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {found.outliers} of {found.measured} measured'
-        f' points are outliers{share}; {quantity(summary.passed, "other message")} kept; written to'
-        f' {place_text(output)}.'
-    )
+    if summary.clouds:
+        click.echo(
+            f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {found.outliers} of {found.measured} measured'
+            f' points are outliers{share}; {quantity(summary.passed, "other message")} kept; written to'
+            f' {place_text(output)}.'
+        )
+    else:
+        click.echo(f'{stacks}No cloud could be filtered, so nothing was written.')
     for note in (*notes, *_set_aside_notes(found.set_aside)):
         click.echo(f'Note: {note}', err=True)
     for warning in sorted(found.warnings | summary.warnings.keys()):

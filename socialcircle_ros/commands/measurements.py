@@ -17,8 +17,9 @@ with known(unit, metres) as (values {}),
             case when sq is not null then if(metres is null, coalesce(unit, 'not known'), 'm') end as common
         from measurements left join known using (unit)
     )
-select cell, count(*) as clouds, count(*) filter (where status = 'warning') as warnings,
-    count(*) filter (where status in ('refused', 'failed')) as refused,
+select cell, count(*) filter (where status <> 'failed') as clouds,
+    count(*) filter (where status = 'warning') as warnings,
+    count(*) filter (where status = 'refused') as refused, count(*) filter (where status = 'failed') as failed,
     count(*) filter (where not limits_passed) as limits_failed,
     min(time) as first, max(time) as last, median(outlier_share) as outlier_share,
     if(count(distinct common) < 2, median(length), null) as sq,

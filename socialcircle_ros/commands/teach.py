@@ -52,7 +52,7 @@ def command(
     from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.settings import PipelineSettings
     from socialcircle_ros.settings.lessons import LESSON_MARK
-    from socialcircle_ros.storage import write_file
+    from socialcircle_ros.storage import check_place, folder_of_results, write_file
     from socialcircle_ros.teaching.clouds import read_good_clouds
     from socialcircle_ros.teaching.page import TITLE, check_libraries, lesson_page
     from socialcircle_ros.teaching.teach import teach
@@ -61,21 +61,24 @@ def command(
     if page == output:
         raise click.UsageError(f'{output} would be the page of the lesson; choose a name such as part.teach.')
     check_libraries()
-    _check_place(page, good, f'<title>{TITLE}</title>', 'page about a lesson')
-    _check_place(output, good, LESSON_MARK, 'lesson')
+    _check_target(page, good, f'<title>{TITLE}</title>', 'page about a lesson')
+    _check_target(output, good, LESSON_MARK, 'lesson')
     settings = PipelineSettings.from_ros(parameter_values(params_file, parameters, good[0]))
-    clouds, refused = read_good_clouds(
-        good, settings, topics=topics, most=most, progress=lambda text: click.echo(text, err=True)
-    )
-    with progress_bar(f'teaching on {quantity(len(clouds), "cloud")}') as progress:
-        taught = teach(clouds, progress, settings.circle)
-    tell_refusals(refused, None)
-    for warning in taught.warnings:
-        click.echo(f'Warning: {warning}', err=True)
-    write_file(page, lesson_page(taught))
-    if taught.refusal:
-        raise SocialCircleError(f'{taught.refusal} No lesson was written; {page} shows what was found.')
-    write_file(output, taught.lesson.to_text())
+    with folder_of_results(output.parent):
+        check_place(page)
+        check_place(output)
+        clouds, refused = read_good_clouds(
+            good, settings, topics=topics, most=most, progress=lambda text: click.echo(text, err=True)
+        )
+        with progress_bar(f'teaching on {quantity(len(clouds), "cloud")}') as progress:
+            taught = teach(clouds, progress, settings.circle)
+        tell_refusals(refused, None)
+        for warning in taught.warnings:
+            click.echo(f'Warning: {warning}', err=True)
+        write_file(page, lesson_page(taught))
+        if taught.refusal:
+            raise SocialCircleError(f'{taught.refusal} No lesson was written; {page} shows what was found.')
+        write_file(output, taught.lesson.to_text())
     click.echo(f'F1 of the outliers put in: {taught.before.f1:.3f} before, {taught.after.f1:.3f} with the lesson.')
     click.echo(
         f'Good points removed: {100 * taught.before.removed:.3f} % before, {100 * taught.after.removed:.3f} % with'
@@ -84,8 +87,8 @@ def command(
     click.echo(f'Next: open {shell_words(page)}, then set circle.lesson to {output}')
 
 
-def _check_place(path: Path, good: tuple[Path, ...], mark: str, kind: str) -> None:
-    """Check now, and not after minutes, that the result can be written and replaces nothing but an earlier one.
+def _check_target(path: Path, good: tuple[Path, ...], mark: str, kind: str) -> None:
+    """Check now, and not after minutes, that the result replaces nothing but an earlier one.
 
     Args:
         path: of the result.
@@ -94,17 +97,16 @@ def _check_place(path: Path, good: tuple[Path, ...], mark: str, kind: str) -> No
         kind: of the result, in words.
 
     Raises:
-        SocialCircleError: it cannot, or does not.
+        SocialCircleError: it does not.
     """
     from socialcircle_ros.errors import SocialCircleError
-    from socialcircle_ros.storage import check_place, lies_in
+    from socialcircle_ros.storage import lies_in
 
     if path.is_dir():
         raise SocialCircleError(f'{path} is a directory: give the name of a file.')
     source = next((each for each in good if lies_in(path, each)), None)
     if source is not None:
         raise SocialCircleError(f'{path} would be written into {source}, which is read: give another name.')
-    check_place(path)
     if path.is_file():
         try:
             with path.open('rb') as file:

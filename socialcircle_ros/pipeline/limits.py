@@ -57,8 +57,8 @@ def _texture_reasons(limits: LimitSettings, heights: HeightMap) -> Iterator[str]
     for name, low, high in limited:
         value = values[name]
         if low is not None and value < low:
-            yield f'{name} is {value:.6g}, below {low:.6g}.'
+            yield f'{name} is {value:.6g}, below {low:.6g}, in the unit of the cloud.'
         if high is not None and value > high:
-            yield f'{name} is {value:.6g}, above {high:.6g}.'
+            yield f'{name} is {value:.6g}, above {high:.6g}, in the unit of the cloud.'
         if value != value:  # noqa: PLR0124 - NaN: fewer than three kept points have no texture
             yield f'{name} is not known: fewer than three points are kept.'

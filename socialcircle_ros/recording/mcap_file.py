@@ -20,6 +20,7 @@ from mcap.records import Chunk, ChunkIndex, Metadata, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.formats import suffixes
 
 from .compression import ZSTD_MAGIC, expand_file, expand_message
 from .large_chunks import LARGE, StoredMessage, read_sound_chunk
@@ -163,7 +164,8 @@ class McapFile:
                 raise RecordingError(f'{self.path} is {kind}: {advice}.')
         if not start.startswith(MCAP0_MAGIC):
             raise RecordingError(
-                f'{self.path} is not an MCAP file: give a .mcap file or a rosbag2 directory with one.'
+                f'{self.path} is not an MCAP file: give a .mcap file, a rosbag2 directory with one, or a'
+                f' measurement file ({", ".join(suffixes(written=False))}).'
             )
 
     def _index(self) -> Index:

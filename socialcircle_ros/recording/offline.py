@@ -132,6 +132,7 @@ def filter_recording(
     each with the times of its cloud. Frames on `cell/stack/image` become clouds on `cell/stack/points` first.
     Measurements hold no stage times, so the same recording and settings give the same bytes. Few clouds, or one
     stack, are in memory at a time; the next messages are read and the last ones written while a cloud is filtered.
+    Nothing is written if no cloud can be filtered.
 
     Args:
         source: an MCAP file, a rosbag2 directory, or a measurement file.
@@ -179,6 +180,8 @@ def filter_recording(
                             found = _filter(event, settings, summary, behind, filtered)
                             outputs += [] if found is None else [found]
                     seen(message, outputs)
+            if not summary.clouds:
+                writer.discard()
         summary.damage = reader.damage
     return summary
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from socialcircle_ros import interface
 from socialcircle_ros.errors import ImportFileError, RecordingError
+from socialcircle_ros.formats import suffixes
 from socialcircle_ros.interface import NodeTopic
 from socialcircle_ros.messages import image, joint_state
 from socialcircle_ros.messages.gray import GrayImage
@@ -170,11 +171,19 @@ def _folder_stack(folder: Path, z_from: ZFrom, order: Order) -> ImportedStack:
     if len(files) < _LEAST:
         raise ImportFileError(
             f'{folder} holds {len(files)} image{"" if len(files) == 1 else "s"} ({", ".join(SUFFIXES)}); a focus'
-            f' stack needs {_LEAST}.'
+            f' stack needs {_LEAST}.{_measurements_among(entries)}'
         )
     named = order_frames(folder, files, z_from, order)
     pages = [ImagePage(file) for file in named.files]
     return ImportedStack(folder.name, np.array(named.z), pages, named.in_metres, None, (*notes, *named.notes))
+
+
+def _measurements_among(entries: Sequence[Path]) -> str:
+    """A sentence on the measurement files in a folder, with what reads them; '' without any."""
+    known = set(suffixes(written=False)) - set(SUFFIXES)
+    count = sum(entry.suffix.lower() in known for entry in entries)
+    advice = 'name each of them, or give the folder to `socialcircle batch`'
+    return f' Its measurement files ({count}) are no frames: {advice}.' if count else ''
 
 
 def add_stack_topics(writer: RecordingWriter) -> None:

@@ -9,6 +9,7 @@ from hashlib import blake2b
 import numpy as np
 
 from socialcircle_ros.circle import remove_outliers
+from socialcircle_ros.cloud import Cloud
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.metrics.scores import Scores, score
@@ -16,6 +17,9 @@ from socialcircle_ros.settings import CircleSettings, FocusSettings, RosValue
 
 from .clouds import CloudSource, SweepCloud
 from .search_space import ParameterValues
+
+_loaded: set[tuple[str, str, int, str]] = set()
+"""Kinds of filters whose kernels this process has loaded, or compiled: that takes up to seconds, once."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,7 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
     for cloud in clouds(FocusSettings.from_ros(parameters)):
         xyz = cloud.xyz
         try:
+            _load_kernels(xyz, circle)
             result = remove_outliers(xyz, circle.of_a_stack(cloud.depth_of_field))
         except CloudError:
             refused += 1
@@ -98,6 +103,14 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
         refused=refused,
         cloud_scores=cloud_scores,
     )
+
+
+def _load_kernels(xyz: Cloud, circle: CircleSettings) -> None:
+    """Filter a cloud once, before the filter is timed, if its kernels may not have been loaded by this process."""
+    kind = circle.mode, circle.judge, circle.window, xyz.dtype.str
+    if kind not in _loaded:
+        remove_outliers(xyz, circle)
+        _loaded.add(kind)
 
 
 def _mean(values: Sequence[float]) -> float | None:

@@ -102,10 +102,13 @@ def test_an_error_is_one_sentence_and_leaves_no_file(run, tmp_path, arguments, s
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_recording_without_a_usable_cloud_is_an_error(run):
-    done = run('filter', BAGS / 'stack.mcap', '-o', 'x.mcap')
+def test_a_recording_without_a_usable_cloud_is_an_error_and_leaves_what_was_there(run, tmp_path):
+    (tmp_path / 'x.mcap').write_bytes((BAGS / 'parts.mcap').read_bytes())
+    done = run('filter', BAGS / 'stack.mcap', '-o', 'x.mcap', '--overwrite')
     assert done.code == 1
     assert 'stack.pitch_x is not set' in done.err
+    assert done.out == 'No cloud could be filtered, so nothing was written.\n'
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [(BAGS / 'parts.mcap').read_bytes()]
 
 
 def test_more_than_half_outliers_is_a_warning(run):

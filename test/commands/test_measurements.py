@@ -17,7 +17,9 @@ pytest.importorskip('duckdb')
 
 @pytest.fixture
 def out(tmp_path):
-    rows = [row(), row(number=4), refused_row(origin(cell='cell2'), 'It is not organized.')]
+    cell2 = origin(cell='cell2')
+    failed = refused_row(cell2, 'It is no recording.', 'failed')
+    rows = [row(), row(number=4), refused_row(cell2, 'It is not organized.'), failed]
     write_rows(tmp_path / 'out', 'a', rows)
     return tmp_path / 'out'
 
@@ -26,9 +28,9 @@ def test_without_a_query_it_prints_one_row_per_cell(run, out):
     done = run('measurements', out, '--format', 'csv')
     assert done.code == 0, done.err
     rows = list(csv.DictReader(io.StringIO(done.out)))
-    assert [(each['cell'], each['clouds'], each['refused']) for each in rows] == [
-        ('cell1', '2', '0'),
-        ('cell2', '1', '1'),
+    assert [[each[name] for name in ('cell', 'clouds', 'refused', 'failed')] for each in rows] == [
+        ['cell1', '2', '0', '0'],
+        ['cell2', '1', '1', '1'],
     ]
 
 

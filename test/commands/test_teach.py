@@ -69,6 +69,7 @@ def test_nothing_but_an_earlier_lesson_is_replaced(run, tmp_path, words, sentenc
 def test_bad_arguments_are_told(run):
     assert 'choose a name such as part.teach' in run('teach', 'good.npz', '-o', 'part.html').err
     assert 'missing.mcap' in run('teach', 'missing.mcap').err
-    assert 'cannot be written' in run('teach', 'missing.mcap', '-o', 'no/folder/part.teach').err  # found first
+    assert 'cannot be written' in run('teach', 'missing.mcap', '-o', '/proc/x/part.teach').err  # found first
+    assert 'does not exist' in run('teach', 'missing.mcap', '-o', 'new/folder/part.teach').err
     refused = run('filter', 'a.mcap', '-o', 'b.mcap', '-p', 'circle.lesson:=none.teach')
     assert 'circle.lesson: none.teach cannot be used (No such file or directory)' in refused.err

@@ -13,6 +13,7 @@ from socialcircle_ros.errors import SettingError
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
 from socialcircle_ros.metrics.scores import score
+from socialcircle_ros.sweep import trials
 from socialcircle_ros.sweep.clouds import sweep_cloud
 from socialcircle_ros.sweep.trials import best_of, fingerprint_of, run_trial
 
@@ -42,6 +43,21 @@ def test_a_refused_cloud_counts_as_a_cloud_without_a_removed_point():
     assert (tried.precision, tried.recall) == (1.0, 0.5)
     alone = run_trial(BASE, {}, lambda _: clouds[1:])
     assert (alone.score, alone.sq, alone.milliseconds) == (0.0, None, None)
+
+
+def test_what_is_done_once_in_a_process_is_not_in_the_time(monkeypatch):
+    """A slow first call stands for the compilation of the kernels."""
+    monkeypatch.setattr(trials, '_loaded', set())
+    calls = []
+
+    def filtered(xyz, settings):
+        calls.append(settings)
+        return replace(remove_outliers(xyz, settings), times_ms={'vote': 1.0 if calls[:-1] else 9000.0})
+
+    monkeypatch.setattr(trials, 'remove_outliers', filtered)
+    assert run_trial(BASE, {}, lambda _: [labelled()]).milliseconds == 1.0
+    assert run_trial(BASE, {}, lambda _: [labelled()]).milliseconds == 1.0
+    assert len(calls) == 3
 
 
 def test_the_score_is_1_where_no_point_should_be_removed_and_none_was():

@@ -26,7 +26,7 @@ _SAMPLED_ROWS = 16
 class _Others(NamedTuple):
     """What is known of the points that are not lonely: their number, and their lowest and highest height."""
 
-    count: int
+    number: int
     low: float
     high: float
 
@@ -43,7 +43,7 @@ def lonely_outliers(heights: HeightMap) -> Mask:
     lonely: Mask = np.zeros(heights.shape, np.bool_)
     slopes = _median_slope(heights), _median_slope(heights.T)
     bands = in_bands(lambda rows: _Others(*_find(heights, slopes, rows.start, rows.stop, lonely)), *heights.shape)
-    others = sum(band.count for band in bands)
+    others = sum(band.number for band in bands)
     found = np.flatnonzero(lonely)
     if not len(found) or len(found) > MOST * (len(found) + others):
         lonely[:] = False
