@@ -143,7 +143,7 @@ def _member(path: Path, archive: zipfile.ZipFile, root: ET.Element, link: str, c
         raise ImportFileError(f'{path} holds its heights as text in the header, not in binary: save it as binary.')
     data = archive.read(name.lstrip('/'))
     stated = _text(root, f'Record3/DataLink/{checksum}', '').strip().lower()
-    if len(stated) == 32 and stated != _md5(data).lower():
+    if len(stated) == 32 and stated != _md5(data):
         raise ImportFileError(f'{path} is damaged: the checksum of {name} does not match; copy it again.')
     return data
 
@@ -175,4 +175,5 @@ def _text(root: ET.Element, place: str, default: str | None = None) -> str:
 
 
 def _md5(data: bytes) -> str:
-    return hashlib.md5(data, usedforsecurity=False).hexdigest().upper()
+    """The checksum in lower case, as the program `md5sum` prints it, which the standard names."""
+    return hashlib.md5(data, usedforsecurity=False).hexdigest()

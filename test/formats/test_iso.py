@@ -49,6 +49,30 @@ def test_surface_topography_reads_the_same(suffix, surface):
     np.testing.assert_allclose(np.array(size) * factor, surface.pitch, rtol=1e-12)
 
 
+def test_surfalize_reads_the_x3p_with_its_checksums(tmp_path):
+    surfalize = pytest.importorskip('surfalize', reason='surfalize, which reads x3p files, is not installed')
+    write_surface(tmp_path / 'a.x3p', MeasuredSurface(HEIGHTS, (0.5, 0.25), 'm'))
+    read = surfalize.Surface.load(tmp_path / 'a.x3p')  # in µm
+    np.testing.assert_allclose(read.data * 1e-6, HEIGHTS)
+    np.testing.assert_allclose((read.step_x * 1e-6, read.step_y * 1e-6), (0.5, 0.25))
+
+
+def test_the_checksums_of_an_x3p_are_those_that_md5sum_prints(tmp_path):
+    write_surface(tmp_path / 'a.x3p', MeasuredSurface(HEIGHTS, (1.0, 1.0), 'm'))
+    with zipfile.ZipFile(tmp_path / 'a.x3p') as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    sums = {name: hashlib.md5(each, usedforsecurity=False).hexdigest() for name, each in content.items()}
+    assert content['md5checksum.hex'].decode() == f'{sums["main.xml"]} *main.xml\n'
+    stated = f'<MD5ChecksumPointData>{sums["bindata/data.bin"]}</MD5ChecksumPointData>'
+    assert stated in content['main.xml'].decode()
+
+
+@pytest.mark.parametrize('case', [str.lower, str.upper])
+def test_the_checksum_of_an_x3p_may_be_in_either_case(tmp_path, case):
+    checksum = case(hashlib.md5(np.arange(6, dtype='<i4').tobytes(), usedforsecurity=False).hexdigest())
+    assert read_file(x3p(tmp_path / 'a.x3p', checksum=checksum)).heights.tolist() == [[1, 3, 5], [7, 9, 11]]
+
+
 def test_the_x3p_of_an_instrument_reads_as_surface_topography_reads_it(real_measurements):
     io = pytest.importorskip('SurfaceTopography.IO')
     path = real_measurements / 'vendor/x3p-2.x3p'
