@@ -258,7 +258,8 @@ def _remote(
     times = [each.get('LastModified') or each.get('created') for each in members]
     instants = [each for each in times if isinstance(each, datetime)]
     changed = ' '.join(map(str, states)) if all(states) else ''
-    time_ns = int(max(instants).timestamp() * 1e9) if instants else 0
+    # A float of seconds since 1970 holds whole microseconds, as a datetime does, but not nanoseconds.
+    time_ns = round(max(instants).timestamp() * 1e6) * 1000 if instants else 0
     location = str(files.unstrip_protocol(path)).removeprefix('file://')  # local:///nights is a path
     return _Found(location, relative, size, changed, time_ns)
 

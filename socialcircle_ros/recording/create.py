@@ -112,7 +112,7 @@ def record_clouds(
         for number, path in enumerate(map(Path, files)):
             cloud = import_cloud(path, shape=shape, pitch=pitch, unit=unit)
             cloud = replace(cloud, unit=known_unit(cloud.unit) or cloud.unit)
-            stamp = int((number + 1) * period_s * 1e9)
+            stamp = round((number + 1) * period_s * 1e9)
             origin = origin_of(cloud, topic, stamp, path.name, given=unit is not None)
             if keep_changed:
                 origin = replace(origin, changed_ns=path.stat().st_mtime_ns)
@@ -196,7 +196,7 @@ def record_stack(
         add_stack_topics(writer)
         for number, (z, (name, picture)) in enumerate(zip(stack.z, stack.pictures(), strict=True)):
             checks.take(name, picture)
-            stamp = int((number + 1) * period_s * 1e9 / _FRAMES_PER_PERIOD)
+            stamp = round((number + 1) * period_s * 1e9 / _FRAMES_PER_PERIOD)
             write_joint_state(writer, stamp, float(z) * metres)
             write_frame(writer, stamp, picture.pixels)
             written(ImportedFrame(number, name, float(z) * metres, picture))

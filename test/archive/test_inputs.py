@@ -2,6 +2,7 @@
 """Which inputs are found, and under which names."""
 
 import os
+from datetime import datetime, timedelta, timezone
 
 import pytest
 from archive.archives import BAGS, object_store
@@ -167,6 +168,11 @@ class TestUrls:
         assert names('memory://n') == ['bag', 'cell1/a.mcap']
         assert names('memory://n/*/a.mcap') == ['a.mcap']
         assert find_inputs(['memory://n/cell1/a.mcap'])[0].location == 'memory:///n/cell1/a.mcap'
+
+    def test_their_time_is_that_of_the_store_to_the_microsecond(self, files):
+        changed = files.info('/n/cell1/a.mcap')['created']
+        since = (changed - datetime(1970, 1, 1, tzinfo=timezone.utc)) // timedelta(microseconds=1)
+        assert find_inputs(['memory://n/cell1/a.mcap'])[0].time_ns == since * 1000
 
     @pytest.mark.usefixtures('files')
     def test_a_copy_is_there_for_a_while(self):

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """New recordings from measurement files and simulations."""
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from socialcircle_ros.errors import ImportFileError, RecordingError, SettingError, SocialCircleError
 from socialcircle_ros.interface import NODE_NAME
@@ -40,6 +45,21 @@ def test_clouds_follow_in_the_order_of_the_files(tmp_path):
     assert [PointCloud.decode(message.data).xyz()[0, 0, 2] for message in messages] == [1e-6, 0.0]
     assert PointCloud.decode(messages[0].data).header.frame_id == 'microscope'
     assert seen == [('b.npz', 'm', 'um'), ('a.npz', 'm', 'um')]
+
+
+@settings(max_examples=20)
+@given(period_us=st.integers(1, 10**7))
+def test_the_stamps_are_multiples_of_the_period_to_the_nanosecond(period_us):
+    with tempfile.TemporaryDirectory() as folder:
+        cloud, stack = Path(folder) / 'a.npz', Path(folder) / 's.npz'
+        np.savez(cloud, z=np.zeros((2, 2)), dx=1.0, dy=1.0)
+        np.savez(stack, frames=FRAMES, z=np.arange(4))
+        record_clouds([cloud] * 4, Path(folder) / 'a.mcap', period_s=period_us / 1e6)
+        record_stack(stack, Path(folder) / 's.mcap', pitch=1e-6, z_step=1e-6, period_s=period_us / 1e6)
+        clouds = [each.log_time for each in messages_of(Path(folder) / 'a.mcap')]
+        frames = sorted({each.log_time for each in messages_of(Path(folder) / 's.mcap')})
+    assert clouds == [number * period_us * 1000 for number in range(1, 5)]
+    assert frames == [number * period_us * 20 for number in range(1, 5)]  # 50 frames in a period
 
 
 def test_a_period_that_is_not_above_0_is_refused(tmp_path):
