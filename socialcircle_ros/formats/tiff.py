@@ -16,9 +16,10 @@ from .surface import MeasuredSurface, given_pitch
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import HeightMap
 
-_DESCRIPTION, _PIXEL_SCALE, _NO_DATA = 270, 33550, 42113
+_BITS, _DESCRIPTION, _SAMPLE_FORMAT, _PIXEL_SCALE, _NO_DATA = 258, 270, 339, 33550, 42113
+_UNSIGNED = 1  # a sample format, and what a file without that tag has
 _DOUBLES = 12  # the type of a tag
-_MODES = {'F': np.float32, 'I': np.int32, 'I;16': np.uint16, 'I;16B': np.uint16, 'I;16L': np.uint16}
+_MODES = ('F', 'I', 'I;16', 'I;16B', 'I;16L')
 
 
 def write_tiff(path: Path, surface: MeasuredSurface) -> None:
@@ -83,6 +84,8 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
     stated = (described.get('dx'), described.get('dy')) if 'dx' in described else tuple(scale or ())[:2]
     found = tuple(float(each) for each in stated if isinstance(each, (int, float)))
     known = (found[0], found[1]) if len(found) == 2 and min(found) > 0 else given_pitch(path, pitch)
+    if mode == 'I' and tags.get(_BITS) == (32,) and tags.get(_SAMPLE_FORMAT, (_UNSIGNED,)) == (_UNSIGNED,):
+        values = values.view(np.uint32)  # Pillow has no mode for these, and takes their bits for signed numbers
     heights = values.astype(np.float32 if mode == 'F' else np.float64)
     no_data = str(tags.get(_NO_DATA, 'nan')).strip('\0 ')
     with suppress(ValueError):
