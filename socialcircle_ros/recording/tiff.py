@@ -64,13 +64,16 @@ def _imagej(path: Path, count: int, description: str, resolution: list[float]) -
         raise ImportFileError(
             f'{path} has {images} images in one block, of which {count} can be read: save it as an image sequence.'
         )
-    unit, z_unit = (re.sub(r'\\u00[bB]5', 'µ', entries.get(key, '').strip()) for key in ('unit', 'zunit'))
-    metres, z_metres = _metres(unit), _metres(z_unit or unit)
-    notes = [f'ImageJ says unit {unit}' if metres else 'ImageJ names no unit of length']
+    names = [re.sub(r'\\u00[bB]5', 'µ', entries.get(key, '').strip()) for key in ('unit', 'yunit', 'zunit')]
+    unit = names[0]
+    # ImageJ writes the units of y and z only where they differ from that of x.
+    metres, y_metres, z_metres = (_metres(name or unit) for name in names)
+    others = [f', {axis} in {name}' for axis, name in zip('yz', names[1:], strict=True) if name not in ('', unit)]
+    notes = [f'ImageJ says unit {unit}{"".join(others)}' if metres else 'ImageJ names no unit of length']
     pitch = z = None
     spacing = abs(_real(entries.get('spacing')))  # negative where the first slice is the top
-    if metres and all(value > 0 for value in resolution):
-        pitch = (metres / resolution[0], metres / resolution[1])
+    if metres and y_metres and all(value > 0 for value in resolution):
+        pitch = (metres / resolution[0], y_metres / resolution[1])
     if times > 1:
         notes.append('its pages are times, not slices')
     elif z_metres and spacing > 0:

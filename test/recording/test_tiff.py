@@ -32,7 +32,8 @@ def tiff(path, description, pages=3, resolution=None, encoding='utf-8'):
     tags = ImageFileDirectory_v2()
     tags[270] = description.encode(encoding)
     if resolution is not None:
-        tags[282], tags[283], tags[296] = resolution, resolution, 1
+        tags[282], tags[283] = resolution if isinstance(resolution, tuple) else (resolution, resolution)
+        tags[296] = 1
     first.save(path, save_all=True, append_images=others, tiffinfo=tags)
     return path
 
@@ -52,6 +53,32 @@ def test_imagej_gives_pitch_and_z(tmp_path, unit, metres, encoding):
     assert stack.pages == [0, 1, 2]
     assert stack.pitch == pytest.approx((0.25 * metres, 0.25 * metres))
     assert stack.z == pytest.approx([0, 2.5 * metres, 5 * metres])
+
+
+@pytest.mark.parametrize('axis', 'yz')
+@pytest.mark.parametrize(('unit', 'metres'), [('nm', 1e-9), ('mm', 1e-3), ('um', 1e-6), ('', 1e-6)])
+def test_imagej_may_have_a_unit_for_each_axis(tmp_path, axis, unit, metres):
+    text = IMAGEJ.format(unit='um', spacing=2.5) + f'{axis}unit={unit}\n'
+    stack = read_tiff_stack(tiff(tmp_path / 'a.tif', text, resolution=(2.0, 4.0)))
+    y, z = (metres if axis == each else 1e-6 for each in 'yz')
+    assert stack.pitch == pytest.approx((0.5e-6, 0.25 * y))
+    assert stack.z == pytest.approx([0, 2.5 * z, 5 * z])
+    assert stack.notes == ('ImageJ says unit um' + f', {axis} in {unit}' * (unit in ('nm', 'mm')),)
+
+
+def test_a_unit_of_imagej_that_is_no_length_gives_no_pitch(tmp_path):
+    text = IMAGEJ.format(unit='um', spacing=2.5) + 'yunit=sec\n'
+    stack = read_tiff_stack(tiff(tmp_path / 'a.tif', text, resolution=2.0))
+    assert stack.pitch is None
+    assert stack.z == pytest.approx([0, 2.5e-6, 5e-6])
+
+
+def test_the_unit_along_y_that_tifffile_writes_is_read(tmp_path):
+    tifffile = pytest.importorskip('tifffile', reason='tifffile, which writes TIFF files, is not installed')
+    frames = np.zeros((3, 4, 5), np.uint16)
+    metadata = {'spacing': 2.5, 'unit': 'um', 'yunit': 'nm', 'axes': 'ZYX'}
+    tifffile.imwrite(tmp_path / 'a.tif', frames, imagej=True, resolution=(2, 1 / 250), metadata=metadata)
+    assert read_tiff_stack(tmp_path / 'a.tif').pitch == pytest.approx((5e-7, 2.5e-7))
 
 
 @pytest.mark.parametrize(
