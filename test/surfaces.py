@@ -9,11 +9,15 @@ from socialcircle_ros.formats import MeasuredSurface
 
 
 @st.composite
-def surfaces(draw, dtypes=('f4', 'f8'), unit='m'):
-    """Surfaces of a few points with any finite heights and holes, and at least two measured rows and columns."""
+def surfaces(draw, dtypes=('f4', 'f8'), unit='m', *, marks=True):
+    """Surfaces of a few points with any finite heights and holes, and at least two measured rows and columns.
+
+    Without `marks`, no height is among the largest numbers of its type, some of which mean "not measured" in SDF.
+    """
     dtype = np.dtype(draw(st.sampled_from(dtypes)))
     shape = draw(st.tuples(st.integers(2, 7), st.integers(2, 7)))
-    finite = st.floats(width=dtype.itemsize * 8, allow_nan=False, allow_infinity=False)
+    largest = float(np.finfo(dtype).max) / (1 if marks else 2)
+    finite = st.floats(-largest, largest, width=dtype.itemsize * 8)
     heights = draw(hnp.arrays(dtype, shape, elements=finite | st.just(float('nan'))))
     heights[[0, -1], [0, -1]] = draw(finite), draw(finite)
     pitches = st.floats(1e-9, 1e3) | st.decimals('0.001', '9', places=3).map(float)

@@ -20,17 +20,27 @@ if TYPE_CHECKING:
     from socialcircle_ros.cloud import HeightMap
 
 _TYPES = {0: '<u1', 1: '<u2', 2: '<u4', 3: '<f4', 4: '<i1', 5: '<i2', 6: '<i4', 7: '<f8'}
-_INVALID = {1: 2**16 - 1, 2: 2**32 - 1, 5: -(2**15), 6: -(2**31)}
+# What marks a point that was not measured: in ISO 25178-71 the smallest value of the type. It has no types
+# without a sign; Gwyddion marks with the largest value of 16 and 32 bits, and with nothing in 8 bits.
+_MARKS = {1: 2**16 - 1, 2: 2**32 - 1, 4: -(2**7), 5: -(2**15), 6: -(2**31)}
+# Floats beyond are marks, too: of either sign, and with fewer digits as text.
+_LARGEST_HEIGHTS = {3: 3.4e38, 7: 1.79e308}
 _BINARY = struct.Struct('<8s10s12s12sHHddddBBB')
 _KEYS = ('NumPoints', 'NumProfiles', 'Xscale', 'Yscale', 'Zscale', 'Compression', 'DataType')
 _METADATA = 'socialcircle = '
 
 
 def write_sdf(path: Path, surface: MeasuredSurface) -> None:
-    """Write a surface in m as text, with as many digits as give the same numbers back; BAD: not measured."""
+    """Write a surface in m as text, with as many digits as give the same numbers back.
+
+    BAD is written for what is not measured, and for a number that means that in the data type: one that is nearly
+    as large as the type holds.
+    """
     heights = surface.heights
     rows, columns = heights.shape
     single = heights.dtype.itemsize == 4
+    kind = 3 if single else 7
+    largest = _LARGEST_HEIGHTS[kind]
     header = (
         'aISO-1.0\n'
         'ManufacID   = SOCIALCIRC\n'
@@ -43,7 +53,7 @@ def write_sdf(path: Path, surface: MeasuredSurface) -> None:
         'Zscale      = 1.0\n'
         'Zresolution = -1.0\n'
         'Compression = 0\n'
-        f'DataType    = {3 if single else 7}\n'
+        f'DataType    = {kind}\n'
         'CheckType   = 0\n'
         '*\n'
     )
@@ -51,13 +61,17 @@ def write_sdf(path: Path, surface: MeasuredSurface) -> None:
     with path.open('w', encoding='utf-8', newline='\n') as file:
         file.write(header)
         for row in heights.tolist():
-            file.write(' '.join(form.format(value) if value - value == 0 else 'BAD' for value in row))
+            file.write(' '.join(form.format(value) if abs(value) < largest else 'BAD' for value in row))
             file.write('\n')
         file.write(f'*\n{_METADATA}{json.dumps(dict(surface.metadata), ensure_ascii=True)}\n*\n')
 
 
 def read_sdf(path: Path) -> MeasuredSurface:
     """Read a surface; its unit is m.
+
+    NaN is what was not measured: `BAD` in text, NaN and infinity, and the value of the data type that marks it,
+    which is the smallest of a type with a sign, the largest of uint16 and uint32, and none of uint8. So a height
+    with this value is lost.
 
     Raises:
         ImportFileError: the file is no SDF file, is cut off, or is compressed.
@@ -91,7 +105,8 @@ def _read_text(path: Path, text: str) -> MeasuredSurface:
     if len(words) != int(rows) * int(columns):
         raise ImportFileError(f'{path} has {len(words)} heights, not {rows} × {columns}: it is cut off.')
     target = dtype if dtype.kind == 'f' else np.dtype(np.float64)
-    raw = np.array(words, np.float64).astype(target).reshape(int(rows), int(columns))
+    with np.errstate(over='ignore'):  # a mark may become infinite
+        raw = np.array(words, np.float64).astype(target).reshape(int(rows), int(columns))
     date = date_of_sdf(header.get('createdate', ''))
     surface = _surface(path, raw, int(kind), (float(dx), float(dy)), float(scale), int(packed), date)
     for line in '\n'.join(parts[2:]).split('\n'):
@@ -116,9 +131,14 @@ def _surface(
         )
     if not all(0 < each < np.inf for each in pitch) or not raw.size:
         raise ImportFileError(f'{path} has no pitch above 0, or no points: save it again.')
-    heights = raw.astype(raw.dtype.newbyteorder('=') if raw.dtype.kind == 'f' else np.float64)
-    if kind in _INVALID:
-        heights[heights == _INVALID[kind]] = np.nan
+    heights = cast('HeightMap', raw.astype(raw.dtype.newbyteorder('=') if raw.dtype.kind == 'f' else np.float64))
+    heights[~_is_measured(heights, kind)] = np.nan
     if scale != 1:
         heights = heights.astype(np.float64) * scale
-    return MeasuredSurface(cast('HeightMap', heights), pitch, 'm', {}, metadata)
+    return MeasuredSurface(heights, pitch, 'm', {}, metadata)
+
+
+def _is_measured(heights: 'HeightMap', kind: int) -> NDArray[np.bool_]:
+    """Where the heights of a data type, before their scale is applied, are heights."""
+    unmarked = np.abs(heights) < _LARGEST_HEIGHTS.get(kind, np.inf)
+    return cast('NDArray[np.bool_]', unmarked & (heights != _MARKS.get(kind, np.nan)))

@@ -40,7 +40,7 @@ def imported(path):
 @given(data=st.data())
 def test_import_export_import_is_exact(suffix, data):
     form = format_of(Path(f'a{suffix}'))
-    surface = data.draw(surfaces(('f4', 'f8') if form.double else ('f4',)))
+    surface = data.draw(surfaces(('f4', 'f8') if form.double else ('f4',), marks=suffix != '.sdf'))
     if form.double and not form.metres:
         surface = MeasuredSurface(
             surface.heights, surface.pitch, data.draw(st.sampled_from(('m', 'um'))), surface.fields

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from naive import surface_files
 from surfaces import same_bits, surfaces
 
@@ -17,12 +19,13 @@ from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, read_file, write_surface
 
 NAIVE = {'.x3p': surface_files.read_x3p, '.sdf': surface_files.read_sdf}
+SINGLE, DOUBLE = np.finfo(np.float32), np.finfo(np.float64)
 HEIGHTS = np.array([[1, 2, 3], [4, np.nan, 6]])
 
 
 @pytest.mark.parametrize('suffix', NAIVE)
 @settings(max_examples=25)
-@given(surface=surfaces())
+@given(surface=surfaces(marks=False))
 def test_a_reading_value_by_value_finds_the_same(suffix, surface):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f'a{suffix}'
@@ -138,17 +141,75 @@ def test_an_x3p_that_is_no_height_map_is_refused(tmp_path, changes, sentence):
 
 @pytest.mark.parametrize(
     ('kind', 'code', 'missing'),
-    [(3, '<f4', np.nan), (7, '<f8', np.nan), (5, '<i2', -(2**15)), (6, '<i4', -(2**31)), (1, '<u2', 2**16 - 1)],
-)
-def test_a_binary_sdf_is_read(tmp_path, kind, code, missing):
-    head = struct.pack(
-        '<8s10s12s12sHHddddBBB', b'bISO-1.0', b'x', b'', b'', 3, 2, 0.5, 0.25, 2.0, -1.0, 0, kind, 0
-    )
+    [
+        *[(3, '<f4', value) for value in (np.nan, np.inf, -np.inf, SINGLE.min, SINGLE.max)],
+        *[(7, '<f8', value) for value in (np.nan, np.inf, -np.inf, DOUBLE.min, DOUBLE.max)],
+        (4, '<i1', -(2**7)), (5, '<i2', -(2**15)), (6, '<i4', -(2**31)), (1, '<u2', 2**16 - 1),
+        (2, '<u4', 2**32 - 1),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize('scale', [1.0, 2.0])
+def test_what_was_not_measured_in_a_binary_sdf_is_no_height(tmp_path, kind, code, missing, scale):
     raw = np.where(np.isnan(HEIGHTS), missing, HEIGHTS).astype(code)
-    (tmp_path / 'a.sdf').write_bytes(head + raw.tobytes())
+    (tmp_path / 'a.sdf').write_bytes(sdf_head(kind, 3, 2, scale) + raw.tobytes())
     surface = read_file(tmp_path / 'a.sdf')
-    np.testing.assert_array_equal(surface.heights, HEIGHTS * 2)
+    np.testing.assert_array_equal(surface.heights, HEIGHTS * scale)
     assert surface.pitch == (0.5, 0.25)
+
+
+def sdf_head(kind, columns, rows, scale):
+    entries = (b'bISO-1.0', b'x', b'', b'', columns, rows, 0.5, 0.25, scale, -1.0, 0, kind, 0)
+    return struct.pack('<8s10s12s12sHHddddBBB', *entries)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'code', 'least', 'most'),
+    [
+        (0, '<u1', 0, 2**8 - 1), (1, '<u2', 0, 2**16 - 2), (2, '<u4', 0, 2**32 - 2),
+        (4, '<i1', 1 - 2**7, 2**7 - 1), (5, '<i2', 1 - 2**15, 2**15 - 1), (6, '<i4', 1 - 2**31, 2**31 - 1),
+    ],
+)  # fmt: skip
+@settings(max_examples=25)
+@given(data=st.data())
+def test_every_other_value_of_a_binary_sdf_is_a_height(kind, code, least, most, data):
+    shape = st.tuples(st.integers(1, 5), st.integers(1, 5))
+    raw = data.draw(hnp.arrays(np.dtype(code), shape, elements=st.integers(least, most)))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'a.sdf'
+        path.write_bytes(sdf_head(kind, raw.shape[1], raw.shape[0], 1.0) + raw.tobytes())
+        np.testing.assert_array_equal(read_file(path).heights, raw.astype(np.float64))
+
+
+@pytest.mark.parametrize(
+    ('kind', 'mark'),
+    [(3, '-3.402823466e+38'), (7, '-1.797693e+308'), (7, '-1.79769313486232E+308'), (5, '-32768'), (7, 'BAD')],
+)
+def test_a_mark_as_text_in_an_sdf_is_no_height(tmp_path, kind, mark):
+    write_surface(tmp_path / 'a.sdf', MeasuredSurface(HEIGHTS, (1.0, 1.0), 'm'))
+    text = (tmp_path / 'a.sdf').read_text().replace('BAD', mark).replace('DataType    = 7', f'DataType = {kind}')
+    (tmp_path / 'a.sdf').write_text(text)
+    np.testing.assert_array_equal(read_file(tmp_path / 'a.sdf').heights, HEIGHTS)
+
+
+@pytest.mark.parametrize('kind', [SINGLE, DOUBLE])
+def test_numbers_that_are_marks_in_an_sdf_are_written_as_not_measured(tmp_path, kind):
+    heights = np.array([[kind.min, kind.max, np.inf], [1, np.nan, 3]], kind.dtype)
+    write_surface(tmp_path / 'a.sdf', MeasuredSurface(heights, (1.0, 1.0), 'm'))
+    assert '\nBAD BAD BAD\n1 BAD 3\n' in (tmp_path / 'a.sdf').read_text()
+
+
+def test_an_sdf_of_surfalize_is_read_with_its_holes(tmp_path):
+    surfalize = pytest.importorskip('surfalize', reason='surfalize, which writes sdf files, is not installed')
+    surfalize.Surface(HEIGHTS.copy(), 0.5, 0.5).save(tmp_path / 'a.sdf')
+    surface = read_file(tmp_path / 'a.sdf')
+    np.testing.assert_allclose(surface.heights, HEIGHTS * 1e-6)
+    np.testing.assert_allclose(surface.pitch, 0.5e-6)
+
+
+def test_surfalize_reads_the_sdf_with_its_holes(tmp_path):
+    surfalize = pytest.importorskip('surfalize', reason='surfalize, which reads sdf files, is not installed')
+    write_surface(tmp_path / 'a.sdf', MeasuredSurface(HEIGHTS, (0.5, 0.5), 'm'))
+    np.testing.assert_allclose(surfalize.Surface.load(tmp_path / 'a.sdf').data * 1e-6, HEIGHTS)
 
 
 def test_a_damaged_place_of_the_directory_of_an_x3p_is_told_as_damage(tmp_path):
