@@ -13,7 +13,7 @@ from socialcircle_ros.errors import ImportFileError, SocialCircleError
 from socialcircle_ros.lengths import known_unit, metres_per, unit_name
 from socialcircle_ros.storage import check_place, kind_of_target, write_file
 
-from . import archive, lists, points, sdf, tiff, x3p
+from . import archive, esri, lists, points, sdf, tiff, x3p
 from .damage import unreadable
 from .surface import MeasuredSurface, OrganizedCloud, given_pitch, surface_of
 from .table import BASE, Format, format_of, suffixes
@@ -100,6 +100,8 @@ def _read(
         return archive.read_npy(path, pitch, unit)
     if suffix in _LISTS:
         check_text(path)
+        if esri.is_esri_grid(path):
+            return esri.read_esri_grid(path)
     if suffix in ('.csv', '.xyz') and points.is_own_text(path):
         return points.read_text(path)
     if suffix == '.csv' and points.is_matrix(path):
