@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from socialcircle_ros.errors import ImportFileError
 
+from .matrix import check_labels
 from .surface import MATRIX, SOURCE_FORMAT, MeasuredSurface, OrganizedCloud, PointValues, given_pitch
 from .text import BYTE_ORDER_MARK, open_text
 
@@ -124,7 +125,7 @@ def read_matrix(path: Path, pitch: tuple[float, float] | None, unit: str | None)
     """Read heights, one row per line, with commas between them; an empty place is not measured.
 
     Raises:
-        ImportFileError: a line has something else, or no pitch is given.
+        ImportFileError: a line has something else, no pitch is given, or the first row or column are labels.
     """
     try:
         with open_text(path) as file:
@@ -134,6 +135,7 @@ def read_matrix(path: Path, pitch: tuple[float, float] | None, unit: str | None)
             f'{path} is no matrix of numbers with commas between them ({str(error).splitlines()[0]}):'
             ' save it again.'
         ) from None
+    check_labels(path, heights)
     return MeasuredSurface(heights, given_pitch(path, pitch), unit, metadata={SOURCE_FORMAT: MATRIX})
 
 

@@ -16,6 +16,7 @@ from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.errors import ImportFileError, install_command
 from socialcircle_ros.lengths import known_unit
 
+from .matrix import check_labels, check_rows
 from .surface import MATRIX, SOURCE_FORMAT, MeasuredSurface, given_pitch
 from .text import without_mark
 
@@ -43,8 +44,11 @@ def read_vendor_file(
         for name in readers:
             found = _attempt(path, partial(open_topography, str(plain), format=name), pitch, unit)
             if isinstance(found, MeasuredSurface):
-                taken = {SOURCE_FORMAT: MATRIX} if name == 'asc' else {}
-                return replace(found, metadata={**found.metadata, **taken})
+                if name != 'asc':
+                    return found
+                check_rows(path)
+                check_labels(path, found.heights)
+                return replace(found, metadata={**found.metadata, SOURCE_FORMAT: MATRIX})
             reasons.append(f'{name}: {found}')
     raise ImportFileError(
         f'{path} cannot be read as {" or ".join(readers)}: it is damaged, or of a variant that is not known'

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Text with a matrix of heights: labels and words are not taken for heights."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from socialcircle_ros.errors import ImportFileError
+from socialcircle_ros.formats import read_file
+from socialcircle_ros.formats.matrix import check_labels
+
+HEIGHTS = np.random.default_rng(0).normal(size=(9, 8)).round(3)
+SEPARATORS = {'.csv': ',', '.txt': ' '}
+
+
+def read(path):
+    if path.suffix != '.csv':
+        pytest.importorskip('SurfaceTopography', reason='SurfaceTopography, which reads text, is not installed')
+    return read_file(path, pitch=(1.0, 1.0), unit='um').heights
+
+
+def labelled(heights, columns=None, rows=None):
+    """The heights with labels above and before them."""
+    if columns is not None:
+        heights = np.vstack([columns, heights])
+    if rows is not None:
+        heights = np.column_stack([[np.nan, *rows] if columns is not None else rows, heights])
+    return heights
+
+
+@pytest.mark.parametrize('suffix', SEPARATORS)
+@pytest.mark.parametrize(
+    ('columns', 'rows', 'where'),
+    [
+        (np.arange(8), None, 'row'),
+        (None, np.arange(9), 'column'),
+        (np.arange(8), np.arange(9), 'row and the first column'),
+        (np.arange(8) * 0.5 + 3, np.arange(9) * -0.25, 'row and the first column'),
+    ],
+)
+def test_labels_are_no_heights(tmp_path, suffix, columns, rows, where):
+    np.savetxt(tmp_path / f'a{suffix}', labelled(HEIGHTS, columns, rows), '%.9g', SEPARATORS[suffix])
+    with pytest.raises(ImportFileError, match=rf'seems to have labels in its first {where}, .* Save it without'):
+        read(tmp_path / f'a{suffix}')
+
+
+@pytest.mark.parametrize(
+    ('options', 'labels'),
+    [({}, True), ({'index': False}, True), ({'header': False}, True), ({'header': False, 'index': False}, False)],
+)
+def test_what_pandas_writes_is_refused_or_read(tmp_path, options, labels):
+    pandas = pytest.importorskip('pandas', reason='pandas, which writes labels, is not installed')
+    pandas.DataFrame(HEIGHTS).to_csv(tmp_path / 'a.csv', **options)
+    if labels:
+        with pytest.raises(ImportFileError, match='seems to have labels'):
+            read(tmp_path / 'a.csv')
+    else:
+        np.testing.assert_array_equal(read(tmp_path / 'a.csv'), HEIGHTS)
+
+
+ROW, COLUMN = np.mgrid[:7, :9].astype(float)
+
+
+@pytest.mark.parametrize(
+    'heights',
+    [
+        COLUMN, ROW, COLUMN + ROW, 3 - 0.5 * COLUMN + 0.25 * ROW, (COLUMN + 1) * (ROW + 1), COLUMN + 9 * ROW,
+        np.where(ROW + COLUMN == 8, np.nan, COLUMN + ROW), np.zeros((7, 9)), HEIGHTS, COLUMN[:1], ROW[:, :1],
+    ],
+)  # fmt: skip
+def test_planes_and_measured_heights_have_no_labels(heights):
+    check_labels(Path('a.csv'), heights)
+
+
+@given(hnp.arrays(np.float64, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.floats()))
+def test_any_heights_are_taken_or_refused(heights):
+    try:
+        check_labels(Path('a.csv'), heights)
+    except ImportFileError as refusal:
+        assert 'seems to have labels' in str(refusal)
+
+
+def test_parts_of_real_measurements_have_no_labels(real_measurements):
+    rng = np.random.default_rng(0)
+    for path in sorted(real_measurements.glob('*.npz')):
+        with np.load(path) as file:
+            heights = file['z'] if 'z' in file and file['z'].ndim == 2 else HEIGHTS
+        for _ in range(200):
+            top, left = (rng.integers(0, size - 8) if size > 8 else 0 for size in heights.shape)
+            part = heights[top : top + rng.integers(8, 40), left : left + rng.integers(8, 40)]
+            check_labels(path, part)
+            check_labels(path, part.round(1))  # as a file with few digits has it
+
+
+@pytest.mark.parametrize('suffix', SEPARATORS)
+def test_a_word_among_the_heights_is_told(tmp_path, suffix):
+    lines = [SEPARATORS[suffix].join(map(str, row)) for row in HEIGHTS.tolist()]
+    lines[4] = lines[4].replace(lines[4].split(SEPARATORS[suffix])[2], '---')
+    (tmp_path / f'a{suffix}').write_text('\n'.join(lines))
+    told = 'among the heights of line 5' if suffix == '.txt' else 'is no matrix of numbers'
+    with pytest.raises(ImportFileError, match=told):
+        read(tmp_path / f'a{suffix}')
+
+
+def test_words_before_and_between_matrices_are_no_heights(tmp_path):
+    body = '\n'.join(' '.join(map(str, row)) for row in HEIGHTS.tolist()).replace('0.126', 'BAD', 1)
+    text = f'# Channel: Main\n# Width: 8 µm\n# Height: 9 µm\n# Value units: µm\n{body}\n# 1 2 3 4 5 6 end\n'
+    (tmp_path / 'a.txt').write_text(text, encoding='utf-8')
+    pytest.importorskip('SurfaceTopography', reason='SurfaceTopography, which reads text, is not installed')
+    surface = read_file(tmp_path / 'a.txt')
+    np.testing.assert_array_equal(surface.heights, np.where(HEIGHTS == 0.126, np.nan, HEIGHTS))
