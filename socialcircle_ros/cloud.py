@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Organized clouds: their check, their memory as the kernels read it, and which points are measured."""
+"""Organized clouds: their check, their memory as the kernels read it, their measured points and their grid."""
 
 from collections.abc import Iterable
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,12 @@ Memory = tuple[Floats, int, int]
 
 _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 
+
+_SAMPLE = 4096  # points that tell the grid of a cloud
+_NARROW = 1e-9  # of the extent of a cloud: one that is narrower than this is a line
+_ROWS = 16  # that are compared with a grid at a time
+_ROUNDING_OF_FIT = 1e-12  # of the largest coordinate: more than that of float64
+_ROUNDINGS = 8  # that coordinates may be off a regular grid, in steps of their data type at the largest coordinate
 
 Pitch = tuple[float, float]
 """Distance of two points along x and along y, in the unit of the heights."""
@@ -265,3 +271,89 @@ def load_row(values: Floats, start: int, point_step: int, width: int, line: Floa
     for column in range(done, width):
         i = at + np.uint64(point_step) * np.uint64(column)
         x[column], y[column], z[column] = values[i], values[i + _ONE], values[i + _TWO]
+
+
+class NearestGrid(NamedTuple):
+    """The regular grid nearest to x and y of a cloud: origin + column · column_step + row · row_step.
+
+    It may be turned about z, mirrored or oblique. A cloud that is off any regular grid has one, too.
+    """
+
+    origin: tuple[float, float]
+    """x and y at row 0, column 0, in the unit of the cloud."""
+
+    column_step: tuple[float, float]
+    """x and y from a column to the next."""
+
+    row_step: tuple[float, float]
+    """x and y from a row to the next."""
+
+    is_flat: bool
+    """Whether the points lie on one line of the grid, so that the steps hold along this line only."""
+
+    @property
+    def pitch(self) -> Pitch | None:
+        """Lengths of the column step and of the row step in the plane of x and y; None: on a line, not known."""
+        if self.is_flat:
+            return None
+        return float(np.hypot(*self.column_step)), float(np.hypot(*self.row_step))
+
+    def coordinates(self, shape: tuple[int, int]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Give x and y of the points of this grid from its origin on, (H, W) each."""
+        rows, columns = np.arange(shape[0], dtype=np.float64)[:, np.newaxis], np.arange(shape[1], dtype=np.float64)
+        (column_x, column_y), (row_x, row_y) = self.column_step, self.row_step
+        return row_x * rows + column_x * columns, row_y * rows + column_y * columns
+
+    def holds(self, xyz: Cloud, measured: Mask) -> bool:
+        """Whether x and y of all measured points are on the grid, to the rounding of their data type.
+
+        Args:
+            xyz: (H, W, 3).
+            measured: (H, W) bool.
+        """
+        height, width = measured.shape
+        columns = np.arange(width, dtype=np.float64)
+        for axis in (0, 1):
+            start, step, row_step = self.origin[axis], self.column_step[axis], self.row_step[axis]
+            ends = [start + r * row_step + c * step for r in (0, height - 1) for c in (0, width - 1)]
+            largest = max(map(abs, ends))
+            limit = max(_ROUNDINGS * float(np.spacing(xyz.dtype.type(largest))), _ROUNDING_OF_FIT * largest)
+            line = start + step * columns
+            # Some rows at a time stay in the cache of the core.
+            for first in range(0, height, _ROWS):
+                rows = slice(first, first + _ROWS)
+                places = row_step * np.arange(height)[rows, np.newaxis] + line
+                np.subtract(xyz[rows, :, axis], places, out=places)
+                if ((np.abs(places, out=places) > limit) & measured[rows]).any():
+                    return False
+        return True
+
+
+def nearest_grid(xyz: Cloud, measured: Mask) -> NearestGrid | None:
+    """Find the regular grid nearest to x and y of the measured points, by least squares.
+
+    Args:
+        xyz: (H, W, 3).
+        measured: (H, W) bool, points with finite x and y; some thousand of them are used, the same each time.
+
+    Returns:
+        The grid; None if fewer than two points are measured, or x and y do not tell apart points that lie in
+        different rows or columns, as where all x are equal.
+    """
+    at = np.flatnonzero(measured)
+    if len(at) > _SAMPLE:
+        # At random, because points in equal steps can all lie in one column.
+        at = np.random.default_rng(0).choice(at, _SAMPLE)
+    if len(at) < 2:
+        return None
+    rows, columns = np.unravel_index(at, measured.shape)
+    numbers = np.column_stack([columns, rows]).astype(np.float64)
+    places = xyz[rows, columns, :2].astype(np.float64)
+    middle, centre = numbers.mean(axis=0), places.mean(axis=0)
+    steps, _, rank, _ = np.linalg.lstsq(numbers - middle, places - centre, rcond=None)
+    extent = np.linalg.svd((numbers - middle) @ steps, compute_uv=False) / np.sqrt(len(at))
+    rounding = float(np.spacing(np.abs(places).max().astype(xyz.dtype)))
+    if np.count_nonzero(extent > max(rounding, _NARROW * extent[0])) < rank:
+        return None
+    origin, column_step, row_step = ((float(x), float(y)) for x, y in (centre - middle @ steps, *steps))
+    return NearestGrid(origin, column_step, row_step, is_flat=bool(rank < 2))

@@ -3,9 +3,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
-from socialcircle_ros.cloud import organized_from
+from socialcircle_ros.cloud import nearest_grid, organized_from
 from socialcircle_ros.errors import CloudError
 
 HEIGHTS = np.random.default_rng(0).normal(0, 1, (64, 70))
@@ -157,3 +159,53 @@ def test_the_version_is_that_of_the_package():
 
     assert socialcircle_ros.__version__ == version('socialcircle_ros')
     assert issubclass(CloudError, SocialCircleError)
+
+
+STEPS = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
+ROWS, COLUMNS = np.mgrid[:48, :64].astype(float)
+
+
+def grid_cloud(origin, column_step, row_step):
+    x, y = (
+        start + COLUMNS * column + ROWS * row
+        for start, column, row in zip(origin, column_step, row_step, strict=True)
+    )
+    return np.dstack([x, y, np.zeros_like(x)])
+
+
+@given(STEPS, STEPS, st.sampled_from([0.0, 1e6]), st.sampled_from([np.float32, np.float64]))
+def test_the_steps_of_a_regular_grid_are_found_however_it_lies(column_step, row_step, far, kind):
+    if abs(np.linalg.det([column_step, row_step])) < 0.1:
+        return
+    xyz = grid_cloud((far, -far), column_step, row_step).astype(kind)
+    found = nearest_grid(xyz, (ROWS + COLUMNS) % 3 > 0)
+    rounding = 0.01 if far and kind == np.float32 else 1e-5
+    assert found.column_step == pytest.approx(column_step, abs=rounding)
+    assert found.row_step == pytest.approx(row_step, abs=rounding)
+    assert found.pitch == pytest.approx((np.hypot(*column_step), np.hypot(*row_step)), abs=rounding)
+    assert found.holds(xyz, np.ones(ROWS.shape, bool))
+
+
+def test_points_off_a_grid_are_told_from_rounding_and_from_points_that_are_not_measured():
+    xyz = grid_cloud((5.0, 6.0), (1.0, 0.0), (0.0, 2.0))
+    measured = np.ones(ROWS.shape, bool)
+    measured[7, 9] = False
+    xyz[7, 9] = np.nan
+    assert nearest_grid(xyz, measured).holds(xyz, measured)
+    xyz[40, 50, 0] += 1e-6
+    assert not nearest_grid(xyz, measured).holds(xyz, measured)
+
+
+@pytest.mark.parametrize('axis', [0, 1])
+def test_a_cloud_on_which_a_coordinate_does_not_change_has_no_grid(axis):
+    xyz = grid_cloud((5.0, 6.0), (1.0, 0.0), (0.0, 2.0))
+    xyz[..., axis] = 0.1
+    assert nearest_grid(xyz, np.ones(ROWS.shape, bool)) is None
+
+
+def test_a_single_row_has_a_step_but_no_pitch_and_a_point_has_none():
+    xyz = grid_cloud((5.0, 6.0), (1.0, 0.5), (0.0, 2.0))
+    row = nearest_grid(xyz, ROWS == 3)
+    assert row.column_step == pytest.approx((1.0, 0.5))
+    assert row.pitch is None
+    assert nearest_grid(xyz, (ROWS == 3) & (COLUMNS == 4)) is None

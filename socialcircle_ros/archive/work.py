@@ -7,7 +7,6 @@ from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.errors import SocialCircleError, UnitWarning, printable
 from socialcircle_ros.measurements import MeasurementRow, Origin, SettingsText, refused_row, row_of, write_rows
 from socialcircle_ros.messages.header import FIRST_DATE
@@ -15,7 +14,13 @@ from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import CloudOutputs
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
-from socialcircle_ros.recording.offline import SourceCloud, Summary, filter_recording, measure_recording
+from socialcircle_ros.recording.offline import (
+    KeptPoints,
+    SourceCloud,
+    Summary,
+    filter_recording,
+    measure_recording,
+)
 from socialcircle_ros.recording.origins import origins_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.report.report import make_report
@@ -137,7 +142,7 @@ class _RowCollector:
             self._files = origins_of(reader)
         self._cell, self._part = cell or recorded.get('cell'), part or recorded.get('part')
 
-    def __call__(self, cloud: SourceCloud, outputs: CloudOutputs | Refusal, heights: HeightMap | None) -> None:
+    def __call__(self, cloud: SourceCloud, outputs: CloudOutputs | Refusal, kept: KeptPoints | None) -> None:
         """Take one cloud."""
         cell = self._cell or cloud.namespace.strip('/')
         number = self._numbers[cloud.topic]
@@ -149,7 +154,7 @@ class _RowCollector:
         if isinstance(outputs, Refusal):
             self.rows.append(refused_row(origin, outputs.reason))
         else:
-            found = None if heights is None else texture(heights)
+            found = None if kept is None else texture(*kept)
             self.rows.append(row_of(origin, outputs.measurement, found))
 
     def _time_ns(self, cloud: SourceCloud) -> int:

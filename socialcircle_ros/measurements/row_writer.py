@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.metrics.areal import texture
@@ -157,5 +155,5 @@ def _row(cloud: LiveCloud) -> MeasurementRow:
         return refused_row(cloud.origin, cloud.outcome)
     found = None
     if cloud.xyz is not None and cloud.kept is not None:
-        found = texture(np.where(cloud.kept, cloud.xyz[..., 2], np.nan))
+        found = texture(cloud.xyz, cloud.kept)
     return row_of(cloud.origin, cloud.outcome, found, cloud.latency_ms)

@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Areal surface texture parameters (ISO 25178-2) of a height map."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import HeightMap, Mask, Pitch
+from socialcircle_ros.cloud import Cloud, HeightMap, Mask, nearest_grid
+
+_Coordinates = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+
+_ON_A_LINE = 1e-12  # share of the variance of x and y along a line that is rounding across it
 
 
 @dataclass(frozen=True)
@@ -40,35 +47,42 @@ FILTERS = 'S-filter: none; F-operation: least squares plane; L-filter: none'
 """The filters of ISO 25178-3 behind all textures, in words."""
 
 
-def texture(heights: HeightMap) -> Texture:
-    """Compute Sa, Sq and Sz of a height map.
+def texture(points: Cloud | HeightMap, kept: Mask | None = None) -> Texture:
+    """Compute Sa, Sq and Sz of a cloud or a height map.
+
+    The plane that is subtracted is the one over x and y of the points. Row and column numbers stand for x and y on
+    a regular grid, turned or not, where they give the same plane; in a height map; and where x and y do not tell
+    rows and columns apart, as where all x are equal.
 
     Args:
-        heights: (H, W) float32 or float64; NaN is not measured and is left out.
+        points: (H, W, 3) float32 or float64 cloud; or heights (H, W) on a regular grid. NaN is not measured and is
+            left out.
+        kept: (H, W) bool, the points that count, if they are measured; None: all.
 
     Returns:
-        The texture; all values are NaN where fewer than three points are measured.
+        The texture; all values are NaN where fewer than three points count.
     """
-    z, measured = _levelled(heights)
-    return _texture(z[measured])
+    levelled = _levelled(points, kept)
+    return _texture(levelled.heights[levelled.counted])
 
 
-def areal_texture(heights: HeightMap, pitch: Pitch | None) -> ArealTexture:
-    """Compute Sa, Sq, Sz, Ssk, Sku and Sdr of a height map (ISO 25178-2).
+def areal_texture(points: Cloud | HeightMap, kept: Mask | None = None) -> ArealTexture:
+    """Compute Sa, Sq, Sz, Ssk, Sku and Sdr of a cloud or a height map (ISO 25178-2).
 
     Sdr is the area of the triangles between neighbouring points over the area below them; each square of four
-    measured points is split along both of its diagonals, and counts with the mean of the two areas.
+    points that count is split along both of its diagonals, and counts with the mean of the two areas. The corners
+    of the triangles have the x and y of the points, on a regular grid without their rounding.
 
     Args:
-        heights: (H, W) float32 or float64; NaN is not measured and is left out.
-        pitch: distance of the columns and of the rows, in the unit of the heights; None: not known.
+        points: as for `texture`.
+        kept: as for `texture`.
 
     Returns:
-        The texture. All values are NaN where fewer than three points are measured, Ssk and Sku on a plane, and Sdr
-        without a pitch or without four measured points in a square.
+        The texture. All values are NaN where fewer than three points count, Ssk and Sku on a plane, and Sdr of a
+        height map, where x and y do not tell rows and columns apart, or without four points in a square.
     """
-    z, measured = _levelled(heights)
-    residuals = z[measured]
+    levelled = _levelled(points, kept)
+    residuals = levelled.heights[levelled.counted]
     basic = _texture(residuals)
     # Normalised first, because the fourth power of very small or large heights leaves the range of numbers.
     normal = residuals / basic.sq if basic.sq > 0 else np.array([np.nan])
@@ -78,29 +92,94 @@ def areal_texture(heights: HeightMap, pitch: Pitch | None) -> ArealTexture:
         basic.sz,
         ssk=float(np.mean(normal**3)),
         sku=float(np.mean(normal**4)),
-        sdr=float('nan') if pitch is None else _developed_ratio(np.where(measured, z, np.nan), pitch),
+        sdr=_developed_ratio(levelled),
     )
 
 
-def _levelled(heights: HeightMap) -> tuple[npt.NDArray[np.float64], Mask]:
-    """The heights without their least squares plane, (H, W), of any value where not measured; what is measured."""
-    measured = np.isfinite(heights)
-    count = int(np.count_nonzero(measured))
-    z = np.where(measured, heights, 0.0).astype(np.float64, copy=False)
-    if count < 3:
-        return z, np.zeros_like(measured)
-    # Sums over rows and columns give the normal equations of the plane in less than half the time of a list of
-    # points. Coordinates and heights are centred, so that the equations stay well conditioned on large maps.
-    per_row, per_column = measured.sum(axis=1), measured.sum(axis=0)
+class _Levelled(NamedTuple):
+    """Heights without their least squares plane."""
+
+    heights: npt.NDArray[np.float64]
+    """(H, W), of any value where a point does not count."""
+
+    counted: Mask
+    """(H, W) the points that count."""
+
+    places: Callable[[], _Coordinates] | None = None
+    """Gives x and y, (H, W) each, of any value where a point does not count; None: not known."""
+
+
+def _levelled(points: Cloud | HeightMap, kept: Mask | None) -> _Levelled:
+    xyz = cast('Cloud', points) if points.ndim == 3 else None
+    heights = points if xyz is None else xyz[..., 2]
+    counted: Mask = np.isfinite(heights)
+    if kept is not None:
+        counted &= kept
+    if xyz is not None:
+        counted &= np.isfinite(xyz[..., 0])
+        counted &= np.isfinite(xyz[..., 1])
+    z = np.where(counted, heights, 0.0).astype(np.float64, copy=False)
+    if np.count_nonzero(counted) < 3:
+        return _Levelled(z, np.zeros_like(counted))
+    grid = None if xyz is None else nearest_grid(xyz, counted)
+    if xyz is None or grid is None:
+        _level_by_numbers(z, counted)
+        return _Levelled(z, counted)
+    if grid.holds(xyz, counted):
+        _level_by_numbers(z, counted)
+        return _Levelled(z, counted, partial(grid.coordinates, counted.shape))
+    places = _own_places(xyz, counted)
+    _level_by_places(z, counted, *places)
+    return _Levelled(z, counted, lambda: places)
+
+
+def _own_places(xyz: Cloud, counted: Mask) -> _Coordinates:
+    """Give x and y relative to the first point that counts, (H, W) each; 0 where none counts."""
+    first = np.unravel_index(int(counted.argmax()), counted.shape)
+    places = []
+    for axis in (0, 1):
+        values = np.subtract(xyz[..., axis], xyz[..., axis][first], dtype=np.float64)
+        values[~counted] = 0.0
+        places.append(values)
+    return places[0], places[1]
+
+
+def _level_by_numbers(z: npt.NDArray[np.float64], counted: Mask) -> None:
+    """Subtract the plane over row and column numbers from the heights in place; they are 0 where none counts.
+
+    Sums over rows and columns give the normal equations of the plane in less than half the time of a list of
+    points. Coordinates and heights are centred, so that the equations stay well conditioned on large maps.
+    """
+    per_row, per_column = counted.sum(axis=1), counted.sum(axis=0)
+    count = per_row.sum()
     rows, columns = (np.arange(len(n)) - n @ np.arange(len(n)) / count for n in (per_row, per_column))
     mean = z.sum() / count
     row_sums, column_sums = z.sum(axis=1) - mean * per_row, z.sum(axis=0) - mean * per_column
-    mixed = rows @ (measured @ columns)
+    mixed = rows @ (counted @ columns)
     squares = [[per_row @ rows**2, mixed], [mixed, per_column @ columns**2]]
     products = np.array([row_sums @ rows, column_sums @ columns])
     (row_slope, column_slope), *_ = np.linalg.lstsq(np.array(squares), products, rcond=None)
     z -= mean + (row_slope * rows)[:, None] + column_slope * columns
-    return z, measured
+
+
+def _level_by_places(
+    z: npt.NDArray[np.float64], counted: Mask, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]
+) -> None:
+    """Subtract the plane over x and y from the heights in place; all are 0 where none counts."""
+    count = np.count_nonzero(counted)
+    z -= z.sum() / count * counted
+    flat_x, flat_y, heights = x.ravel(), y.ravel(), z.ravel()
+    mean_x, mean_y = flat_x.sum() / count, flat_y.sum() / count
+    mixed = flat_x @ flat_y - count * mean_x * mean_y
+    squares = [
+        [flat_x @ flat_x - count * mean_x**2, mixed],
+        [mixed, flat_y @ flat_y - count * mean_y**2],
+    ]
+    products = np.array([flat_x @ heights, flat_y @ heights])
+    (x_slope, y_slope), *_ = np.linalg.lstsq(np.array(squares), products, rcond=_ON_A_LINE)
+    z -= x_slope * x
+    z -= y_slope * y
+    z += x_slope * mean_x + y_slope * mean_y
 
 
 def _texture(residuals: npt.NDArray[np.float64]) -> Texture:
@@ -113,12 +192,20 @@ def _texture(residuals: npt.NDArray[np.float64]) -> Texture:
     )
 
 
-def _developed_ratio(z: npt.NDArray[np.float64], pitch: Pitch) -> float:
-    dx, dy = pitch
-    along_x, along_y = np.diff(z, axis=1) / dx, np.diff(z, axis=0) / dy
-    top, bottom, left, right = along_x[:-1], along_x[1:], along_y[:, :-1], along_y[:, 1:]
-    corners = ((top, left), (top, right), (bottom, left), (bottom, right))
+def _developed_ratio(levelled: _Levelled) -> float:
+    if levelled.places is None:
+        return float('nan')
+    corners = [np.where(levelled.counted, values, np.nan) for values in (*levelled.places(), levelled.heights)]
+    along, down = ([np.diff(values, axis=axis) for values in corners] for axis in (1, 0))
+    tops, bottoms = [each[:-1] for each in along], [each[1:] for each in along]
+    lefts, rights = [each[:, :-1] for each in down], [each[:, 1:] for each in down]
     # Two triangles at opposite corners fill the square; each of the four covers half of it.
-    area = np.mean([np.sqrt(1 + across**2 + down**2) for across, down in corners], axis=0)
-    known = np.isfinite(area)
-    return float(np.mean(area[known]) - 1) if known.any() else float('nan')
+    areas, below = 0.0, 0.0
+    known = np.isfinite(sum(each[2] for each in (tops, bottoms, lefts, rights)))
+    for across in (tops, bottoms):
+        for beside in (lefts, rights):
+            (x, y, z), (u, v, w) = ([each[known] for each in edge] for edge in (across, beside))
+            flat = x * v - y * u
+            areas += float(np.sum(np.sqrt(flat**2 + (y * w - z * v) ** 2 + (z * u - x * w) ** 2)))
+            below += float(np.sum(np.abs(flat)))
+    return areas / below - 1 if below > 0 else float('nan')

@@ -50,17 +50,14 @@ def region_numbers(drawing: Drawing, place: tuple[int, ...], limits: LimitSettin
     """
     row, column, height, width = place
     part = slice(row, row + height), slice(column, column + width)
-    heights, kept = drawing.heights[part], drawing.kept[part]
-    kept_heights = np.where(kept, heights, np.nan)
-    counts = {
-        'points': heights.size,
-        'measured': int(np.count_nonzero(np.isfinite(heights))),
-        'kept': int(np.count_nonzero(kept)),
-    }
+    xyz, kept, measured = drawing.xyz[part], drawing.kept[part], np.isfinite(drawing.heights[part])
+    count = int(np.count_nonzero(measured))
     return RegionNumbers(
         place=place,
-        texture_measured=texture(heights),
-        texture_kept=texture(kept_heights),
-        verdict=verdict(limits, heights=kept_heights, **counts),
-        **counts,
+        points=measured.size,
+        measured=count,
+        kept=int(np.count_nonzero(kept)),
+        texture_measured=texture(xyz, measured),
+        texture_kept=texture(xyz, kept),
+        verdict=verdict(limits, xyz, kept, count),
     )

@@ -257,9 +257,7 @@ def _judged(
     """Verdict and reason as `MeasurementValues` holds them; nothing, in no time, if there is no limit."""
     if not limits.are_set:
         return {}
-    heights = np.where(result.inliers, xyz[..., 2], np.nan)
-    kept = int(np.count_nonzero(result.inliers))
-    found = verdict(limits, points=result.inliers.size, measured=measured, kept=kept, heights=heights)
+    found = verdict(limits, xyz, result.inliers, measured)
     stopwatch.lap('limits')
     if found is None or found.passed:
         return {'verdict': PASSED}

@@ -4,7 +4,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from socialcircle_ros.cloud import HeightMap
+from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.settings import LimitSettings
 
@@ -21,23 +21,23 @@ class Verdict:
         return not self.reasons
 
 
-def verdict(limits: LimitSettings, *, points: int, measured: int, kept: int, heights: HeightMap) -> Verdict | None:
+def verdict(limits: LimitSettings, xyz: Cloud, kept: Mask, measured: int) -> Verdict | None:
     """Hold a measurement to its limits.
 
     Args:
         limits: the limits.
-        points: number of points of the cloud.
+        xyz: (H, W, 3) the cloud; read only if the texture has limits.
+        kept: (H, W) the measured points that are kept.
         measured: number of measured points.
-        kept: number of measured points that are kept.
-        heights: (H, W) heights of the kept points, NaN elsewhere; read only if the texture has limits.
 
     Returns:
         The verdict; None if there is no limit.
     """
     if not limits.are_set:
         return None
-    shares = _share_reasons(limits, (measured - kept) / measured if measured else 0.0, measured / points)
-    return Verdict((*shares, *_texture_reasons(limits, heights)))
+    outliers = measured - int(kept.sum())
+    shares = _share_reasons(limits, outliers / measured if measured else 0.0, measured / kept.size)
+    return Verdict((*shares, *_texture_reasons(limits, xyz, kept)))
 
 
 def _share_reasons(limits: LimitSettings, outliers: float, measured: float) -> Iterator[str]:
@@ -48,11 +48,11 @@ def _share_reasons(limits: LimitSettings, outliers: float, measured: float) -> I
         yield f'{100 * measured:.4g} % of the points are measured, fewer than {100 * least:.4g} %.'
 
 
-def _texture_reasons(limits: LimitSettings, heights: HeightMap) -> Iterator[str]:
+def _texture_reasons(limits: LimitSettings, xyz: Cloud, kept: Mask) -> Iterator[str]:
     limited = [row for row in limits.of_texture if row[1] is not None or row[2] is not None]
     if not limited:
         return
-    found = texture(heights)
+    found = texture(xyz, kept)
     values = {'Sa': found.sa, 'Sq': found.sq, 'Sz': found.sz}
     for name, low, high in limited:
         value = values[name]

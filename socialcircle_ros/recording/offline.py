@@ -7,9 +7,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-from socialcircle_ros.cloud import Cloud, HeightMap, Mask
+from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import MessageError, RecordingError, SocialCircleError
 from socialcircle_ros.focus import Registered, count_reasons
 from socialcircle_ros.interface import (
@@ -44,8 +42,11 @@ from .writer import RecordingWriter
 Seen = Callable[[Message | None, list[CloudOutputs]], None]
 """Called after each message, and with None at the end, with the outputs that came of it."""
 
-Filtered = Callable[['SourceCloud', 'CloudOutputs | Refusal', HeightMap | None], None]
-"""Called after each cloud with what came of it, and with the heights (H, W) of its kept points; None: refused."""
+KeptPoints = tuple[Cloud, Mask]
+"""A cloud (H, W, 3), and which of its points (H, W) are kept."""
+
+Filtered = Callable[['SourceCloud', 'CloudOutputs | Refusal', KeptPoints | None], None]
+"""Called after each cloud with what came of it, and with its kept points; None: refused."""
 
 
 @dataclass
@@ -378,15 +379,14 @@ def _filter(
             summary.warn(cloud.warning)
         messages = {STACK_POINTS: cloud.points, STACK_IMAGE: cloud.image}
     outputs: CloudOutputs | None = None
-    heights: HeightMap | None = None
+    kept_points: KeptPoints | None = None
 
-    def take_heights(xyz: Cloud, kept: Mask) -> None:
-        nonlocal heights
-        if filtered is not None:
-            heights = np.where(kept, xyz[..., 2], np.nan)
+    def take_kept(xyz: Cloud, kept: Mask) -> None:
+        nonlocal kept_points
+        kept_points = xyz, kept
 
     try:
-        outputs = filter_cloud(cloud.points, settings, cloud.depth_of_field, take_heights)
+        outputs = filter_cloud(cloud.points, settings, cloud.depth_of_field, take_kept)
     except SocialCircleError as refusal:
         with suppress(MessageError):  # a damaged cloud may have no stamp
             summary.first_refused.setdefault(str(refusal), stamp_text(stamp_of(cloud.points)))
@@ -397,7 +397,7 @@ def _filter(
         summary.clouds += 1
         messages |= outputs.messages
         if filtered is not None:
-            filtered(cloud, outputs, heights)
+            filtered(cloud, outputs, kept_points)
     times = cloud.message
     for topic, data in messages.items():
         name = topic.within(cloud.namespace)

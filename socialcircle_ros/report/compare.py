@@ -191,7 +191,6 @@ def _compared_cloud(
     second = CloudPictures(clouds[1], found[1], unit, first.colour_range)
     measured = (masks[0] != NOT_MEASURED) | (masks[1] != NOT_MEASURED)
     both = CloudPictures(measured_only(whole, measured), found[0], unit, first.colour_range)
-    kept = [np.where(mask == KEPT, whole[..., 2], np.nan) for mask in masks]
     rows = [
         Pictures([Picture('first', first.after(), 'A'), Picture('second', second.after(), 'B')]),
         Pictures([Picture('before', both.before(), 'before'), Picture('differ', both.against(second), '')]),
@@ -202,7 +201,7 @@ def _compared_cloud(
         removed=(int(found[0].sum()), int(found[1].sum())),
         only=(int((found[0] & ~found[1]).sum()), int((found[1] & ~found[0]).sum())),
         measured=int(measured.sum()),
-        textures=(texture(kept[0]), texture(kept[1])),
+        textures=(texture(whole, masks[0] == KEPT), texture(whole, masks[1] == KEPT)),
         scores=None if truth is None else (score(found[0], *truth), score(found[1], *truth)),
         pictures=rows,
     )

@@ -85,7 +85,7 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
             continue
         scores.append(score(result.outliers, cloud.outlier, cloud.counted))
         removed.append(float(np.mean(result.outliers[result.outliers | result.inliers])))
-        kept = texture(np.where(result.inliers, xyz[..., 2], np.nan))
+        kept = texture(xyz, result.inliers)
         sq.append(kept.sq)
         sz.append(kept.sz)
         times_ms.append(sum(result.times_ms.values()))

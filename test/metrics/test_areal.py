@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from naive import areal as naive
 
+from socialcircle_ros.cloud import organized_from
 from socialcircle_ros.metrics.areal import areal_texture, texture
 
 ROWS, COLUMNS = np.mgrid[:48, :64].astype(float)
@@ -53,7 +55,7 @@ def test_a_single_row_or_column_has_no_slope_in_the_other_direction(kept):
 
 
 def test_skewness_kurtosis_and_area_of_a_sine_wave_are_those_of_the_textbook():
-    found = areal_texture(WAVE := 0.4 * np.sin(2 * np.pi * np.mgrid[:5, :6400][1] / 64), (0.5, 2.0))
+    found = on_grid(WAVE := 0.4 * np.sin(2 * np.pi * np.mgrid[:5, :6400][1] / 64), (0.5, 2.0))
     assert (found.ssk, found.sku) == pytest.approx((0.0, 1.5), abs=0.01)
     slope = 0.4 * 2 * np.pi / 32 * np.cos(np.linspace(0, 2 * np.pi, 1000))
     assert found.sdr == pytest.approx(np.mean(np.sqrt(1 + slope**2)) - 1, rel=0.01)
@@ -68,13 +70,13 @@ def test_the_area_of_pyramids_follows_from_their_slopes(slopes, pitch):
     rows, columns = (np.abs(np.arange(41) % 8 - 4.0) for _ in range(2))
     heights = slopes[1] * pitch[1] * rows[:, None] + slopes[0] * pitch[0] * columns
     expected = math.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2) - 1
-    assert areal_texture(heights, pitch).sdr == pytest.approx(expected)
+    assert on_grid(heights, pitch).sdr == pytest.approx(expected)
 
 
 @given(scale=st.sampled_from([1e-9, 1.0, 1e9]), offset=st.sampled_from([0.0, -7.0]))
 def test_the_shape_of_the_heights_does_not_depend_on_their_unit(scale, offset):
     rough = np.random.default_rng(3).exponential(size=ROWS.shape)
-    one, other = areal_texture(rough, (1, 2)), areal_texture((rough + offset) * scale, (scale, 2 * scale))
+    one, other = on_grid(rough, (1, 2)), on_grid((rough + offset) * scale, (scale, 2 * scale))
     assert (other.ssk, other.sku, other.sdr) == pytest.approx((one.ssk, one.sku, one.sdr), rel=1e-6)
     assert one.ssk > 1
 
@@ -83,11 +85,89 @@ def test_points_that_are_not_measured_have_no_area():
     wave = np.sin(COLUMNS)
     holes = wave.copy()
     holes[10:20, 3:9] = np.nan
-    assert areal_texture(holes, (1.0, 3.0)).sdr == pytest.approx(areal_texture(wave, (1.0, 3.0)).sdr, rel=0.1)
+    assert on_grid(holes, (1.0, 3.0)).sdr == pytest.approx(on_grid(wave, (1.0, 3.0)).sdr, rel=0.1)
 
 
 def test_what_a_surface_does_not_have_is_nan():
-    assert math.isnan(areal_texture(COLUMNS, None).sdr)
-    assert math.isnan(areal_texture(np.zeros((3, 4)), (1, 1)).sku)
-    assert math.isnan(areal_texture(np.full((3, 3), np.nan), (1, 1)).ssk)
-    assert math.isnan(areal_texture(ROWS[:, :1], (1, 1)).sdr)
+    assert math.isnan(areal_texture(COLUMNS).sdr)
+    assert math.isnan(on_grid(np.zeros((3, 4)), (1, 1)).sku)
+    assert math.isnan(on_grid(np.full((3, 3), np.nan), (1, 1)).ssk)
+    assert math.isnan(on_grid(ROWS[:, :1], (1, 1)).sdr)
+
+
+def clouds(*, regular):
+    """A rough, tilted cloud with holes; x and y are uneven, or a grid that may be turned or oblique."""
+
+    @st.composite
+    def cloud(draw):
+        rows, columns = np.mgrid[: draw(st.integers(4, 12)), : draw(st.integers(4, 12))].astype(float)
+        random = np.random.default_rng(draw(st.integers(0, 2**32)))
+        steps = st.floats(0.2, 5), st.floats(0.2, 5)
+        if not regular:
+            columns, rows = (values**1.5 + random.normal(0, 0.1, rows.shape) for values in (columns, rows))
+        turn, oblique = draw(st.floats(-3, 3)), draw(st.floats(-0.5, 0.5))
+        along, down = draw(steps[0]) * columns, draw(steps[1]) * rows
+        along += oblique * down
+        x, y = along * np.cos(turn) - down * np.sin(turn), along * np.sin(turn) + down * np.cos(turn)
+        z = draw(st.floats(-1, 1)) * x + draw(st.floats(-1, 1)) * y + random.normal(size=x.shape)
+        offset = draw(st.sampled_from([0.0, -300.0]))
+        xyz = np.dstack([x + offset, y - offset, z]).astype(draw(st.sampled_from([np.float32, np.float64])))
+        xyz[random.random(x.shape) < draw(st.sampled_from([0.0, 0.2]))] = np.nan
+        return xyz, random.random(x.shape) < 0.9
+
+    return cloud()
+
+
+@given(clouds(regular=False) | clouds(regular=True))
+def test_plane_and_area_are_those_over_x_and_y_of_the_kept_points(case):
+    xyz, kept = case
+    found = areal_texture(xyz, kept)
+    expected = naive.areal_texture(xyz.astype(float), kept)
+    assert dataclasses.astuple(found) == pytest.approx(expected, rel=2e-3, abs=2e-4, nan_ok=True)
+    assert dataclasses.astuple(texture(xyz, kept)) == (found.sa, found.sq, found.sz)
+
+
+@given(clouds(regular=True))
+def test_on_a_regular_grid_the_plane_is_bit_for_bit_that_over_rows_and_columns(case):
+    xyz, kept = case
+    assert texture(xyz, kept) == texture(np.where(kept, xyz[..., 2], np.nan))
+
+
+@pytest.mark.parametrize('dtype', [np.float32, np.float64])
+def test_a_turn_or_a_far_origin_changes_no_value(dtype):
+    rough = np.random.default_rng(4).normal(size=ROWS.shape) + COLUMNS
+    expected = dataclasses.astuple(on_grid(rough, (1, 2)))
+    for angle in (0.3, math.pi / 4, math.pi / 2, 3.0):
+        for far in (0.0, 1e6):
+            x = COLUMNS * np.cos(angle) - 2 * ROWS * np.sin(angle) + far
+            y = COLUMNS * np.sin(angle) + 2 * ROWS * np.cos(angle) - far
+            xyz = np.dstack([x, y, rough]).astype(dtype)
+            assert dataclasses.astuple(areal_texture(xyz)) == pytest.approx(expected, rel=1e-3, abs=1e-4)
+
+
+def test_an_uneven_pitch_makes_no_roughness_of_a_tilt_far_from_the_origin():
+    x = COLUMNS**1.5
+    for dtype, error in ((np.float32, 0.1), (np.float64, 1e-8)):
+        found = texture(np.dstack([x + 1e6, ROWS, 0.2 * x]).astype(dtype))
+        assert found.sz < error  # rounding of x in float32 is 0.03
+
+
+@pytest.mark.parametrize('y', [ROWS, 2 * ROWS + COLUMNS, ROWS**2 + 0.1 * COLUMNS, np.zeros(ROWS.shape)])
+def test_where_all_x_are_equal_the_plane_is_that_over_rows_and_columns(y):
+    rough = np.random.default_rng(5).normal(size=ROWS.shape) + 0.5 * COLUMNS
+    xyz = np.dstack([np.full(ROWS.shape, 7.1), y, rough])
+    found = areal_texture(xyz)
+    assert (found.sa, found.sq, found.sz) == dataclasses.astuple(texture(rough))
+    assert math.isnan(found.sdr)
+
+
+def test_an_uneven_row_alone_is_levelled_over_its_own_x():
+    kept = ROWS == 7
+    x = COLUMNS**1.5
+    found = areal_texture(np.dstack([x, ROWS, 3 * x]), kept)
+    assert found.sz == pytest.approx(0, abs=1e-9)
+    assert math.isnan(found.sdr)
+
+
+def on_grid(heights, pitch):
+    return areal_texture(organized_from(heights, pitch))

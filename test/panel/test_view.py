@@ -186,6 +186,12 @@ def test_levelled_heights_have_no_tilt_and_the_outliers_do_not_tilt_them():
     assert re.fullmatch(r'height of kept points \[\w?m\], 0\.5 to 99\.5 %', level.range_sentence)
 
 
+def test_the_plane_of_levelled_heights_is_over_x_and_y_where_these_are_uneven():
+    y, x = np.mgrid[:40, :60].astype(np.float64)
+    level = drawing(xyz := np.dstack([x**1.5, y, 3 * x**1.5 - 2 * y]), masked(xyz), levelled=True)
+    np.testing.assert_allclose(level.heights, 0, atol=1e-9)
+
+
 def test_the_colours_span_99_percent_of_the_kept_points_or_all_of_them():
     y, x = np.mgrid[:100, :100].astype(np.float64)
     xyz = np.dstack([x, y, 100 * x + y])

@@ -15,12 +15,20 @@ from socialcircle_ros.settings import LimitSettings, PipelineSettings
 HEIGHTS = surface()[..., 2]
 
 
-def judge(heights=HEIGHTS, points=200, measured=100, kept=90, **limits):
-    return verdict(LimitSettings(**limits), points=points, measured=measured, kept=kept, heights=heights)
+def judge(heights=HEIGHTS, **limits):
+    """The verdict on a cloud with these heights, of which all are kept."""
+    xyz = np.dstack([*np.mgrid[: heights.shape[0], : heights.shape[1]][::-1], heights])
+    kept = np.isfinite(heights)
+    return verdict(LimitSettings(**limits), xyz, kept, int(kept.sum()))
+
+
+def judge_shares(**limits):
+    """The verdict on 200 points, of which 100 are measured and 90 kept; the cloud itself is not read."""
+    return verdict(LimitSettings(**limits), None, np.arange(200).reshape(10, 20) < 90, 100)
 
 
 def test_without_a_limit_there_is_no_verdict_and_no_cost():
-    assert judge(heights=None) is None
+    assert judge_shares() is None
     found = filter_cloud(cloud()).measurement
     assert found.values.verdict is None
     assert 'limits' not in found.times_ms
@@ -41,7 +49,7 @@ def test_without_a_limit_there_is_no_verdict_and_no_cost():
     ],
 )
 def test_shares_are_held_to_their_limits(limits, reasons):
-    found = judge(heights=None, **limits)
+    found = judge_shares(**limits)
     assert found.passed == (not reasons)
     assert len(found.reasons) == len(reasons)
     assert all(text.startswith(start) for text, start in zip(found.reasons, reasons, strict=True))
@@ -56,6 +64,14 @@ def test_the_texture_of_the_kept_points_is_held_to_its_limits(name, factor, scal
     for end in ('min', 'max'):
         found = judge(heights, **{f'{name}_{end}': value * factor})
         assert found.passed == (factor <= 1 if end == 'min' else factor >= 1)
+
+
+def test_a_tilt_over_an_uneven_x_fails_no_limit():
+    y, x = np.mgrid[:70, :80].astype(float)
+    x **= 1.5
+    xyz = np.dstack([x, y, 0.2 * x + np.random.default_rng(0).normal(0, 0.01, x.shape)])
+    kept = np.ones(x.shape, bool)
+    assert verdict(LimitSettings(sq_max=0.011), xyz, kept, kept.size).passed
 
 
 def test_a_cloud_without_a_texture_fails_limits_of_the_texture():

@@ -31,10 +31,10 @@ def texts(found):
 
 def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
     found = entry()
-    z = surface()[..., 2]
-    kept = z.copy()
-    kept[10, 12], kept[40:45, 50:55] = np.nan, np.nan
-    assert (found.before, found.after) == (areal_texture(z, (1.0, 1.0)), areal_texture(kept, (1.0, 1.0)))
+    xyz = surface()
+    kept = np.ones(xyz.shape[:2], bool)
+    kept[10, 12], kept[40:45, 50:55] = False, False
+    assert (found.before, found.after) == (areal_texture(xyz), areal_texture(xyz, kept))
     shown = texts(found)
     assert shown['measured'] == ['5,594 (99.9 %)']
     assert shown['outliers'] == ['26 (0.46 %)']

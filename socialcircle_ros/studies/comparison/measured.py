@@ -106,7 +106,7 @@ def _found_by_filter(cloud: MeasuredCloud) -> list[tuple[str, Mask]]:
 
 def _row(cloud: MeasuredCloud, name: str, outliers: Mask) -> list[Cell]:
     z = cloud.points[..., 2]
-    before, after = texture(z), texture(np.where(outliers, np.nan, z))
+    before, after = texture(cloud.points), texture(cloud.points, ~outliers)
     measured, removed = int(np.isfinite(z).sum()), int(np.count_nonzero(outliers))
     changes = [after.sa / before.sa - 1, after.sq / before.sq - 1, after.sz / before.sz - 1]
     return [cloud.name, name, measured, removed, removed / measured, *changes]
