@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, HeightMap, Mask, Pitch, measured_points
+from socialcircle_ros.cloud import Cloud, HeightMap, Mask, measured_points
 from socialcircle_ros.lengths import LengthScale, length_scale
 from socialcircle_ros.metrics.deviation import deviation
 from socialcircle_ros.storage import write_file
@@ -191,7 +191,7 @@ class CloudPictures:
             if frame.scale is None:
                 axes.set_xlabel('column')
             else:
-                frame.scale.label_axis(axes.xaxis, 'x')
+                frame.scale.label_axis(axes.xaxis, frame.names[0])
             axes.set_title(
                 f'profile along row {row}, through the worst outlier' if worst else f'profile along row {row}',
                 loc='left',
@@ -251,14 +251,6 @@ class CloudPictures:
             axes.set_title('picture in focus')
 
         return style.picture(*_SIZE, draw)
-
-    @property
-    def pitch(self) -> Pitch | None:
-        """Distance of the columns and of the rows, in the unit of the cloud; None: the cloud is no such grid."""
-        if self._frame.scale is None:
-            return None
-        (left, right, bottom, top), (height, width) = self._frame.extent, self.outliers.shape
-        return abs(right - left) / width, abs(bottom - top) / height
 
     @cached_property
     def _frame(self) -> MapFrame:

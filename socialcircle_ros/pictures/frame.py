@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, HeightMap, Mask
+from socialcircle_ros.cloud import Cloud, Mask, nearest_grid
 from socialcircle_ros.lengths import NOT_KNOWN, LengthScale, length_scale
 
 if TYPE_CHECKING:
@@ -17,6 +16,8 @@ MapExtent = tuple[float, float, float, float]
 """Left, right, bottom and top of a picture in the unit of the cloud; the first row is at the top."""
 
 _MOST_STRETCHED = 6.0  # longer clouds are stretched to this ratio, so that they can be seen
+_STRAIGHT = 0.01  # sine of the turn about z up to which x and y are the axes: lengths differ by less than 0.01 %
+_X_AND_Y = ('x', 'y')
 _BAR_SHARE = 0.25  # of the width: the longest scale bar
 
 
@@ -25,12 +26,14 @@ class MapFrame:
     """The place of a cloud in its pictures.
 
     Attributes:
-        extent: of the picture; in points where the cloud has no x and y that grow along its rows and columns.
-        scale: of x and y; None: the axes count points.
+        extent: of the picture; in points where the cloud has no x and y that tell its rows and columns apart.
+        scale: of the axes; None: they count points.
+        names: of the two axes, if they have a scale.
     """
 
     extent: MapExtent
     scale: LengthScale | None
+    names: tuple[str, str] = _X_AND_Y
 
     @property
     def ratio(self) -> float:
@@ -45,23 +48,23 @@ class MapFrame:
 
     @property
     def is_to_scale(self) -> bool:
-        """Whether x and y are drawn with the same scale."""
+        """Whether both axes are drawn with the same scale."""
         return self.scale is not None and 1 / _MOST_STRETCHED <= self.ratio <= _MOST_STRETCHED
 
     def put_on(self, axes: 'Axes') -> None:
-        """Label the axes, and draw a scale bar where x and y have the same scale."""
+        """Label the axes, and draw a scale bar where both axes have the same scale."""
         if self.scale is None:
             axes.set(xlabel='column', ylabel='row')
         else:
-            self.scale.label_axis(axes.xaxis, 'x')
-            self.scale.label_axis(axes.yaxis, 'y')
+            self.scale.label_axis(axes.xaxis, self.names[0])
+            self.scale.label_axis(axes.yaxis, self.names[1])
         axes.locator_params(nbins=6)
         if self.is_to_scale:
             axes.set_aspect('equal')
             self._draw_bar(axes)
         else:
             axes.set_aspect('auto')
-            write_on_map(axes, 0.02, 0.03, 'x and y not to the same scale', fontsize=6)
+            write_on_map(axes, 0.02, 0.03, 'axes not to the same scale', fontsize=6)
 
     def _draw_bar(self, axes: 'Axes') -> None:
         if self.scale is None:
@@ -85,38 +88,29 @@ def write_on_map(axes: 'Axes', across: float, up: float, text: str, *, fontsize:
 def frame_of(xyz: Cloud, measured: Mask, unit: str | None) -> MapFrame:
     """Find the place of a cloud.
 
+    The axes are x and y where x grows along rows and y along columns. Where the cloud is turned about z, they are
+    the distances along a row and along a column, so that lengths are right. Uneven points have a mean distance.
+
     Args:
         xyz: (H, W, 3).
         measured: (H, W) the measured points.
         unit: of the coordinates; None: not known.
     """
     height, width, _ = xyz.shape
-    x = _edges(np.where(measured, xyz[..., 0], np.nan), axis=0)
-    y = _edges(np.where(measured, xyz[..., 1], np.nan), axis=1)
-    if x is None or y is None:
+    grid = nearest_grid(xyz, measured)
+    pitch = None if grid is None else grid.pitch
+    if grid is None or pitch is None:
         return MapFrame((-0.5, width - 0.5, height - 0.5, -0.5), None)
-    return MapFrame((*x, y[1], y[0]), length_scale([x[1] - x[0], y[1] - y[0]], unit))
-
-
-def _edges(values: HeightMap, axis: int) -> tuple[float, float] | None:
-    """The coordinate at the outer edges of the first and the last column (axis 0) or row (axis 1).
-
-    None if the coordinate does not change from column to column, or from row to row.
-    """
-    some = values[:: max(1, values.shape[0] // 64)] if axis == 0 else values[:, :: max(1, values.shape[1] // 64)]
-    found = np.isfinite(some)
-    counts = found.sum(axis=axis)
-    places = np.flatnonzero(counts)
-    if len(places) < 2:
-        return None
-    sums = np.where(found, some, 0.0).astype(np.float64).sum(axis=axis)
-    means: npt.NDArray[np.float64] = sums[places] / counts[places]
-    pitch, start = np.polyfit(places, means - means[0], 1)
-    # A cloud whose x changes along its columns as much as along its rows is not drawn in its coordinates.
-    if abs(pitch) * (len(counts) - 1) <= 1e-9 * max(1e-300, float(np.abs(means).max())):
-        return None
-    first = float(start + means[0])
-    return first - 0.5 * float(pitch), first + (len(counts) - 0.5) * float(pitch)
+    (column_x, column_y), (row_x, row_y) = grid.column_step, grid.row_step
+    if abs(column_y) <= _STRAIGHT * abs(column_x) and abs(row_x) <= _STRAIGHT * abs(row_y):
+        names, starts, steps = _X_AND_Y, grid.origin, (column_x, row_y)
+    else:
+        names, starts, steps = ('along a row', 'along a column'), (0.0, 0.0), pitch
+    (left, right), (top, bottom) = (
+        (start - 0.5 * step, start + (count - 0.5) * step)
+        for start, step, count in zip(starts, steps, (width, height), strict=True)
+    )
+    return MapFrame((left, right, bottom, top), length_scale([right - left, bottom - top], unit), names)
 
 
 def _round_number(most: float) -> float:

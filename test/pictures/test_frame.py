@@ -29,6 +29,20 @@ def test_the_extent_has_the_points_at_the_middle_of_their_pixels(dx, dy, x):
     assert found.ratio == pytest.approx(abs(9 * dx / (12 * dy)), rel=1e-5)
 
 
+@given(turn=st.floats(-3.2, 3.2), dx=st.sampled_from([0.5, 2.0]), dy=st.sampled_from([0.5, 3.0]))
+def test_a_cloud_turned_about_z_keeps_its_lengths(turn, dx, dy):
+    straight = grid(12, 9, dx, dy, x=40.0)
+    x, y, z = np.moveaxis(straight, 2, 0)
+    turned = np.dstack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn), z])
+    measured = np.random.default_rng(0).random((12, 9)) < 0.7
+    found = frame_of(turned, measured, 'um')
+    left, right, bottom, top = found.extent
+    assert (abs(right - left), abs(bottom - top)) == pytest.approx((9 * dx, 12 * dy), rel=1e-4)
+    if abs(np.sin(turn)) > 0.011:
+        assert found.names == ('along a row', 'along a column')
+        assert (left, top) == pytest.approx((-dx / 2, -dy / 2))
+
+
 @pytest.mark.parametrize('shape', [(1, 9), (9, 1)])
 def test_a_single_row_or_column_is_drawn_in_points(shape):
     found = frame_of(grid(*shape, 0.5, 0.5), np.ones(shape, bool), 'um')
