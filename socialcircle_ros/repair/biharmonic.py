@@ -5,6 +5,8 @@ The smoothest surface is that of least thin-plate energy, which is 0 for a plane
 minimizing rotation-invariant semi-norms in Sobolev spaces, 1977, DOI 10.1007/BFb0086566.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,7 @@ from socialcircle_ros.kernels.compiled import kernel
 
 from .holes import MEASURED, PADDING, UNUSABLE, Holes
 from .profile import Profile, find_profile, height_on
-from .second_differences import DifferenceTables, measured_heights, sum_differences, usual_squared_difference
+from .second_differences import DifferenceTables, measured_heights, sum_differences, usual_squared_differences
 
 _LEAST = 1000
 """Points of holes below which a thread costs more than it saves."""
@@ -23,7 +25,8 @@ _MARGIN = 0.5
 """Filled heights stay within the span of the heights at the rim, widened by this share of it on both sides."""
 
 # The thin-plate energy ∬ z_xx² + 2 z_xy² + z_yy² is a sum of squared differences on the grid. There is one line
-# for each kind of difference, with (row, column, coefficient) of its points. √2 stands for the 2 of z_xy².
+# for each kind of difference, with (row, column, coefficient) of its points. √2 stands for the 2 of z_xy². Where
+# the pitches differ, `_weighted` gives each kind its weight.
 _ROOT = float(np.sqrt(2.0))
 _DIFFERENCES = (
     ((0, 0, 1.0), (0, 1, -2.0), (0, 2, 1.0)),
@@ -57,17 +60,33 @@ def _views() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 _ITEMS, _PRODUCTS = _views()
 
 
-def _stencil() -> NDArray[np.float64]:
-    """The row of the normal matrix of a point if its 12 neighbours all have heights."""
-    factors = np.zeros(len(_AROUND))
-    np.add.at(factors, _ITEMS, _PRODUCTS)
-    return factors
+class _Energy(NamedTuple):
+    """The thin-plate energy on a grid of some pitches."""
+
+    products: NDArray[np.float64]
+    """(10, 4), see `_views`."""
+
+    stencil: NDArray[np.float64]
+    """(13,): the row of the normal matrix of a point if its 12 neighbours all have heights."""
 
 
-_STENCIL = _stencil()
+def _weighted(ratio: float) -> _Energy:
+    """The energy times dx · dy, for dy/dx = `ratio`.
+
+    z_xx² is a squared difference over dx⁴, z_yy² one over dy⁴ and z_xy² one over dx² · dy²: times dx² · dy², which
+    changes no solution, the weights are (dy/dx)², (dx/dy)² and 1.
+    """
+    weights = (ratio**2, ratio**-2, 1.0)
+    of_view = [weight for weight, points in zip(weights, _DIFFERENCES, strict=True) for _ in points]
+    products = _PRODUCTS * np.array(of_view)[:, np.newaxis]
+    stencil = np.zeros(len(_AROUND))
+    np.add.at(stencil, _ITEMS, products)
+    return _Energy(products, stencil)
 
 
-def biharmonic_heights(z: Floats, unknowns: NDArray[np.int32], holes: Holes) -> NDArray[np.float64]:
+def biharmonic_heights(
+    z: Floats, unknowns: NDArray[np.int32], holes: Holes, ratio: float = 1.0
+) -> NDArray[np.float64]:
     """Find the heights of least thin-plate energy, one hole at a time.
 
     A difference that needs a point that is neither measured nor in the hole is left out of the energy. The normal
@@ -75,12 +94,14 @@ def biharmonic_heights(z: Floats, unknowns: NDArray[np.int32], holes: Holes) -> 
     because each unknown is between two measured points in its row or its column.
 
     A step or a groove through the hole would become a ramp with ringing. The equations are linear: therefore the
-    profile from `find_profile` is subtracted from the heights before, and added to the solution.
+    profile from `find_profile` is subtracted from the heights before, and added to the solution. Its directions
+    and distances count points, whatever the pitches: a straight step is straight in points, too.
 
     Args:
         z: (H, W) heights.
         unknowns: padded map of the unknowns, from `number_points`.
         holes: (N, 2) points, in M holes.
+        ratio: distance of the rows over that of the columns.
 
     Returns:
         Heights (N,) in the unit of z, NaN for a point that is not an unknown.
@@ -90,11 +111,12 @@ def biharmonic_heights(z: Floats, unknowns: NDArray[np.int32], holes: Holes) -> 
     if count == 0:
         return heights
     measured = measured_heights(z, unknowns)
-    tables = sum_differences(measured, usual_squared_difference(measured))
+    tables = sum_differences(measured, usual_squared_differences(measured, ratio == 1.0))
+    energy = _weighted(ratio)
 
     def solve(some: slice) -> None:
         part = Holes(holes.points, holes.starts[some.start : some.stop + 1])
-        _solve_holes(measured, tables, unknowns, part, heights)
+        _solve_holes(measured, tables, energy, unknowns, part, heights)
 
     in_bands(solve, count, len(holes.points) // count + 1, _LEAST)
     return heights
@@ -104,6 +126,7 @@ def biharmonic_heights(z: Floats, unknowns: NDArray[np.int32], holes: Holes) -> 
 def _solve_holes(
     measured: Floats,
     tables: DifferenceTables,
+    energy: _Energy,
     unknowns: NDArray[np.int32],
     holes: Holes,
     heights: NDArray[np.float64],
@@ -132,7 +155,7 @@ def _solve_holes(
         matrix = matrix_memory[: size * (band + 1)].reshape(size, band + 1)
         surface = surface_memory[:size]
         profile = find_profile(measured, tables, points, first, last)
-        _assemble(measured, profile, unknowns, points, first, matrix, surface)
+        _assemble(measured, profile, energy, unknowns, points, first, matrix, surface)
         _factorize(matrix)
         _solve(matrix, surface)
         for own in range(size):
@@ -189,6 +212,7 @@ def _ring(
 def _assemble(
     measured: Floats,
     profile: Profile,
+    energy: _Energy,
     unknowns: NDArray[np.int32],
     points: NDArray[np.int32],
     first: int,
@@ -200,6 +224,7 @@ def _assemble(
     Args:
         measured: padded heights.
         profile: through the hole.
+        energy: of the grid.
         unknowns: padded map of the unknowns.
         points: (N, 2), rows and columns of the points of all holes.
         first: where the n points of the hole start.
@@ -222,9 +247,9 @@ def _assemble(
             is_own_hole = first <= other < first + size
             others[item] = other - first if is_own_hole else MEASURED if other == MEASURED else UNUSABLE
             all_usable &= others[item] != UNUSABLE
-            factors[item] = _STENCIL[item]
+            factors[item] = energy.stencil[item]
         if not all_usable:
-            _drop_unusable(others, factors)
+            _drop_unusable(energy.products, others, factors)
         for item in range(len(_AROUND)):
             if others[item] == MEASURED:
                 r, c = row + _AROUND[item, 0], column + _AROUND[item, 1]
@@ -234,10 +259,11 @@ def _assemble(
 
 
 @kernel
-def _drop_unusable(others: NDArray[np.int64], factors: NDArray[np.float64]) -> None:
+def _drop_unusable(products: NDArray[np.float64], others: NDArray[np.int64], factors: NDArray[np.float64]) -> None:
     """Write the row of the normal matrix of a point, without the differences that need an unusable point.
 
     Args:
+        products: (10, 4), of the energy.
         others: (13,), the points in `_AROUND`: number in the hole, MEASURED or UNUSABLE.
         factors: (13,), overwritten by their coefficients.
     """
@@ -248,7 +274,7 @@ def _drop_unusable(others: NDArray[np.int64], factors: NDArray[np.float64]) -> N
             complete &= others[_ITEMS[view, place]] != UNUSABLE
         if complete:
             for place in range(4):
-                factors[_ITEMS[view, place]] += _PRODUCTS[view, place]
+                factors[_ITEMS[view, place]] += products[view, place]
 
 
 @kernel

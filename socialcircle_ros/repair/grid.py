@@ -20,8 +20,8 @@ def fill_points(
     """Write the chosen points to the cloud; the other points of the holes become NaN.
 
     x and y are kept if both are finite. Otherwise they are interpolated linearly between the two rims in the row,
-    and between the two in the column. Where both pairs of rims exist, the weights are 1/gap², as for the heights
-    of a spline.
+    and between the two in the column. Where both pairs of rims exist, the weights are 1/gap², with gaps in points:
+    on a regular grid both pairs give the same place.
 
     Args:
         xyz: (H, W, 3), updated.

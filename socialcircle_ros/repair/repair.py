@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask, measured_points, organized
+from socialcircle_ros.cloud import Cloud, Mask, measured_points, nearest_grid, organized
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.settings import RepairSettings
 
@@ -14,6 +14,9 @@ from .biharmonic import biharmonic_heights
 from .grid import fill_points
 from .holes import choose_points, find_holes, find_rims, number_points
 from .spline import spline_heights
+
+_LARGEST_RATIO = 16.0
+"""Of the pitches; with much larger ones rounding would decide on the heights along the longer one."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +43,10 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
     - it has a rim on at least `sides` of its four sides;
     - the heights next to the hole differ by no more than `heights_agree`.
 
-    Its height is found by `method`. Its x and y are kept if both are finite; otherwise they are interpolated
-    linearly between the rims.
+    Its height is found by `method`, for the pitches of the nearest regular grid along rows and along columns. They
+    count as equal where x and y do not tell them, and one as at most 16 times the other. The size of a hole and
+    its rims are counted in points, whatever the pitches. x and y are kept if both are finite; otherwise they are
+    interpolated linearly between the rims.
 
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
@@ -69,11 +74,23 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
     rims = find_rims(found, mask, measured, settings.largest)
     inner, chosen = choose_points(found, rims, measured, z, settings.sides, settings.heights_agree)
     unknowns = number_points(found.points, inner, measured)
+    ratio = _ratio_of_pitches(cloud, measured)
     if settings.method == 'spline':
-        heights = spline_heights(z, unknowns, rims)
+        heights = spline_heights(z, unknowns, rims, ratio)
     else:
-        heights = biharmonic_heights(z, unknowns, found)
+        heights = biharmonic_heights(z, unknowns, found, ratio)
     filled_xyz = cloud.copy()
     filled = np.zeros(mask.shape, np.bool_)
     fill_points(filled_xyz, filled, found.points, rims, chosen, heights)
     return RepairResult(filled_xyz, filled)
+
+
+def _ratio_of_pitches(cloud: Cloud, measured: Mask) -> float:
+    """Distance of the rows over that of the columns; 1 where it is not known."""
+    grid = nearest_grid(cloud, measured)
+    pitch = None if grid is None else grid.pitch
+    if pitch is None:
+        return 1.0
+    # Rounded, so that the rounding of coordinates changes no height, and equal pitches are equal.
+    larger = min(float(f'{max(pitch) / min(pitch):.4g}'), _LARGEST_RATIO)
+    return larger if pitch[1] > pitch[0] else 1 / larger

@@ -56,26 +56,37 @@ def measured_heights(z: Floats, unknowns: NDArray[np.int32]) -> Floats:
 
 
 @kernel
-def usual_squared_difference(heights: Floats) -> float:
-    """Estimate the mean squared second difference along rows and columns, from the median: steps do not change it.
+def usual_squared_differences(heights: Floats, equal_pitches: bool) -> tuple[float, float]:
+    """Estimate the mean squared second difference, from the median: steps do not change it.
 
     Args:
         heights: padded, from `measured_heights`.
+        equal_pitches: whether points are as far apart along rows as along columns. Otherwise the differences of
+            one surface are larger in one direction, which is no step: each direction then has its own.
 
     Returns:
-        The mean square, in the squared unit of the heights; 0 where nothing is measured.
+        The mean squares along rows and along columns, in the squared unit of the heights; 0 where nothing is
+        measured.
     """
     height, width = heights.shape
     stride = max(1, int(np.sqrt(height * width / _SAMPLES)))
-    squares = np.empty(2 * (height // stride + 1) * (width // stride + 1))
+    squares = np.empty((2, (height // stride + 1) * (width // stride + 1)))
+    squares[:] = np.nan
     count = 0
     for row in range(PADDING, height - PADDING, stride):
         for column in range(PADDING, width - PADDING, stride):
-            for square in squared_differences(heights, row, column):
-                if not np.isnan(square):
-                    squares[count] = square
-                    count += 1
-    return np.median(squares[:count]) / _MEDIAN_OF_SQUARES if count > 0 else 0.0
+            squares[0, count], squares[1, count] = squared_differences(heights, row, column)
+            count += 1
+    if equal_pitches:
+        both = _mean_square(squares.ravel())
+        return both, both
+    return _mean_square(squares[0]), _mean_square(squares[1])
+
+
+@kernel
+def _mean_square(squares: NDArray[np.float64]) -> float:
+    known = squares[~np.isnan(squares)]
+    return np.median(known) / _MEDIAN_OF_SQUARES if len(known) > 0 else 0.0
 
 
 @kernel
@@ -88,25 +99,26 @@ def squared_differences(heights: Floats, row: int, column: int) -> tuple[float, 
 
 
 @kernel
-def sum_differences(heights: Floats, usual: float) -> DifferenceTables:
+def sum_differences(heights: Floats, usual: tuple[float, float]) -> DifferenceTables:
     """Make the summed-area tables of the squared second differences.
 
     Args:
         heights: padded, from `measured_heights`.
-        usual: from `usual_squared_difference`.
+        usual: from `usual_squared_differences`.
 
     Returns:
         The tables. The differences are limited, so that a spike does not make rounding hide the others.
     """
     height, width = heights.shape[0] - 2 * PADDING, heights.shape[1] - 2 * PADDING
     sums, counts = np.zeros((height + 1, width + 1)), np.zeros((height + 1, width + 1))
-    scale = 1.0 / usual if usual > 0 else np.inf
+    scale_along = 1.0 / usual[0] if usual[0] > 0 else np.inf
+    scale_across = 1.0 / usual[1] if usual[1] > 0 else np.inf
     line, numbers = np.empty(width), np.empty(width)
     for row in range(height):
         for column in range(width):
             along, across = squared_differences(heights, row + PADDING, column + PADDING)
-            line[column] = (min(along * scale, _LARGEST) if along > 0 else 0.0) + (
-                min(across * scale, _LARGEST) if across > 0 else 0.0
+            line[column] = (min(along * scale_along, _LARGEST) if along > 0 else 0.0) + (
+                min(across * scale_across, _LARGEST) if across > 0 else 0.0
             )
             numbers[column] = (1.0 if along >= 0 else 0.0) + (1.0 if across >= 0 else 0.0)
         total, number = 0.0, 0.0

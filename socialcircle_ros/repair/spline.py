@@ -10,8 +10,12 @@ from socialcircle_ros.kernels.compiled import kernel
 from .holes import MEASURED, PADDING
 
 
-def spline_heights(z: Floats, unknowns: NDArray[np.int32], rims: NDArray[np.int32]) -> NDArray[np.float64]:
+def spline_heights(
+    z: Floats, unknowns: NDArray[np.int32], rims: NDArray[np.int32], ratio: float = 1.0
+) -> NDArray[np.float64]:
     """Interpolate along rows and along columns, and average the two with the weights 1/gap².
+
+    A gap is a length: in a column its points count `ratio` times.
 
     The cubic B-spline through all measured points of a line is the interpolating cubic spline of that line, here
     with natural ends. It is evaluated only between two rims of a hole; outside it oscillates strongly.
@@ -20,6 +24,7 @@ def spline_heights(z: Floats, unknowns: NDArray[np.int32], rims: NDArray[np.int3
         z: (H, W) heights.
         unknowns: padded map of the unknowns, from `number_points`.
         rims: (N, 4) distances to the rims, from `find_rims`.
+        ratio: distance of the rows over that of the columns.
 
     Returns:
         Heights (N,) in the unit of z, NaN for a point that is not an unknown.
@@ -27,8 +32,8 @@ def spline_heights(z: Floats, unknowns: NDArray[np.int32], rims: NDArray[np.int3
     unknowns = unknowns[PADDING:-PADDING, PADDING:-PADDING]
     total = np.zeros(len(rims))
     weights = np.zeros(len(rims))
-    _add_lines(z, unknowns, rims[:, :2], total, weights)
-    _add_lines(z.T, unknowns.T, rims[:, 2:], total, weights)
+    _add_lines(z, unknowns, rims[:, :2], 1.0, total, weights)
+    _add_lines(z.T, unknowns.T, rims[:, 2:], ratio, total, weights)
     heights = np.full(len(rims), np.nan)
     np.divide(total, weights, out=heights, where=weights > 0)
     return heights
@@ -39,6 +44,7 @@ def _add_lines(
     z: Floats,
     unknowns: NDArray[np.int32],
     rims: NDArray[np.int32],
+    pitch: float,
     total: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> None:
@@ -82,6 +88,6 @@ def _add_lines(
             after = (column - place[knot]) / gap
             before = 1.0 - after
             bend = (before**3 - before) * curvature[knot] + (after**3 - after) * curvature[knot + 1]
-            weight = 1.0 / (gap * gap)
+            weight = 1.0 / ((pitch * gap) * (pitch * gap))
             total[unknown] += weight * (before * value[knot] + after * value[knot + 1] + bend * gap * gap / 6.0)
             weights[unknown] += weight

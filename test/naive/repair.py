@@ -8,6 +8,7 @@ DIFFERENCES = [
     [((0, 0), 1), ((1, 0), -2), ((2, 0), 1)],
     [((0, 0), 2**0.5), ((0, 1), -(2**0.5)), ((1, 0), -(2**0.5)), ((1, 1), 2**0.5)],
 ]
+ALONG, ACROSS = (0, 1), (1, 0)
 SIDES = [(0, -1), (0, 1), (-1, 0), (1, 0)]
 
 
@@ -73,36 +74,56 @@ def chosen_points(xyz, mask, largest, sides, heights_agree):
     return chosen
 
 
+def ratio_of_pitches(xyz, measured):
+    """Distance of the rows over that of the columns, rounded and limited; 1 where x and y do not tell it."""
+    places = np.array(sorted(measured)).reshape(-1, 2)
+    if len(places) < 2 or np.linalg.matrix_rank(places - places.mean(axis=0)) < 2:
+        return 1.0
+    terms = np.column_stack([places, np.ones(len(places))])
+    at = np.array([xyz[r, c, :2] for r, c in places], float)
+    row_step, column_step, _ = np.linalg.lstsq(terms, at, rcond=None)[0]
+    dx, dy = np.linalg.norm(column_step), np.linalg.norm(row_step)
+    larger = min(float(f'{max(dx, dy) / min(dx, dy):.4g}'), 16)
+    return larger if dy > dx else 1 / larger
+
+
 def biharmonic(xyz, mask):
     """Heights of all inner points by (row, column)."""
     measured = measured_heights(xyz, mask)
-    usual = np.median(list(squared_differences(measured, measured)) or [0]) / 0.4549
+    ratio = ratio_of_pitches(xyz, measured)
+    usual = [usual_square(measured, steps) for steps in ([ALONG, ACROSS],) * 2]
+    if ratio != 1:
+        usual = [usual_square(measured, [step]) for step in (ALONG, ACROSS)]
     heights = {}
     for hole in find_holes(mask):
         inside = set(hole)
         inner = [p for p in hole if is_inner(rims(p, inside, measured))]
         if inner:
-            heights.update(fill(hole, inner, measured, usual))
+            heights.update(fill(hole, inner, measured, usual, ratio))
     return heights
 
 
-def fill(hole, inner, measured, usual):
+def fill(hole, inner, measured, usual, ratio):
     around = [(r + i, c + j) for r, c in inner for i in range(-2, 3) for j in range(-2, 3) if abs(i) + abs(j) <= 2]
     ring = [measured[p] for p in around if p in measured]
     profile = find_profile(hole, measured, usual)
     number = {point: item for item, point in enumerate(inner)}
     smooth = solve(
-        inner, number, {point: measured[point] - profile(point) for point in around if point in measured}
+        inner, number, {point: measured[point] - profile(point) for point in around if point in measured}, ratio
     )
     surface = [height + profile(point) for point, height in zip(inner, smooth, strict=True)]
     margin = (max(ring) - min(ring)) / 2
     return dict(zip(inner, np.clip(surface, min(ring) - margin, max(ring) + margin), strict=True))
 
 
-def squared_differences(points, measured):
-    """Squared second differences along rows and columns with the middle in one of the points."""
+def usual_square(measured, steps):
+    return np.median(list(squared_differences(measured, measured, steps)) or [0]) / 0.4549
+
+
+def squared_differences(points, measured, steps):
+    """Squared second differences along the steps with the middle in one of the points."""
     for r, c in points:
-        for i, j in [(0, 1), (1, 0)]:
+        for i, j in steps:
             ends = (r - i, c - j), (r + i, c + j)
             if (r, c) in measured and all(end in measured for end in ends):
                 yield (measured[ends[0]] - 2 * measured[r, c] + measured[ends[1]]) ** 2
@@ -114,8 +135,11 @@ def find_profile(hole, measured, usual):
     bottom, right = np.max(hole, axis=0) + 4
     box = [(r, c) for r in range(top, bottom + 1) for c in range(left, right + 1)]
     points = [point for point in box if point in measured]
-    squares = list(squared_differences(box, measured))
-    multiples = [min(square / usual, 1e4) if usual else 1e4 * (square > 0) for square in squares]
+    squares, multiples = [], []
+    for step, mean in zip((ALONG, ACROSS), usual, strict=True):
+        found = list(squared_differences(box, measured, [step]))
+        squares += found
+        multiples += [min(square / mean, 1e4) if mean else 1e4 * (square > 0) for square in found]
     if not squares or np.mean(multiples) <= 1 + 6 / np.sqrt(len(squares)):
         return lambda point: 0.0
     heights = np.array([measured[point] for point in points])
@@ -166,20 +190,20 @@ def regression(points, heights, angle):
     )
 
 
-def differences(inner, number, measured):
+def differences(inner, number, measured, ratio):
     """All differences with at least one unknown and no unusable point, as (point, factor)."""
     corners = {(r - i, c - j) for r, c in inner for i in range(3) for j in range(3)}
     for r, c in sorted(corners):
-        for difference in DIFFERENCES:
-            places = [((r + i, c + j), factor) for (i, j), factor in difference]
+        for difference, weight in zip(DIFFERENCES, [ratio, 1 / ratio, 1.0], strict=True):
+            places = [((r + i, c + j), weight * factor) for (i, j), factor in difference]
             if any(p in number for p, _ in places) and all(p in number or p in measured for p, _ in places):
                 yield places
 
 
-def solve(inner, number, measured):
+def solve(inner, number, measured, ratio):
     """Least-squares solution of all differences."""
     lines, right = [], []
-    for places in differences(inner, number, measured):
+    for places in differences(inner, number, measured, ratio):
         line = np.zeros(len(inner))
         for p, factor in places:
             if p in number:
@@ -208,6 +232,7 @@ def natural_spline(knots, values, at):
 def spline(xyz, mask):
     """Heights of all inner points by (row, column)."""
     measured = measured_heights(xyz, mask)
+    ratio = ratio_of_pitches(xyz, measured)
     heights = {}
     for hole in find_holes(mask):
         inside = set(hole)
@@ -221,7 +246,7 @@ def spline(xyz, mask):
             if above and below:
                 knots = [r for r in range(mask.shape[0]) if (r, column) in measured]
                 values.append(natural_spline(knots, [measured[r, column] for r in knots], row))
-                weights.append(1 / (above + below) ** 2)
+                weights.append(1 / (ratio * (above + below)) ** 2)
             if values:
                 heights[row, column] = np.average(values, weights=weights)
     return heights

@@ -32,7 +32,7 @@ def scattered_and_clustered(height, width, seed, scattered=0.05, clustered=0.038
     return mask
 
 
-def cloud(z, dtype=np.float64):
-    """Heights on a grid with a pitch of 1.25 by 0.75."""
+def cloud(z, dtype=np.float64, pitch=(1.25, 0.75)):
+    """Heights on a grid with a pitch along rows and one along columns."""
     rows, columns = np.mgrid[: z.shape[0], : z.shape[1]]
-    return np.dstack([columns * 1.25, rows * 0.75, z]).astype(dtype)
+    return np.dstack([columns * pitch[0], rows * pitch[1], z]).astype(dtype)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Accuracy of the two methods on fractal roughness with a step of 8 units and 8.4 % holes."""
+"""Accuracy of the two methods: on fractal roughness with a step of 8 units and 8.4 % holes, and with any pitch."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from socialcircle_ros.settings import RepairSettings
 
 def errors(method, z, holes, near_step):
     """RMSE of all filled heights, and of those near the step."""
-    result = repair_holes(cloud(z), holes, RepairSettings(method=method))
+    result = repair_holes(cloud(z, pitch=(0.5, 0.5)), holes, RepairSettings(method=method))
     squared = (result.xyz[..., 2] - z) ** 2
     return tuple(float(np.sqrt(squared[result.filled & part].mean())) for part in (True, near_step))
 
@@ -60,3 +60,18 @@ def test_error_on_roughness_as_high_as_the_flank_is_no_larger_than_that_of_the_s
     everywhere, at_step = np.mean(ratios, axis=0)
     assert everywhere <= 0.95
     assert at_step <= 1.0
+
+
+@pytest.mark.parametrize('pitch', [(1.0, 1.0), (1.0, 4.0), (4.0, 1.0), (1e-6, 4e-6)])
+@pytest.mark.parametrize('turn', [0.0, 1.0])
+def test_a_smooth_surface_is_filled_as_well_with_different_pitches_as_with_equal_ones(pitch, turn):
+    rows, columns = np.mgrid[:60, :60]
+    along, down = columns * pitch[0], rows * pitch[1]
+    wave = 25 * min(pitch)
+    z = 3 * np.sin(along / wave) + 3 * np.cos(down / wave)
+    x, y = along * np.cos(turn) - down * np.sin(turn), along * np.sin(turn) + down * np.cos(turn)
+    hole = np.zeros(z.shape, bool)
+    hole[25:35, 25:35] = True
+    result = repair_holes(np.dstack([x, y, z]), hole)
+    assert result.filled[hole].all()
+    assert np.sqrt(np.mean((result.xyz[hole][:, 2] - z[hole]) ** 2)) < 0.0005

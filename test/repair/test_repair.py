@@ -42,7 +42,8 @@ def clouds_with_flanks(draw):
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     z = 4.0 * np.tanh(side / blur) + random.normal(0, draw(st.sampled_from([0.1, 1.0])), side.shape)
     holes = random.random(side.shape) < draw(st.sampled_from([0.02, 0.1, 0.3]))
-    return cloud(z, draw(st.sampled_from([np.float32, np.float64]))), holes
+    pitch = draw(st.sampled_from([(1.25, 0.75), (2.0, 2.0), (1.0, 5.0), (3.0, 0.1)]))
+    return cloud(z, draw(st.sampled_from([np.float32, np.float64])), pitch), holes
 
 
 @given(
