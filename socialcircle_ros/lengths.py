@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .digits import decimal_text, exponent_of, fixed_text, power_of_ten, without_zeros
 from .errors import SettingError
 
 if TYPE_CHECKING:
@@ -35,11 +36,10 @@ _SPELLINGS = {
 }
 
 _PREFIXES = {0: 'm', -3: 'mm', -6: 'µm', -9: 'nm', -12: 'pm'}
+_DIGITS = 4  # of the largest length of a series
 _DIGITS_OF_A_RANGE = 6
-_LEAST_DIGITS = 2  # of a value that is much smaller than the largest of its series
 _SAME = 6  # digits: values closer than that to the next prefix take it
 _WHOLE = 1e-9  # relative deviation of a whole number of units in a metre
-_SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
 def known_unit(text: str | None) -> str | None:
@@ -110,11 +110,13 @@ class LengthScale:
 
     def number(self, value: float) -> str:
         """A length without its unit; – for NaN. A small value has more decimals, so that it does not become 0."""
-        shown = float(value) * self.factor
-        if not math.isfinite(shown):
-            return '–' if math.isnan(shown) else ('−∞' if shown < 0 else '∞')
-        decimals = self.decimals if shown == 0 else max(self.decimals, _LEAST_DIGITS - 1 - _exponent(shown))
-        return _fixed(shown, decimals)
+        return decimal_text(float(value) * self.factor, self.decimals)
+
+    def decimals_of(self, values: ArrayLike) -> int:
+        """The decimals that show some lengths of the series, such as those of one column, with four digits."""
+        lengths = np.abs(np.asarray(values, np.float64)) * self.factor
+        largest = float(lengths.max(where=np.isfinite(lengths), initial=0.0))
+        return max(0, _DIGITS - 1 - exponent_of(largest, _SAME)) if largest else self.decimals
 
     def text(self, value: float) -> str:
         """A length with its unit, such as 12.4 µm."""
@@ -130,13 +132,13 @@ class LengthScale:
         def tick(value: float, _: float) -> str:
             """One tick, with the decimals that tell it from its neighbours."""
             steps = np.diff(np.unique(np.asarray(axis.get_majorticklocs(), np.float64))) * self.factor
-            return _fixed(value * self.factor, _decimals_of_step(float(steps.min()) if steps.size else 1.0))
+            return fixed_text(value * self.factor, _decimals_of_step(float(steps.min()) if steps.size else 1.0))
 
         axis.set_major_formatter(tick)
         axis.set_label_text(self.label(quantity))
 
 
-def length_scale(values: ArrayLike, unit: str | None, *, digits: int = 4) -> LengthScale:
+def length_scale(values: ArrayLike, unit: str | None, *, digits: int = _DIGITS) -> LengthScale:
     """Choose the prefix for a series of lengths: that of its largest value.
 
     Args:
@@ -148,7 +150,7 @@ def length_scale(values: ArrayLike, unit: str | None, *, digits: int = 4) -> Len
     largest = float(lengths.max(where=np.isfinite(lengths), initial=0.0))
     known = known_unit(unit)
     metres = largest * (METRES[known] if known else 1.0)
-    exponent = _exponent(metres, _SAME) if metres else 0
+    exponent = exponent_of(metres, _SAME) if metres else 0
     thousands = exponent // 3 * 3
     if known:
         power = min(max(thousands, min(_PREFIXES)), 0) if metres else _power_of(known)
@@ -156,7 +158,7 @@ def length_scale(values: ArrayLike, unit: str | None, *, digits: int = 4) -> Len
     else:
         # An unknown unit has no prefix: a power of ten keeps numbers short, where they would not be.
         power = 0 if -2 <= exponent < 5 else thousands
-        ten = '' if power == 0 else f'10{str(power).translate(_SUPERSCRIPTS)}'
+        ten = '' if power == 0 else power_of_ten(power)
         name = f'{ten} {unit}'.strip() if unit else '; '.join(filter(None, (ten, NOT_KNOWN)))
     factor = (METRES[known] if known else 1.0) * 10.0**-power
     return LengthScale(factor, name, max(0, digits - 1 - (exponent - power)))
@@ -173,18 +175,14 @@ def length_text(value: float, unit: str | None, *, digits: int = 3) -> str:
     if known_unit(unit) is None:
         return f'{value:.{digits}g} {_after_number(unit or NOT_KNOWN)}'.replace('-', '−')
     scale = length_scale(_rounded(value, digits), unit, digits=digits)
-    number = scale.number(value)
-    if '.' in number:
-        number = number.rstrip('0').rstrip('.')
-    return f'{number} {_after_number(scale.name)}'
+    return f'{without_zeros(scale.number(value))} {_after_number(scale.name)}'
 
 
 def range_text(low: float, high: float, unit: str | None, *, separator: str = ' to ') -> str:
     """A range of lengths for a person, with one prefix, such as −482.018 to 347.481 nm; without trailing zeros."""
     rounded = [_rounded(each, _DIGITS_OF_A_RANGE) for each in (low, high)]
     scale = length_scale(rounded, unit, digits=_DIGITS_OF_A_RANGE)
-    texts = (scale.number(each) for each in rounded)
-    numbers = (text.rstrip('0').rstrip('.') if '.' in text else text for text in texts)
+    numbers = (without_zeros(scale.number(each)) for each in rounded)
     return f'{separator.join(numbers)} {_after_number(scale.name)}'
 
 
@@ -201,11 +199,6 @@ def _rounded(value: float, digits: int) -> float:
     return float(f'{value:.{digits - 1}e}')
 
 
-def _exponent(value: float, digits: int = 15) -> int:
-    """The power of ten of the first digit, after rounding to some digits."""
-    return int(f'{value:.{digits - 1}e}'.partition('e')[2])
-
-
 def _decimals_of_step(step: float) -> int:
     """The decimals that write a step of ticks, such as 2 for 0.25."""
     if not 0 < step < math.inf:
@@ -213,11 +206,3 @@ def _decimals_of_step(step: float) -> int:
     digits = f'{_rounded(step, 3):.2e}'
     mantissa = digits.partition('e')[0].rstrip('0')
     return max(0, len(mantissa) - 2 - int(digits.partition('e')[2]))
-
-
-def _fixed(value: float, decimals: int) -> str:
-    """A number with decimals and a true minus sign; no negative zero."""
-    text = f'{value:.{max(0, decimals)}f}'
-    if float(text) == 0:
-        text = text.lstrip('-')
-    return text.replace('-', '−')

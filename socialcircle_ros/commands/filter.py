@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from socialcircle_ros.digits import share_text
+
 from .options import (
     parameter_options,
     parameter_values,
@@ -168,7 +170,7 @@ def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, not
     from socialcircle_ros.recording.offline import with_found_parameters
 
     stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
-    share = f' ({100 * found.outliers / found.measured:.2f} %)' if found.measured else ''
+    share = f' ({share_text(found.outliers / found.measured)})' if found.measured else ''
     if summary.clouds:
         click.echo(
             f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {found.outliers} of {found.measured} measured'

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import click
 
+from socialcircle_ros.digits import share_text
+
 from .options import (
     parameter_options,
     parameter_values,
@@ -70,7 +72,7 @@ def command(
         report = make_report(recording, output, settings, topics=topics, progress=progress)
     click.echo(
         f'{quantity(len(report.entries), "measurement")}, {report.outliers} of {report.measured} measured points'
-        f' are outliers ({100 * report.outliers / report.measured:.2f} %).'
+        f' are outliers ({share_text(report.outliers / report.measured)}).'
     )
     warned = sum(bool(entry.warnings) for entry in report.entries)
     if warned:
@@ -101,4 +103,7 @@ def _compare(
         compared = make_comparison(
             recording, output, (files[0].name, first), (files[1].name, second), topics=topics, progress=progress
         )
+    warned = sum(bool(cloud.warnings) for cloud in compared)
+    if warned:
+        click.echo(f'{quantity(warned, "measurement")} with warnings: see the page.', err=True)
     click.echo(f'{quantity(len(compared), "measurement")} compared. Next: open {shell_words(output)}')

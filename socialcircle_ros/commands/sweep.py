@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from socialcircle_ros.digits import share_text
+
 from .options import (
     parameter_options,
     parameter_values,
@@ -117,7 +119,7 @@ def command(
         note = ', as given' if trial is result.given else ''
         click.echo(
             f'Candidate {number}{note}: {in_words(trial.values)}: {score} {trial.score:.4f}, removes'
-            f' {100 * trial.removed:.2f} %.'
+            f' {share_text(trial.removed)}.'
         )
     if decision.winner is None:
         click.echo(f'No verdict. {decision.reason}')

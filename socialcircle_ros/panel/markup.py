@@ -8,6 +8,7 @@ from contextlib import suppress
 from html import escape as html_escape
 from pathlib import Path
 
+from socialcircle_ros.digits import share_text
 from socialcircle_ros.errors import printable
 from socialcircle_ros.focus import FocusCurve
 from socialcircle_ros.interface import STAGE_TIME, MeasurementValues
@@ -129,7 +130,7 @@ def measurement(shown: ShownCloud | None) -> str:
     numbers, status = shown.numbers, shown.measurement
     if numbers is None:
         return note('The measurement cannot be read. Check that node and page have the same version.', bad=True)
-    share = f'{100 * numbers.outliers / numbers.measured:.2f} %' if numbers.measured else '–'
+    share = share_text(numbers.outliers / numbers.measured) if numbers.measured else '–'
     counts = {'kept': f'{numbers.kept:,}', 'outliers': f'{numbers.outliers:,}', 'of measured': share}
     big = ''.join(f'<div>{title}<b>{count}</b></div>' for title, count in counts.items())
     said = note(status.message, bad=True) if status.level else ''
@@ -244,7 +245,7 @@ def region(numbers: RegionNumbers, unit: str | None) -> str:
         unit: of the lengths; None: it is not known.
     """
     row, column, height, width = numbers.place
-    share = f' ({100 * numbers.outliers / numbers.measured:.2f} %)' if numbers.measured else ''
+    share = f' ({share_text(numbers.outliers / numbers.measured)})' if numbers.measured else ''
     counts = {
         'points': f'{numbers.points:,}',
         'measured': f'{numbers.measured:,}',

@@ -13,6 +13,7 @@ import numpy as np
 
 from socialcircle_ros.circle import CircleResult, remove_outliers
 from socialcircle_ros.cloud import Cloud, Mask, measured_only
+from socialcircle_ros.digits import share_text
 from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import (
     FAILED,
@@ -60,6 +61,7 @@ class Measurement:
         times_ms: time of each stage in ms, in the order of the stages, and `total`.
         failures: the outputs that could not be made or emitted, and why; the others were.
         notes: the sentences of `message` on points that count as not measured.
+        warnings: the sentences of `message` that a person should look at.
     """
 
     level: int
@@ -70,6 +72,7 @@ class Measurement:
     times_ms: Mapping[str, float]
     failures: Mapping[NodeTopic, Exception]
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     def status(self, *, timed: bool) -> diagnostics.Status:
         """The measurement as a message; without times it is the same for the same cloud and settings."""
@@ -181,19 +184,7 @@ def process_cloud(
     judged = _judged(settings.limits, result, xyz, outputs.measured, stopwatch)
     take_kept(xyz, result.inliers)
     stopwatch.times_ms['total'] = sum(stopwatch.times_ms.values())
-    values = MeasurementValues(
-        stamp=f'{cloud.header.seconds}.{cloud.header.nanoseconds:09d}',
-        points=outputs.points,
-        measured=outputs.measured,
-        kept=outputs.measured - outputs.outliers,
-        outliers=outputs.outliers,
-        repaired=outputs.filled,
-        seed_row=result.seed[0],
-        seed_column=result.seed[1],
-        radius=result.radius,
-        stack_depth_of_field=depth_of_field,
-        **judged,
-    )
+    values = outputs.values(depth_of_field, judged)
     return Measurement(
         *_sentences(values, result, outputs.failures),
         frame_id=cloud.header.frame_id,
@@ -201,7 +192,8 @@ def process_cloud(
         settings={name: str(value) for name, value in circle.to_ros().items()},
         times_ms=stopwatch.times_ms,
         failures=outputs.failures,
-        notes=tuple(_as_sentence(note) for note in result.notes),
+        notes=tuple(map(_as_sentence, result.notes)),
+        warnings=tuple(map(_as_sentence, result.warnings)),
     )
 
 
@@ -218,6 +210,28 @@ class _Outputs:
         self.measured = self.outliers + int(np.count_nonzero(result.inliers))
         self.filled = 0
         self.failures: dict[NodeTopic, Exception] = {}
+
+    def values(self, depth_of_field: float | None, judged: Mapping[str, str]) -> MeasurementValues:
+        """The counts, seed and radius, once all outputs are made.
+
+        Args:
+            depth_of_field: of the stack, as `process_cloud` takes it.
+            judged: verdict and reason.
+        """
+        header = self._cloud.header
+        return MeasurementValues(
+            stamp=f'{header.seconds}.{header.nanoseconds:09d}',
+            points=self.points,
+            measured=self.measured,
+            kept=self.measured - self.outliers,
+            outliers=self.outliers,
+            repaired=self.filled,
+            seed_row=self._result.seed[0],
+            seed_column=self._result.seed[1],
+            radius=self._result.radius,
+            stack_depth_of_field=depth_of_field,
+            **judged,
+        )
 
     def attempt(self, topic: NodeTopic, emit: Callable[[], None]) -> None:
         """Make and emit an output, or note why it is missing."""
@@ -279,7 +293,7 @@ def _sentences(
 ) -> tuple[int, str]:
     """Level and sentences of a measurement."""
     share = values.outliers / values.measured
-    message = f'{values.outliers} of {values.measured} measured points are outliers ({100 * share:.2f} %).'
+    message = f'{values.outliers} of {values.measured} measured points are outliers ({share_text(share)}).'
     level = diagnostics.OK
     for note in result.notes:
         message += f' {_as_sentence(note)}'

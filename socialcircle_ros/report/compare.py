@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask, measured_only
+from socialcircle_ros.digits import share_text
 from socialcircle_ros.errors import RecordingError, SettingError, SocialCircleError
 from socialcircle_ros.kernels.ordered import in_order
 from socialcircle_ros.messages.image import KEPT, NOT_MEASURED, OUTLIER
@@ -28,8 +29,8 @@ from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.settings.effects import has_effect
 from socialcircle_ros.storage import check_place, folder_of_results, lies_in, write_file
 
-from .content import Cell, Column, Picture, Pictures, Section, Table
-from .entry import length_with_unit, mask_of, value_text
+from .content import Cell, Column, Item, Picture, Pictures, Section, Table, refusal_text
+from .entry import mask_of, shown_name, texture_text, value_text
 from .page import check_page_name, environment, render
 
 _MAKE_CLOUDS = ('focus.', 'stack.')
@@ -40,7 +41,7 @@ class ComparedCloud:
     """What two settings did to one cloud.
 
     Attributes:
-        name: topic and number of the cloud.
+        name: topic and number of the cloud, or the name of its file.
         unit: of its lengths; None: not known.
         removed: number of removed points with the first and with the second setting.
         only: number of points that only the first, and only the second setting removed.
@@ -48,6 +49,7 @@ class ComparedCloud:
         textures: of the kept points with each setting.
         scores: against the truth with each setting; None where the truth is not known.
         pictures: the cloud, what each setting keeps, and where they differ.
+        warnings: of the results, with the setting that each is of.
     """
 
     name: str
@@ -58,16 +60,17 @@ class ComparedCloud:
     textures: tuple[Texture, Texture]
     scores: tuple[Scores, Scores] | None
     pictures: Sequence[Pictures]
+    warnings: Sequence[str]
 
     def section(self, names: tuple[str, str]) -> Section:
         """The section of the cloud on the page."""
         rows: list[list[Cell]] = [
-            ['outliers', *(f'{count:,} ({100 * count / self.measured:.2f} %)' for count in self.removed)],
+            ['outliers', *(f'{count:,} ({share_text(count / self.measured)})' for count in self.removed)],
             ['removed by this setting only', *(f'{count:,}' for count in self.only)],
         ]
         for key in ('Sa', 'Sq', 'Sz'):
             values = (float(getattr(each, key.lower())) for each in self.textures)
-            rows.append([key, *(length_with_unit(value, self.unit, digits=4) for value in values)])
+            rows.append([key, *(texture_text(value, self.unit) for value in values)])
         if self.scores is not None:
             one, other = self.scores
             rows += [
@@ -77,7 +80,8 @@ class ComparedCloud:
             ]
         columns = [Column(''), *map(Column, names)]
         anchor = f'compared {self.name}'.replace(' ', '-').replace('/', '-')
-        return Section(self.name, items=[*self.pictures, Table('', '', columns, rows)], anchor=anchor)
+        items: list[Item] = [*self.pictures, Table('', '', columns, rows)]
+        return Section(self.name, items=items, warnings=self.warnings, anchor=anchor)
 
 
 def make_comparison(
@@ -163,15 +167,18 @@ def _compared(
         def compare(item: NamedCloud | Refusal) -> ComparedCloud | Refusal:
             if isinstance(item, Refusal):
                 return item
-            cloud = item.cloud
+            name, cloud = shown_name(reader.path, item.name), item.cloud
             try:
-                masks = [mask_of(filter_cloud(cloud.points, each, cloud.depth_of_field)) for each in settings]
+                first, second = (filter_cloud(cloud.points, each, cloud.depth_of_field) for each in settings)
             except SocialCircleError as error:
-                return Refusal(f'{item.name}: {error}')
+                return Refusal(f'{name}: {error}')
             truth = truths(cloud.namespace, cloud.points)
             scored = None if truth is None else (truth.outlier, truth.counted)
             unit = 'm' if cloud.image is not None else unit_of(reader, cloud.topic)
-            return _compared_cloud(item.name, cloud.points, unit, (masks[0], masks[1]), scored)
+            warnings = [cloud.warning] if cloud.warning else []
+            for label, result in (('A', first), ('B', second)):
+                warnings += [f'{label}: {warning}' for warning in result.measurement.warnings]
+            return _compared_cloud(name, cloud.points, unit, (mask_of(first), mask_of(second)), scored, warnings)
 
         yield from in_order(compare, named_clouds(reader, settings[0], topics=topics, progress=progress))
 
@@ -182,6 +189,7 @@ def _compared_cloud(
     unit: str | None,
     masks: tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]],
     truth: tuple[Mask, Mask] | None,
+    warnings: Sequence[str],
 ) -> ComparedCloud:
     whole = PointCloud.decode(points).xyz()
     # What one setting alone takes for a mark of what is not measured is no height of that setting.
@@ -204,6 +212,7 @@ def _compared_cloud(
         textures=(texture(whole, masks[0] == KEPT), texture(whole, masks[1] == KEPT)),
         scores=None if truth is None else (score(found[0], *truth), score(found[1], *truth)),
         pictures=rows,
+        warnings=warnings,
     )
 
 
@@ -241,7 +250,10 @@ def _page(
                 Table('settings', 'Settings that differ', columns, rows),
                 Table('all', '', all_columns, clouds),
             ],
-            warnings=[f'Refused, {count} times: {reason}' for reason, count in refused.items()],
+            warnings=[
+                *(refusal_text(reason, count) for reason, count in refused.items()),
+                *(f'{cloud.name}: {warning}' for cloud in compared for warning in cloud.warnings),
+            ],
         ),
         *(cloud.section(labels) for cloud in compared),
     ]

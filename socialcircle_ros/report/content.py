@@ -5,12 +5,17 @@ import base64
 import csv
 import io
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from socialcircle_ros.digits import decimal_text, share_text
+
 Cell = str | int | float | None
 """A value of a table; None where it does not apply."""
+
+_DECIMALS = re.compile(r'(?P<sign>\+?)\.(?P<decimals>\d+)(?P<kind>[f%])')
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,7 @@ class Column:
 
     Attributes:
         name: its heading.
-        form: format specification of its numbers.
+        form: format specification of its numbers. Shares and decimals keep true digits, as `digits` writes them.
         wraps: whether its texts may be broken into lines.
     """
 
@@ -146,7 +151,21 @@ class Section:
         return [item for item in self.items if isinstance(item, Picture)]
 
 
+def refusal_text(reason: str, count: int) -> str:
+    """A warning of clouds or frames that were refused for one reason."""
+    return f'Refused{f", {count} times" if count > 1 else ""}: {reason}'
+
+
 def _text(cell: Cell, form: str) -> str:
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return '–'
-    return cell if isinstance(cell, str) else f'{cell:{form}}'.replace('%', ' %')
+    if isinstance(cell, str):
+        return cell
+    found = _DECIMALS.fullmatch(form)
+    if found is None:
+        return f'{cell:{form}}'.replace('-', '−')
+    decimals = int(found['decimals'])
+    signed = bool(found['sign'])
+    if found['kind'] == '%':
+        return share_text(cell, decimals, signed=signed)
+    return f'{"+" if signed and cell > 0 else ""}{decimal_text(cell, decimals)}'

@@ -4,14 +4,16 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Mask, measured_only
+from socialcircle_ros.digits import number_text, share_text
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.interface import FAILED, MASK, REPAIRED, MeasurementValues
-from socialcircle_ros.lengths import LengthScale, length_text
+from socialcircle_ros.lengths import LengthScale, length_scale, length_text
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import FIRST_DATE
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER, decode_mono8
@@ -20,6 +22,7 @@ from socialcircle_ros.metrics.areal import FILTERS, ArealTexture, areal_texture
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pictures.drawings import CloudPictures, WorstOutlier
 from socialcircle_ros.pipeline.clouds import CloudOutputs
+from socialcircle_ros.recording.any_file import is_measurement_file
 from socialcircle_ros.recording.offline import SourceCloud
 from socialcircle_ros.settings import PARAMETERS
 from socialcircle_ros.settings.effects import has_effect
@@ -47,6 +50,7 @@ class ReportEntry:
         after: texture of the kept points.
         worst: the outlier farthest from the surface; None if there is no outlier.
         scores: scores against the truth; None where the truth is not known.
+        notes: sentences on points that count as not measured.
         warnings: one sentence each.
         pictures: pictures of the cloud, row by row.
     """
@@ -63,6 +67,7 @@ class ReportEntry:
     after: ArealTexture
     worst: WorstOutlier | None
     scores: Scores | None
+    notes: Sequence[str]
     warnings: Sequence[str]
     pictures: Sequence[Pictures]
 
@@ -81,6 +86,7 @@ class ReportEntry:
         stamp = date_text(self.stamp)
         return Section(
             f'{self.name}, {stamp}' if stamp else self.name,
+            self.notes,
             items=[*self._banner(), *self.pictures, *self._stack_pictures(), Beside(list(self._tables()))],
             warnings=self.warnings,
             anchor=self.anchor,
@@ -95,7 +101,7 @@ class ReportEntry:
         counts = self.measurement
 
         def length(value: float) -> Cell:
-            return value * lengths.factor if lengths else length_with_unit(value, self.unit)
+            return value * lengths.factor if lengths else texture_text(value, self.unit)
 
         return [
             self.name,
@@ -125,9 +131,9 @@ class ReportEntry:
             yield self.stack.table
         columns = [Column(''), Column('before'), Column('after'), Column('change', '+.1%')]
         yield Table('', 'Texture by ISO 25178-2', columns, list(self._textures()), note=f'{FILTERS}.')
-        yield Table('', 'Settings with an effect', _NAME_AND_VALUE, list(self._settings()))
+        yield Table('', 'What the filter used', _NAME_AND_VALUE, list(self._used()))
 
-    def _settings(self) -> Iterator[list[Cell]]:
+    def _used(self) -> Iterator[list[Cell]]:
         values = {name: text for name, text in self.circle.items() if name in PARAMETERS}
         for name, text in values.items():
             if has_effect(name, values):
@@ -140,8 +146,8 @@ class ReportEntry:
     def _counts(self) -> Iterator[list[Cell]]:
         found = self.measurement
         yield ['points', f'{found.points:,}']
-        yield ['measured', f'{found.measured:,} ({100 * found.measured / found.points:.1f} %)']
-        yield ['outliers', f'{found.outliers:,} ({100 * found.outliers / found.measured:.2f} %)']
+        yield ['measured', f'{found.measured:,} ({share_text(found.measured / found.points, 1)})']
+        yield ['outliers', f'{found.outliers:,} ({share_text(found.outliers / found.measured)})']
         yield ['kept', f'{found.kept:,}']
         if self.is_repaired:
             yield ['repaired', f'{found.repaired:,}']
@@ -150,8 +156,8 @@ class ReportEntry:
             yield ['worst outlier', over]
             yield ['at row, column', f'{self.worst.row}, {self.worst.column}']
         if self.scores is not None:
-            yield ['precision', _percent(self.scores.precision)]
-            yield ['recall', _percent(self.scores.recall)]
+            yield ['precision', share_text(self.scores.precision, 1)]
+            yield ['recall', share_text(self.scores.recall, 1)]
         if self.unit is None:
             yield ['unit of lengths', 'not known']
         yield ['time', f'{self.times_ms["total"]:.1f} ms']
@@ -160,11 +166,20 @@ class ReportEntry:
         both = self.before, self.after
         for name in ('Sa', 'Sq', 'Sz'):
             old, new = (float(getattr(each, name.lower())) for each in both)
-            shown = [length_with_unit(value, self.unit, digits=4) for value in (old, new)]
-            yield [name, *shown, new / old - 1 if old else None]
+            yield [name, *(texture_text(value, self.unit) for value in (old, new)), new / old - 1 if old else None]
         for name in ('Ssk', 'Sku'):
-            yield [name, *(_number(getattr(each, name.lower())) for each in both), None]
-        yield ['Sdr', *(_percent(each.sdr) for each in both), None]
+            yield [name, *(number_text(getattr(each, name.lower())) for each in both), None]
+        # Where the surface is flat, the share is far below what two decimals show.
+        shares = (number_text(100 * each.sdr) for each in both)
+        yield ['Sdr', *(share if share == '–' else f'{share} %' for share in shares), None]
+
+
+def shown_name(recording: Path, name: str) -> str:
+    """The name of a cloud on a page: that of its file, or its topic and number in a recording.
+
+    A measurement file is read through a recording with one topic, whose name says nothing.
+    """
+    return recording.name if is_measurement_file(recording) else name
 
 
 def anchor_of(name: str) -> str:
@@ -202,8 +217,7 @@ def make_entry(
     measurement = result.measurement.values
     circle = result.measurement.settings
     warnings = [source.warning] if source is not None and source.warning else []
-    if result.measurement.level == diagnostics.WARN:
-        warnings.append(result.measurement.message)
+    warnings += result.measurement.warnings
     if recorded is not None:
         warnings += _differences(recorded.values, measurement, circle)
     return ReportEntry(
@@ -219,6 +233,7 @@ def make_entry(
         after=areal_texture(drawn.xyz, ~drawn.outliers),
         worst=drawn.worst,
         scores=None if truth is None else score(drawn.outliers, *truth),
+        notes=result.measurement.notes,
         warnings=warnings,
         pictures=_pictures(drawn, result.messages.get(REPAIRED), truth),
     )
@@ -234,7 +249,7 @@ def value_text(name: str, value: str, unit: str | None) -> str:
     """
     parameter = PARAMETERS[name]
     if parameter.empty is not None and value == str(parameter.empty):
-        return 'automatic' if parameter.group == 'circle' else 'none'
+        return parameter.empty_text
     if not value:
         return 'none'
     if parameter.unit in ('cloud', 'm'):
@@ -302,12 +317,13 @@ def length_with_unit(value: float, unit: str | None, *, digits: int = 3) -> str:
     """A length with its unit; a number alone where no unit is known, which the tables say once."""
     if not np.isfinite(value):
         return '–'
-    return f'{value:.{digits}g}'.replace('-', '−') if unit is None else length_text(value, unit, digits=digits)
+    if unit is None:
+        return number_text(value, digits, padded=False)
+    return length_text(value, unit, digits=digits)
 
 
-def _number(value: float) -> str:
-    return '–' if np.isnan(value) else f'{value:.3g}'.replace('-', '−')
-
-
-def _percent(share: float) -> str:
-    return '–' if np.isnan(share) else f'{_number(100 * share)} %'
+def texture_text(value: float, unit: str | None) -> str:
+    """A measured length with four digits, and its unit where it is known."""
+    if not np.isfinite(value):
+        return '–'
+    return number_text(value, 4) if unit is None else length_scale([value], unit).text(value)

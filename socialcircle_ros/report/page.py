@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Render sections as one HTML page that embeds its pictures, for the screen and for paper."""
 
+import html
+import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -13,6 +15,7 @@ from .content import Section
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+_CODE = re.compile('`([^`]+)`')
 _SUFFIXES = ('.html', '.htm')
 
 
@@ -59,9 +62,17 @@ def environment() -> 'Environment':
     """
     try:
         from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - an extra
+        from markupsafe import Markup  # noqa: PLC0415 - comes with Jinja2
     except ImportError:
         raise SocialCircleError(f'Pages need Jinja2: {install_command("pictures")}.') from None
-    return Environment(
+    found = Environment(
         loader=PackageLoader(__package__), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
+    found.filters['sentence'] = lambda text: Markup(sentence_in_html(text))  # noqa: S704 - it is escaped
+    return found
+
+
+def sentence_in_html(text: str) -> str:
+    """A sentence for a person as HTML, escaped, with what stands between backticks in the type of a command."""
+    return _CODE.sub(r'<code>\1</code>', html.escape(text))

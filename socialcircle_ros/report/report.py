@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
+from socialcircle_ros.digits import share_text
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.kernels.machine import hardware
 from socialcircle_ros.kernels.ordered import in_order
@@ -26,17 +27,19 @@ from socialcircle_ros.settings import PARAMETERS, OutputSettings, PipelineSettin
 from socialcircle_ros.settings.effects import has_effect
 from socialcircle_ros.storage import check_place, folder_of_results, lies_in, write_file
 
-from .content import Banner, Cell, Column, Section, Table
-from .entry import ReportEntry, make_entry, value_text
+from .content import Banner, Cell, Column, Section, Table, refusal_text
+from .entry import ReportEntry, make_entry, shown_name, value_text
 from .page import check_page_name, environment, render
 
 _READING = (
     'Sa, Sq, Sz, Ssk, Sku and Sdr follow ISO 25178-2; S-filter: none, F-operation: least squares plane, L-filter:'
     ' none. Before and after have the same colours, from the kept heights without their outer 1 %; the difference'
-    ' spans as many colours. An outlier is measured from the mean of the kept points next to it. Maps of large'
-    ' clouds are thinned; outliers are always drawn. Kept points are unchanged. Times are those of {hardware},'
-    ' with several clouds filtered at once.'
+    ' has colours of its own, from the heights of the outliers over the surface. An outlier is measured from the'
+    ' mean of the kept points next to it. Maps of large clouds are thinned; outliers are always drawn, in the'
+    ' difference a little larger than they are. Kept points are unchanged. Times are those of {hardware}{busy}.'
 )
+_BUSY = ', with several clouds filtered at once'
+_PREVIEW = 'stack.preview'
 _MOST_REASONS = 12  # in the verdict; the pages of the measurements have all
 
 
@@ -136,8 +139,8 @@ def make_report(
                 if isinstance(found, Refusal):
                     refused[found.reason] += 1
                 elif is_measurement_file(recording):
-                    # The recording that it is read through gives it a topic and a stamp, which say nothing.
-                    entries.append(replace(found, name=recording.name, stamp=0))
+                    # The recording that it is read through gives it a stamp, which says nothing.
+                    entries.append(replace(found, stamp=0))
                 else:
                     entries.append(found)
             damage = reader.damage
@@ -168,7 +171,7 @@ def _entries(
             return Refusal(str(error))
         truth = truths(cloud.namespace, cloud.points)
         return make_entry(
-            item.name,
+            shown_name(reader.path, item.name),
             cloud.points,
             result,
             unit='m' if cloud.image is not None else unit_of(reader, cloud.topic),
@@ -216,7 +219,7 @@ def report_page(
     introduction = [
         f'{quantity}, filtered with socialcircle_ros {version}; report of {now:%Y-%m-%d %H:%M} UTC.',
     ]
-    warnings = [f'Refused{f", {count} times" if count > 1 else ""}: {reason}' for reason, count in refused.items()]
+    warnings = [refusal_text(reason, count) for reason, count in refused.items()]
     warnings += [damage] if damage else []
     warnings += [f'{entry.name}: {warning}' for entry in entries for warning in entry.warnings]
     summary = Section(
@@ -228,7 +231,8 @@ def report_page(
         ],
         warnings=warnings,
     )
-    reading = Section('How to read it', [_READING.format(hardware=hardware())])
+    busy = _BUSY if len(entries) > 1 else ''
+    reading = Section('How to read it', [_READING.format(hardware=hardware(), busy=busy)])
     return render(
         f'Measurements of {name}', introduction, [summary, reading, *(each.section() for each in entries)]
     )
@@ -244,7 +248,7 @@ def verdict_banner(entries: Sequence[ReportEntry], refused: int) -> Banner:
     measured, outliers = (
         sum(getattr(entry.measurement, field) for entry in entries) for field in ('measured', 'outliers')
     )
-    found = f'{outliers:,} of {measured:,} measured points are outliers ({100 * outliers / measured:.2f} %).'
+    found = f'{outliers:,} of {measured:,} measured points are outliers ({share_text(outliers / measured)}).'
     judged = [entry for entry in entries if entry.measurement.verdict is not None]
     failed = [entry for entry in judged if entry.failed]
     if not judged:
@@ -268,13 +272,16 @@ def measurements_table(entries: Sequence[ReportEntry]) -> Table:
     """Tabulate all measurements, with links to their pages."""
     units = {entry.unit for entry in entries}
     unit = next(iter(units))
-    textures = [value for entry in entries for value in (entry.after.sa, entry.after.sq, entry.after.sz)]
+    after = [entry.after for entry in entries]
+    textures = [[getattr(each, name) for each in after] for name in ('sa', 'sq', 'sz')]
     lengths = length_scale(textures, unit) if len(units) == 1 else None
-    form = f'.{lengths.decimals}f' if lengths else ''
-    headings = [lengths.label(name) if lengths and unit else name for name in ('Sa', 'Sq', 'Sz')]
+    of_lengths = [
+        Column(lengths.label(name), f'.{lengths.decimals_of(values)}f') if lengths else Column(name)
+        for name, values in zip(('Sa', 'Sq', 'Sz'), textures, strict=True)
+    ]
     columns = [
         Column('measurement'), Column('stamp', wraps=False), Column('verdict'), Column('measured', '.1%'),
-        Column('outliers', ',d'), Column('share', '.2%'), *(Column(name, form) for name in headings),
+        Column('outliers', ',d'), Column('share', '.2%'), *of_lengths,
         Column('warnings', 'd'),
     ]  # fmt: skip
     note = 'Sa, Sq and Sz are those of the kept points.'
@@ -285,7 +292,10 @@ def measurements_table(entries: Sequence[ReportEntry]) -> Table:
 
 
 def settings_table(settings: PipelineSettings, entries: Sequence[ReportEntry]) -> Table:
-    """Tabulate the settings that have an effect on these measurements, with their units."""
+    """Tabulate the settings that have an effect on these measurements, with their units.
+
+    Previews are clouds of unfinished stacks, which a report does not show.
+    """
     values = settings.to_ros()
     groups = {'circle', 'repair', *(('focus', 'stack') if any(entry.stack for entry in entries) else ())}
     units = {entry.unit for entry in entries}
@@ -294,7 +304,8 @@ def settings_table(settings: PipelineSettings, entries: Sequence[ReportEntry]) -
     for name, value in values.items():
         parameter = PARAMETERS[name]
         is_limit = parameter.group == 'limits' and value != parameter.empty
-        if is_limit or (parameter.group in groups and has_effect(name, values)):
+        acts = parameter.group in groups and has_effect(name, values) and name != _PREVIEW
+        if is_limit or acts:
             shown = [value_text(name, _text(each), unit) for each in (value, parameter.default)]
             rows.append([name, *shown, 'changed' if value != parameter.default else ''])
     columns = [Column('parameter'), Column('value'), Column('default'), Column('')]

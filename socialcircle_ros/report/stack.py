@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from socialcircle_ros.digits import share_text
 from socialcircle_ros.focus import TRUSTED_QUALITY
 from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.point_cloud import PointCloud
@@ -68,7 +69,7 @@ def _rows(source: SourceCloud, points: int, trusted: float) -> Iterator[list[Cel
     yield ['step of the focus measure', f'{source.focus_step} pixels']
     if source.drift is not None:
         yield ['sideways drift', f'{source.drift:.1f} pixels']
-    yield [f'quality of at least {TRUSTED_QUALITY}', f'{100 * trusted:.1f} % of the pixels']
+    yield [f'quality of at least {TRUSTED_QUALITY}', f'{share_text(trusted, 1)} of the pixels']
     if source.registered is not None:
         yield [
             'registered',
@@ -76,4 +77,4 @@ def _rows(source: SourceCloud, points: int, trusted: float) -> Iterator[list[Cel
         ]
     for reason, count in source.reasons.items():
         if count:
-            yield [_SENTENCES.get(reason, reason), f'{count:,} ({100 * count / points:.1f} %)']
+            yield [_SENTENCES.get(reason, reason), f'{count:,} ({share_text(count / points, 1)})']

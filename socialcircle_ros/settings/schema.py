@@ -104,6 +104,11 @@ class Parameter:
         return f'{self.group}.{self.field}' if self.group else self.field
 
     @property
+    def empty_text(self) -> str:
+        """What `empty` means, in one word."""
+        return 'automatic' if self.group == 'circle' else 'none'
+
+    @property
     def allowed(self) -> str:
         """The allowed values, in words."""
         limits = self.limits

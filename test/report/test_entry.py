@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from examples import MARKS, NAN, cloud, marked, surface
 
+from socialcircle_ros.digits import number_text
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.point_cloud import encode_point_cloud
@@ -39,7 +40,7 @@ def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
     assert shown['measured'] == ['5,594 (99.9 %)']
     assert shown['outliers'] == ['26 (0.46 %)']
     assert shown['kept'] == ['5,568']
-    assert shown['Sz'][:2] == [f'{found.before.sz:.4g}', f'{found.after.sz:.4g}']
+    assert shown['Sz'][:2] == [number_text(each.sz, 4) for each in (found.before, found.after)]
     assert shown['circle.radius_scale'] == ['1.0']
     assert 'circle.depth_of_field' not in shown  # has no effect in this mode
     assert found.row(None)[:6] == ['/points 0', '1.000 s', '–', 5594 / 5600, 26, 26 / 5594]
@@ -108,6 +109,23 @@ def test_warnings_of_the_filter_are_shown():
         for warning in entry(circle=CircleSettings(mode='paper', radius_scale=0.3)).warnings
     )
     assert not entry().warnings
+
+
+def test_warnings_do_not_repeat_the_counts_and_stay_where_limits_fail():
+    settings = PipelineSettings(
+        circle=CircleSettings(mode='paper', radius_scale=0.3), limits=LimitSettings(outlier_share_max=0.001)
+    )
+    found = make_entry('/points 0', cloud(), filter_cloud(cloud(), settings))
+    assert found.failed
+    assert len(found.warnings) == 1
+    assert found.warnings[0].startswith('The outliers are more than half of the points')
+
+
+def test_what_counts_as_not_measured_is_told_and_no_warning():
+    found = entry(encode_point_cloud(Header(1, 0, 'm'), marked(MARKS['the origin'])))
+    assert len(found.section().text) == 1
+    assert 'not measured' in found.section().text[0]
+    assert not found.warnings
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.report.content import Banner, Beside, Column, Picture, Pictures, Section, Table
-from socialcircle_ros.report.page import check_page_name, render
+from socialcircle_ros.report.page import check_page_name, render, sentence_in_html
 
 TABLE = Table(
     'numbers',
@@ -24,6 +24,18 @@ TABLE = Table(
 
 def test_cells_are_formatted_by_their_columns():
     assert TABLE.texts() == [['a, "b" & <c>', '12.3 %', '–'], ['d', '–', '7']]
+
+
+def test_numbers_have_a_true_minus_and_true_digits():
+    columns = [Column('', '+.1%'), Column('', '.2f'), Column('', '+.3f'), Column('', ',d')]
+    assert Table('', '', columns, [[-0.00001, 0.0012, 1.5, -3]]).texts() == [
+        ['−0.0010 %', '0.0012', '+1.500', '−3']
+    ]
+
+
+def test_a_command_in_a_sentence_has_its_own_type_and_the_rest_is_escaped():
+    assert sentence_in_html('try `a <b>` & go') == 'try <code>a &lt;b&gt;</code> &amp; go'
+    assert '<li>try <code>this</code></li>' in render('', [], [Section('One', warnings=['try `this`'])])
 
 
 def test_csv_has_numbers_at_full_precision():

@@ -12,7 +12,7 @@ from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.recording import RecordingWriter, ros_topic
 from socialcircle_ros.report.entry import make_entry
-from socialcircle_ros.report.report import report_page, settings_table, verdict_banner
+from socialcircle_ros.report.report import measurements_table, report_page, settings_table, verdict_banner
 from socialcircle_ros.settings import CircleSettings, LimitSettings, PipelineSettings
 from socialcircle_ros.settings.files import read_parameter_file
 
@@ -107,6 +107,30 @@ def test_settings_with_an_effect_are_shown_and_changed_ones_marked():
         adaptive = settings_table(PipelineSettings(circle=CircleSettings(judge=judge)), [])
         shown = ['circle.depth_of_field', 'circle.lesson', 'circle.not_measured']
         assert [row[0] for row in adaptive.rows] == ['circle.mode', 'circle.judge', *provider, *shown]
+
+
+def test_previews_of_unfinished_stacks_are_no_setting_of_a_report(tmp_path):
+    bags = Path(__file__).parents[2] / 'bags'
+    settings = PipelineSettings.from_ros(read_parameter_file(bags / 'stack.yaml', 'social_circle'))
+    report = socialcircle_ros.make_report(bags / 'stack.mcap', tmp_path / 'stack.html', settings)
+    names = [row[0] for row in settings_table(settings, report.entries).rows]
+    assert 'stack.frames' in names
+    assert 'stack.preview' not in names
+
+
+def test_times_are_those_of_several_clouds_only_where_there_are_several():
+    entry = make_entry('/points 0', cloud(), filter_cloud(cloud()))
+    for entries, told in (([entry], False), ([entry, entry], True)):
+        page = report_page('night', entries, PipelineSettings(), {}, None)
+        assert ('several clouds filtered at once' in page) == told
+
+
+def test_lengths_have_the_digits_of_their_column():
+    entry = make_entry('/points 0', cloud(), filter_cloud(cloud()), unit='um')
+    table = measurements_table([entry])
+    shown = {column.name: text for column, text in zip(table.columns, table.texts()[0], strict=True)}
+    sa = next(text for name, text in shown.items() if name.startswith('Sa ['))
+    assert len(sa.replace('.', '').lstrip('0')) == 4
 
 
 def test_the_verdict_counts_what_failed_and_names_it():

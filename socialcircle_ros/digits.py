@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers as a person reads them: true digits, a true minus sign, and no 0 or 100 % that is none.
+
+Lengths, which have units, are those of `lengths`.
+"""
+
+import math
+
+LEAST_DIGITS = 2
+"""Significant digits of a value for which the decimals of its series are too few."""
+
+_PLAIN = range(-5, 6)  # exponents of numbers that are written without a power of ten
+_SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
+
+
+def fixed_text(value: float, decimals: int) -> str:
+    """A number with decimals and a true minus sign; no negative zero."""
+    text = f'{value:.{max(0, decimals)}f}'
+    if float(text) == 0:
+        text = text.lstrip('-')
+    return text.replace('-', '−')
+
+
+def decimal_text(value: float, decimals: int) -> str:
+    """A number with decimals, and more of them where it would become 0; – for NaN."""
+    if not math.isfinite(value):
+        return _not_finite(value)
+    return fixed_text(value, decimals if value == 0 else max(decimals, _least_decimals(value)))
+
+
+def number_text(value: float, digits: int = 3, *, padded: bool = True) -> str:
+    """A number with significant digits, such as 0.0254, 13,117 or 2.50 × 10⁻⁷; – for NaN.
+
+    Args:
+        value: the number.
+        digits: significant digits; whole digits are all shown.
+        padded: whether zeros at the end of the decimals stay, as of a measured value.
+    """
+    if not math.isfinite(value):
+        return _not_finite(value)
+    if value == 0:
+        return '0'
+    exponent = exponent_of(value, digits)
+    if exponent in _PLAIN:
+        text, power = f'{value:,.{max(0, digits - 1 - exponent)}f}', ''
+    else:
+        text, power = f'{value:.{digits - 1}e}'.partition('e')[0], f' × {power_of_ten(exponent)}'
+    if not padded:
+        text = without_zeros(text)
+    return f'{text}{power}'.replace('-', '−')
+
+
+def without_zeros(text: str) -> str:
+    """A number without zeros at the end of its decimals."""
+    return text.rstrip('0').rstrip('.') if '.' in text else text
+
+
+def share_text(share: float, decimals: int = 2, *, signed: bool = False) -> str:
+    """A share of a whole as percent, such as 4.96 %; – for NaN.
+
+    Only nothing is 0 %, and only all is 100 %: a share that would round to them has more decimals.
+
+    Args:
+        share: such as 0.0496.
+        decimals: of the percent, where they suffice.
+        signed: whether a positive share has a sign, as a change has.
+    """
+    percent = 100 * share
+    if not math.isfinite(percent):
+        return _not_finite(percent)
+    if percent == 0 or abs(percent) == 100:
+        decimals = 0
+    for end in (0, 100):
+        gap = abs(abs(percent) - end)
+        if gap and float(f'{gap:.{decimals}f}') == 0:
+            decimals = _least_decimals(gap)
+    sign = '+' if signed and percent > 0 else ''
+    return f'{sign}{fixed_text(percent, decimals)} %'
+
+
+def size_text(rows: int, columns: int) -> str:
+    """The size of a cloud or an image, such as 480 rows × 640 columns: other programs name the columns first."""
+    return f'{rows} rows × {columns} columns'
+
+
+def exponent_of(value: float, digits: int = 15) -> int:
+    """The power of ten of the first digit, after rounding to some digits."""
+    return int(f'{value:.{digits - 1}e}'.partition('e')[2])
+
+
+def power_of_ten(exponent: int) -> str:
+    """A power of ten, such as 10⁻⁶."""
+    return f'10{str(exponent).translate(_SUPERSCRIPTS)}'
+
+
+def _least_decimals(value: float) -> int:
+    return LEAST_DIGITS - 1 - exponent_of(value)
+
+
+def _not_finite(value: float) -> str:
+    return '–' if math.isnan(value) else ('−∞' if value < 0 else '∞')
