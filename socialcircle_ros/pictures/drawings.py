@@ -19,17 +19,19 @@ from socialcircle_ros.storage import write_file
 
 from . import style
 from .frame import MapFrame, frame_of
-from .thinning import any_in_tile, over_tiles, thinned
+from .ranges import deviation_range, height_range
+from .thinning import any_in_tile, grown, over_tiles, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
 _SIZE = (4.4, 3.2)  # of a map in inches, with its axes and its colour bar
 _WIDE = (8.96, 2.1)  # of a profile
 _PIXELS = 640  # along the longer side of a map: about one per dot of the picture
-_PERCENTILES = (0.5, 99.5)  # of the kept heights: the range of the colours
+_TILES_SEEN = 200  # along the longer side of a map: of more, a single one is hardly seen
 _BINS = 120
 _BEYOND = 1.0  # colour ranges that the histogram extends on each side
 
@@ -79,15 +81,8 @@ class CloudPictures:
         """The heights of the first and the last colour: the kept heights without their outer 1 %."""
         if self.colours is not None:
             return self.colours
-        few = thinned(self.heights, _PIXELS)
-        kept = few[np.isfinite(few) & ~thinned(self.outliers, _PIXELS)]
-        if not kept.size:
-            kept = few[np.isfinite(few)]
-        if not kept.size:
-            return 0.0, 1.0
-        # In double precision, because differences of heights near the limits of float32 overflow.
-        low, high = np.percentile(kept.astype(np.float64), _PERCENTILES)
-        return (float(low), float(high)) if high > low else (float(low) - 0.5, float(low) + 0.5)
+        heights, outliers = thinned(self.heights, _PIXELS), thinned(self.outliers, _PIXELS)
+        return height_range(heights, outliers, self.pitch[0] if self.pitch else 1.0)
 
     @cached_property
     def deviations(self) -> npt.NDArray[np.float64]:
@@ -131,21 +126,20 @@ class CloudPictures:
 
     def difference(self) -> bytes:
         """What the filter changed: kept points gray, outliers by their height over the surface round them."""
-        span = self.colour_range[1] - self.colour_range[0]
         far = np.where(self.outliers, self.deviations, -np.inf)
         near = np.where(self.outliers, self.deviations, np.inf)
         highest, lowest = over_tiles(np.maximum, far, _PIXELS), over_tiles(np.minimum, near, _PIXELS)
         shown = np.where(np.abs(highest) >= np.abs(lowest), highest, lowest)
+        seen = grown(np.where(np.isfinite(shown), shown, np.nan), max(shown.shape) // _TILES_SEEN)
+        ends = deviation_range(self.deviations, self.colour_range[1] - self.colour_range[0])
 
         def draw(figure: 'Figure') -> None:
             axes, bar_axes = _map_axes(figure, self._frame.ratio_drawn)
             self._ground(axes)
-            image = self._image(
-                axes, np.where(np.isfinite(shown), shown, np.nan), style.DIFFERENCES, (-span / 2, span / 2)
-            )
+            image = self._image(axes, seen, style.differences(), ends)
             axes.set_title('difference: what was removed')
             bar = figure.colorbar(image, cax=bar_axes, extend='both')
-            length_scale([span / 2], self.unit).label_axis(bar.ax.yaxis, 'over the surface')
+            length_scale(ends, self.unit).label_axis(bar.ax.yaxis, 'over the surface')
 
         return style.picture(*_SIZE, draw)
 
@@ -284,7 +278,11 @@ class CloudPictures:
         return image
 
     def _image(
-        self, axes: 'Axes', values: npt.NDArray[np.floating], colours: str, limits: tuple[float, float]
+        self,
+        axes: 'Axes',
+        values: npt.NDArray[np.floating],
+        colours: 'str | Colormap',
+        limits: tuple[float, float],
     ) -> 'AxesImage':
         image = axes.imshow(
             values,
@@ -338,10 +336,10 @@ class CloudPictures:
             classes = _classes(outliers, outliers, outliers, measured, kept=_KEPT)
             classes[any_in_tile(unclear, _PIXELS)] = _UNDECIDED
             self._class_image(axes, classes)
-            note = '\nviolet: the truth leaves it undecided' if unclear.any() else ''
-            axes.set_title(f'{name and name + ": "}{np.count_nonzero(outliers):,} outliers in red{note}')
+            axes.set_title(f'{name and name + ": "}{_colours_told(outliers, unclear)}')
         image = self._height_image(right, self._kept())
-        right.set_title('filtered; orange: no point')
+        shown = next((name for name, outliers in found.items() if outliers is self.outliers), '')
+        right.set_title(f'filtered{shown and ", " + shown}; orange: no point')
         bar = figure.colorbar(image, ax=list(panels), shrink=0.9, extend='both')
         self._height_scale(self.colour_range).label_axis(bar.ax.yaxis, 'z')
         return figure
@@ -378,6 +376,15 @@ def before_and_after(
     out = io.BytesIO()
     figure.savefig(out, format='png')
     write_file(path, out.getvalue())
+
+
+def _colours_told(outliers: Mask, undecided: Mask) -> str:
+    """How many outliers a panel shows, and in which colours."""
+    count, unclear = np.count_nonzero(outliers), np.count_nonzero(outliers & undecided)
+    if not undecided.any():
+        return f'{count:,} outliers in red'
+    told = f'{count:,} outliers, {count - unclear:,} in red'
+    return f'{told};\nviolet: undecided by the truth, with {unclear:,} outliers'
 
 
 def _map_axes(figure: 'Figure', ratio: float, *, bar: bool = True) -> tuple['Axes', 'Axes | None']:

@@ -5,6 +5,8 @@ import io
 import threading
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from socialcircle_ros.errors import SocialCircleError, install_command
 
 if TYPE_CHECKING:
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
 
     from matplotlib import RcParams
     from matplotlib.artist import Artist
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
     from PIL.Image import Image as PictureOfDots
 
@@ -22,9 +25,6 @@ All grow evenly in lightness, and outliers can be told apart on them with every 
 """
 
 HEIGHTS = COLOUR_MAPS[0]
-DIFFERENCES = 'RdBu_r'
-"""The colour map for differences; 0 is white."""
-
 NOT_MEASURED = '#ffd9b3'
 """Points that are not measured, and removed points in a filtered map."""
 KEPT, OUTLIER = '#dedede', '#d60000'
@@ -35,9 +35,22 @@ SURFACE = '#2a6592'
 FIGURE_DPI, PICTURE_DPI = 110, 200
 """Of figures of several plots, and of pictures for pages, which are printed and enlarged."""
 
+_PALE = 0.2  # on each side of the middle of a colour map of differences
 _NEARLY_WHITE = 252
 _LEVELS = 255  # colours of a picture: the size of the file falls to a quarter
 _drawing = threading.Lock()  # matplotlib's fonts are not made for threads, and drawing holds the GIL anyway
+
+
+def differences() -> 'Colormap':
+    """The colour map for differences: blue below 0, red above it.
+
+    It has no pale colours in its middle, which would look like those of kept points.
+    """
+    import matplotlib as mpl  # noqa: PLC0415 - an extra
+    from matplotlib.colors import ListedColormap  # noqa: PLC0415
+
+    places = np.concatenate([np.linspace(0, 0.5 - _PALE, 128), np.linspace(0.5 + _PALE, 1, 128)])
+    return ListedColormap(mpl.colormaps['RdBu_r'](places))
 
 
 def new_figure(width: float, height: float) -> 'Figure':

@@ -59,5 +59,25 @@ def over_tiles(reduce: np.ufunc, values: npt.NDArray[Scalar], pixels: int = PIXE
     return tiles
 
 
+def grown(values: npt.NDArray[np.float64], reach: int) -> npt.NDArray[np.float64]:
+    """Let each value spread to its neighbours without one, so that a single one can be seen.
+
+    Args:
+        values: (H, W), NaN where there is none.
+        reach: rows and columns that it spreads on each side.
+
+    Returns:
+        (H, W): of several neighbours, that which is farthest from 0.
+    """
+    padded = np.pad(values, reach, constant_values=np.nan)
+    found = np.full_like(values, np.nan)
+    height, width = values.shape
+    for row in range(2 * reach + 1):
+        for column in range(2 * reach + 1):
+            near = padded[row : row + height, column : column + width]
+            found = np.where(np.isnan(found) | (np.abs(near) > np.abs(found)), near, found)
+    return np.where(np.isnan(values), found, values)
+
+
 def _step(shape: tuple[int, ...], pixels: int) -> int:
     return max(1, -(-max(shape[:2]) // pixels))

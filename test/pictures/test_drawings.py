@@ -121,3 +121,30 @@ def test_two_modes_are_drawn_side_by_side_with_what_the_truth_leaves_undecided(t
         before_and_after(tmp_path / name, xyz, outliers, 'a title', 'um', by_mode, truth)
         counts.append(count((tmp_path / name).read_bytes(), VIOLET))
     assert counts[0] < counts[1] > 500
+
+
+def test_panels_say_which_mode_they_show_and_which_colour_outliers_have():
+    xyz, outliers = spiked()
+    undecided = np.zeros_like(outliers)
+    undecided[11:20, 13:15] = True  # 4 of the 8 outliers
+    drawn = CloudPictures(xyz, outliers, 'um')
+    figure = drawn.side_by_side('a title', {'adaptive': outliers, 'paper': ~outliers}, undecided)
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[1] == 'adaptive: 8 outliers, 4 in red;\nviolet: undecided by the truth, with 4 outliers'
+    assert titles[3] == 'filtered, adaptive; orange: no point'
+    plain = [axes.get_title() for axes in drawn.side_by_side('a title').axes]
+    assert plain[1:3] == ['8 outliers in red', 'filtered; orange: no point']
+
+
+def test_a_single_removed_point_near_the_surface_can_be_seen_in_the_difference():
+    xyz = surface(500, 500)
+    xyz[..., 2] += np.arange(500)  # a form far higher than the outlier
+    outliers = np.zeros((500, 500), bool)
+    outliers[200, 100] = True
+    none = pixels(CloudPictures(xyz, np.zeros_like(outliers), 'um').difference())
+    drawn = CloudPictures(xyz, outliers, 'um')
+    found = pixels(drawn.difference())
+    assert abs(drawn.worst.height) < 10
+    map_only = np.s_[:, : found.shape[1] // 2]
+    coloured = [np.ptp(each[map_only], axis=2) > 60 for each in (none, found)]
+    assert np.count_nonzero(coloured[1]) >= np.count_nonzero(coloured[0]) + 9
