@@ -24,8 +24,8 @@ from .ledger import Ledger
 from .results import REPORTS
 
 MEASURES = {
-    'outlier_share': 'share of outliers',
-    'measured_share': 'share of measured points',
+    'outlier_share': 'share of outliers [%]',
+    'measured_share': 'share of measured points [%]',
     'sa': 'Sa',
     'sq': 'Sq',
     'sz': 'Sz',
@@ -35,6 +35,9 @@ MEASURES = {
 
 LENGTHS = ('sa', 'sq', 'sz')
 """The measures that are lengths."""
+
+SHARES = ('outlier_share', 'measured_share')
+"""The measures that are shares, in percent."""
 
 _LAST, _DRIFTING = 20, 0.5
 
@@ -113,7 +116,7 @@ class Series:
         length_unit: in which the values of lengths are, such as nm.
         has_others: whether the cell and part has a series with another unit as well.
         times: ms since 1970.
-        values: of each measure, NaN where it is not known; lengths in one unit.
+        values: of each measure, NaN where it is not known; lengths in one unit, shares in percent.
         signals: of each measure, the rules that each value completes, see `control_chart.signals`.
         names: recording, topic and number of each cloud.
         links: to the report of each cloud; '': there is none.
@@ -226,6 +229,8 @@ def _series(
         measure: np.array([getattr(row, measure) for row in measured], dtype=np.float64) for measure in MEASURES
     }
     length_unit = _convert_lengths(unit, measured, values)
+    for measure in SHARES:
+        values[measure] *= 100
     series = Series(
         cell=rows[0].cell,
         part=rows[0].part,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from .trend import LENGTHS, MEASURES, Phase, Series, short_label
+from .trend import LENGTHS, MEASURES, SHARES, Phase, Series, short_label
 
 if TYPE_CHECKING:
     from bokeh.models import CDSView, LayoutDOM
@@ -38,13 +38,16 @@ const escaped = (text) => text.replace(/&/g, '&amp;').replace(/</g, '&lt;')
 const time = new Date(clouds.data.time[place]).toISOString()
 const values = measures.map((measure, number) => {
   const value = `${labels[number]} ${clouds.data[measure][place].toPrecision(4)}`
-  return lengths.includes(measure) ? `${value} ${escaped(unit)}` : value
+  return `${value} ${lengths.includes(measure) ? escaped(unit) : units[measure]}`
 })
 const report = link ? `<a href="${link}" target="_blank">Report of this cloud</a>`
   : 'There is no report of this cloud: <code>socialcircle batch --reports</code> makes them.'
 details.text = `<b>${escaped(name)}</b>, ${time}: ${values.join(', ')}. ${report}`
 if (link) { window.open(link, '_blank') }
 """
+
+_SHARE_TICK = "return tick < 0 || tick > 100 ? '' : String(Number(tick.toPrecision(6)))"
+"""The text of a tick of an axis in percent; where all values are 100, the axis has room above them."""
 
 _DAY_MS = 86_400_000
 # Height of a chart relative to its values, where they do not change; with Bokeh's own a share looks like 0.
@@ -68,8 +71,8 @@ class _ShownSeries(TypedDict):
 def charts(all_series: Sequence[Series]) -> 'LayoutDOM':
     """The choice of a series, and one chart for each measure.
 
-    All points are in the page once; a choice changes which of them are drawn. The series with the most signals is
-    shown first, and is what a print shows.
+    All points are in the page once; a choice changes which of them are drawn. Of the series with clouds, that with
+    the most signals is shown first, and is what a print shows.
     """
     from bokeh.layouts import column  # noqa: PLC0415 - an extra
     from bokeh.models import CustomJS, Div, Select  # noqa: PLC0415
@@ -78,7 +81,11 @@ def charts(all_series: Sequence[Series]) -> 'LayoutDOM':
     for series in all_series:
         shown[series.title] = _shown(series, start)
         start += len(series.times)
-    first = max(shown, key=lambda title: sum(map(len, shown[title]['signals'].values())))
+
+    def signals(title: str) -> tuple[bool, int]:
+        return bool(shown[title]['indices']), sum(map(len, shown[title]['signals'].values()))
+
+    first = max(shown, key=signals)
     drawn = _Charts(all_series, shown[first])
     select = Select(title='Cell and part', value=first, options=sorted(shown), width=400)
     notes, details = Div(text=shown[first]['notes']), Div(text='Click a point.')
@@ -97,7 +104,7 @@ def charts(all_series: Sequence[Series]) -> 'LayoutDOM':
     labels = [short_label(measure) for measure in MEASURES]
     arguments = {
         'clouds': drawn.clouds, 'names': json.dumps(names), 'details': details, 'measures': list(MEASURES),
-        'labels': labels, 'lengths': list(LENGTHS),
+        'labels': labels, 'lengths': list(LENGTHS), 'units': {'time_ms': 'ms', **dict.fromkeys(SHARES, '%')},
     }  # fmt: skip
     drawn.clouds.selected.js_on_change('indices', CustomJS(args=arguments, code=_SELECTED))
     return column(select, details, *drawn.figures, notes, sizing_mode='stretch_width')
@@ -138,10 +145,18 @@ class _Charts:
         )
 
     def _of_measure(self, place: int, measure: str, first: _ShownSeries) -> 'figure':
-        from bokeh.models import CDSView, HoverTool, IndexFilter, TapTool  # noqa: PLC0415 - an extra
+        from bokeh.models import (  # noqa: PLC0415 - an extra
+            CDSView,
+            CustomJSTickFormatter,
+            HoverTool,
+            IndexFilter,
+            TapTool,
+        )  # fmt: skip
 
         chart = self._figure(first['labels'][measure])
         chart.y_range.default_span = first['spans'][measure]
+        if measure in SHARES:
+            chart.yaxis.formatter = CustomJSTickFormatter(code=_SHARE_TICK)
         limits = self.limit_sources[place]
         for line, dash in (('centre', 'solid'), ('lower', 'dashed'), ('upper', 'dashed')):
             chart.segment('x0', line, 'x1', line, source=limits, line_color=_LINE, line_dash=dash)
@@ -155,7 +170,8 @@ class _Charts:
             'time', measure, source=self.clouds, view=self.signal_views[-1], size=7, marker='triangle',
             color=_SIGNAL, nonselection_alpha=1,
         )  # fmt: skip
-        hover = [('time', '@time{%F %T}'), (short_label(measure), f'@{measure}{{0.0000}}')]
+        unit = ' %' if measure in SHARES else ''
+        hover = [('time', '@time{%F %T}'), (short_label(measure), f'@{measure}{{0.0000}}{unit}')]
         chart.add_tools(
             HoverTool(renderers=[points], tooltips=hover, formatters={'@time': 'datetime'}),
             TapTool(renderers=[points, signals]),

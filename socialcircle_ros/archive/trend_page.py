@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from socialcircle_ros.errors import SocialCircleError, install_command
+from socialcircle_ros.report.page import sentence_in_html
 from socialcircle_ros.storage import folder_of_results, write_file
 
 from .control_chart import RULES
@@ -115,12 +116,15 @@ def _above(folder: ResultFolder, all_series: Sequence[Series], baseline: int) ->
         )
     heads = ''.join(f'<th>{short_label(measure)}</th>' for measure in MEASURES)
     reasons = [
-        f'<li>{html.escape(series.title)}, {count} times: {html.escape(reason)}</li>'
+        f'<li>{html.escape(series.title)}, {"1 failure" if count == 1 else f"{count} failures"}:'
+        f' {sentence_in_html(reason)}</li>'
         for series in all_series
         for reason, count in series.reasons.items()
     ]
-    reasons += [f'<li>{html.escape(entry.damage)}</li>' for entry in Ledger(folder).entries() if entry.damage]
+    reasons += [f'<li>{sentence_in_html(entry.damage)}</li>' for entry in Ledger(folder).entries() if entry.damage]
     warnings = f'<ul class="warnings">{"".join(reasons)}</ul>' if reasons else ''
+    linked = any(link for series in all_series for link in series.links)
+    opens = 'opens the report of its cloud, if there is one' if linked else 'shows its values'
     rules = ''.join(f'<li>{rule}</li>' for rule in RULES)
     return (
         f'<h1>Trends of {html.escape(folder.name)}</h1>'
@@ -137,5 +141,5 @@ def _above(folder: ResultFolder, all_series: Sequence[Series], baseline: int) ->
         '<th class="words">drifts</th><th>clouds</th><th>refused, failed</th><th>limits failed</th>'
         f'{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
         '<p>The columns on the right count red points. The charts below show the cell and part that is chosen; a'
-        ' click on a point opens the report of its cloud.</p>'
+        f' click on a point {opens}.</p>'
     )

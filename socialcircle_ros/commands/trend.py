@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from .options import quantity, shell_words
+from .options import progress_bar, quantity, shell_words
 
 
 @click.command('trend', epilog='Example: socialcircle trend out -o trend.html')
@@ -38,7 +38,9 @@ def command(folder: str, output: Path, baseline: int) -> None:
     from socialcircle_ros.report.page import check_page_name
 
     check_page_name(output)
-    found = write_trend(folder, output, baseline=baseline)
+    # How long is not known before the rows are read; the bar says that something happens.
+    with progress_bar(f'reading the measurements of {Path(folder).name}'):
+        found = write_trend(folder, output, baseline=baseline)
     clouds = sum(len(series.times) for series in found)
     click.echo(f'{quantity(clouds, "cloud")} in {quantity(len(found), "series", "series")}.')
     for sentence in drift_sentences(found):

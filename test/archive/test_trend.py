@@ -168,7 +168,7 @@ def test_a_measure_that_does_not_change_is_not_drawn_as_if_it_were_zero(tmp_path
     write_rows(tmp_path, 'a', rows)
     write_trend(tmp_path, tmp_path / 'trend.html')
     spans = re.findall(r'"default_span":([\d.e-]+)', (tmp_path / 'trend.html').read_text(encoding='utf-8'))
-    assert 0 < min(map(float, spans)) < 0.004
+    assert 0 < min(map(float, spans)) < 0.4  # in percent
 
 
 def test_a_cloud_links_to_its_report_where_there_is_one(out, tmp_path):
@@ -222,6 +222,25 @@ def test_the_page_needs_no_other_file_and_names_are_escaped(tmp_path, example):
     assert 'eight points on one side of the centre line' in page
     assert all(f'{label}' in page for label in MEASURES.values())
     assert 'Sq [unit not known]' in page
+
+
+def test_the_page_opens_on_a_series_with_clouds(tmp_path, example):
+    failed = replace(example, status='failed', cell='a', reason='It is no `recording`.', sq=None)
+    write_rows(tmp_path, 'a', [failed, *rows_of(example, 'b', 0, count=10)])
+    write_trend(tmp_path, tmp_path / 'trend.html')
+    page = (tmp_path / 'trend.html').read_text(encoding='utf-8')
+    assert 'a, lid, 1 failure: It is no <code>recording</code>.' in page
+    assert 'a click on a point shows its values.' in page
+    with opened_page(tmp_path / 'trend.html') as opened:
+        assert opened.get_by_role('combobox').input_value() == 'b, lid'
+
+
+def test_shares_are_in_percent(tmp_path, example):
+    write_rows(tmp_path, 'a', list(rows_of(example, 'cell1', 0, count=10, outlier_share=0.02, measured_share=1.0)))
+    (series,) = read_series(tmp_path, tmp_path / 'trend.html')
+    assert set(series.values['outlier_share']) == {2.0}
+    assert set(series.values['measured_share']) == {100.0}
+    assert series.label('measured_share') == 'share of measured points [%]'
 
 
 def test_without_bokeh_the_command_that_installs_it_is_told(out, tmp_path, monkeypatch):
