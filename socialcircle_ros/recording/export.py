@@ -2,7 +2,7 @@
 """The way out: clouds of a recording as files of other programs, and one file filtered into another."""
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from socialcircle_ros.cloud import measured_only
 from socialcircle_ros.errors import CloudError, MessageError, RecordingError, SocialCircleError, install_command
 from socialcircle_ros.formats import Format, OrganizedCloud, format_of, suffixes, write_cloud_file
-from socialcircle_ros.interface import FILTERED, MASK, MEASUREMENT, POINTS, REPAIRED, NodeTopic
+from socialcircle_ros.interface import FILTERED, MASK, MEASUREMENT, POINTS, REPAIRED, MeasurementValues, NodeTopic
+from socialcircle_ros.lengths import from_metres
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import stamp_of, stamp_text
 from socialcircle_ros.messages.image import NOT_MEASURED, decode_mono8
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud
-from socialcircle_ros.settings import PipelineSettings
+from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.storage import check_folder_name, check_place, folder_of_results, kind_of_target, write_file
 
 from .any_file import is_measurement_file, open_recording
@@ -32,6 +33,9 @@ from .units import unit_of
 
 if TYPE_CHECKING:
     from socialcircle_ros.cloud import Cloud
+
+
+_KEYS = MeasurementValues.keys()
 
 
 @dataclass
@@ -78,7 +82,7 @@ def export_recording(
         topics: topics of clouds; none: cleaned and repaired clouds, or the clouds themselves if there are none.
         unit: of the clouds, where the recording does not say.
         overwrite: whether to replace existing files.
-        progress: called with the number of clouds read so far, and of all messages on their topics if it is known.
+        progress: called with the number of clouds read so far, and of all.
 
     Raises:
         RecordingError: the recording cannot be read, or holds no clouds.
@@ -93,13 +97,13 @@ def export_recording(
     with open_recording(recording) as reader, folder_of_results(folder):
         chosen = _chosen(reader, tuple(topics), export)
         clouds = _Clouds(reader, unit)
-        counts = dict.fromkeys(chosen, 0)
+        counts, total = dict.fromkeys(chosen, 0), reader.count(chosen)
         with folder_of_results(folder):
             for done, message in enumerate(reader.messages(chosen), 1):
                 stem = f'{message.topic.strip("/").replace("/", "_")}_{counts[message.topic]:04d}'
                 counts[message.topic] += 1
                 _export_one(clouds, message, folder / f'{stem}{suffix}', export, overwrite=overwrite)
-                progress(done, reader.message_count)
+                progress(done, total)
         export.damage = reader.damage
     return export
 
@@ -240,6 +244,7 @@ class _Clouds:
             metadata |= {'file': origin.file, 'unit of file': origin.unit_text()}
             if origin.converted and unit == 'm':
                 points, unit = origin.in_unit_of_file(points), origin.unit
+                metadata = _in_unit(metadata, unit or 'm')
         return OrganizedCloud(points, unit, _fields_of(cloud), metadata), mask
 
     def _companions(self, topic: NodeTopic, stamp: Callable[[bytes], int]) -> dict[tuple[str, int], bytes]:
@@ -248,6 +253,17 @@ class _Clouds:
             (topic.namespace_of(message.topic) or '', stamp(message.data)): zlib.compress(message.data, 1)
             for message in self._reader.messages(names)
         }
+
+
+def _in_unit(metadata: Mapping[str, str], unit: str) -> dict[str, str]:
+    """Metadata with lengths in m, with those that are in the unit of the cloud in its new one."""
+    keys = {key.name for key in _KEYS if key.unit == 'cloud'}
+    keys |= {name for name, parameter in PARAMETERS.items() if parameter.unit == 'cloud'}
+    converted = dict(metadata)
+    for name in keys & metadata.keys():
+        length = from_metres(np.array(float(metadata[name])), unit)
+        converted[name] = f'{float(length):.9g}'
+    return converted
 
 
 def _export_one(clouds: _Clouds, message: Message, path: Path, export: Export, *, overwrite: bool) -> None:

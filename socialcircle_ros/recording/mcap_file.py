@@ -71,6 +71,7 @@ class McapFile:
         names: the names under which messages of a channel are read; those of the topics, unless they are changed.
         spans: in the order of the file.
         message_count: the number of messages; in a damaged file, those before the damage.
+        message_counts: the same by the numbers of channels; empty where the index does not tell them apart.
         damage: one sentence if damage was found on opening, else None.
     """
 
@@ -93,6 +94,7 @@ class McapFile:
         self.names = {number: topic.name for number, topic in self.channels.items()}
         self.spans = index.spans
         self.message_count = index.message_count
+        self.message_counts = index.message_counts
         self.damage = index.damage
         self._extras = index.extras
 
@@ -207,6 +209,7 @@ class McapFile:
         if statistics is None or not _is_complete(index, chunks, statistics):
             return None
         index.message_count = statistics.message_count
+        index.message_counts = dict(statistics.channel_message_counts)
         return index if self._matches_data(index, chunks, start) else None
 
     def _matches_data(self, index: Index, chunks: list[ChunkIndex], end: int) -> bool:

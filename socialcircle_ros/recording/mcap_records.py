@@ -85,6 +85,7 @@ class Index:
     spans: list[Span] = field(default_factory=list)
     extras: list[Extra] = field(default_factory=list)
     message_count: int = 0
+    message_counts: dict[int, int] = field(default_factory=dict)
     damage: str | None = None
 
     def take(self, opcode: int, body: memoryview) -> tuple[int, int] | None:
@@ -101,6 +102,7 @@ class Index:
             if channel not in self.channels:
                 raise Damage(NO_TOPIC)
             self.message_count += 1
+            self.message_counts[channel] = self.message_counts.get(channel, 0) + 1
             return log_time, channel
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(stream(body))

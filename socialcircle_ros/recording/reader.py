@@ -91,6 +91,16 @@ class RecordingReader:
                 f'{self.path} is damaged: its index counts {self.message_count} messages, but {count} were found.'
             )
 
+    def count(self, topics: Collection[str]) -> int:
+        """The number of messages on some topics; all messages of a file whose index does not tell topics apart."""
+        count = 0
+        for file in self._files:
+            if file.message_counts:
+                count += sum(number for id_, number in file.message_counts.items() if file.names[id_] in topics)
+            else:
+                count += file.message_count
+        return count
+
     def attachments(self) -> Iterator[Attachment]:
         """Yield the attachments of all files, one at a time; `damage` is set if one cannot be read."""
         for file in self._files:

@@ -3,6 +3,7 @@
 
 import json
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.recording.export import export_recording, filter_to_file
 from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.recording.units import unit_of
-from socialcircle_ros.settings import OutputSettings, PipelineSettings
+from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings
 
 Image = pytest.importorskip('PIL.Image', reason='needs Pillow: pip install Pillow')
 
@@ -75,6 +76,24 @@ def test_a_filtered_recording_gives_the_cleaned_and_the_repaired_cloud_and_the_m
     repaired = import_cloud(tmp_path / 'out' / f'points_repaired_0000{suffix}')
     assert np.isfinite(repaired.points[5, 7, 2])
     assert cleaned.unit == repaired.unit == 'm'
+
+
+def test_lengths_of_the_filter_are_in_the_unit_of_the_file(tmp_path):
+    one = replace(SETTINGS, circle=CircleSettings(mode='paper', radius=5e-7))
+    filter_recording(recorded(tmp_path, measured_surface('um')), tmp_path / 'c.mcap', one)
+    export_recording(tmp_path / 'c.mcap', tmp_path / 'out', '.ply')
+    header = (tmp_path / 'out/points_filtered_0000.ply').read_bytes().partition(b'end_header')[0].decode()
+    metadata = json.loads(header.partition('comment metadata ')[2].partition('\n')[0])
+    assert 'comment unit um' in header
+    assert float(metadata['radius']) == pytest.approx(0.5)
+    assert float(metadata['circle.radius']) == pytest.approx(0.5)
+
+
+def test_progress_counts_the_clouds_that_are_exported(tmp_path):
+    filter_recording(recorded(tmp_path, measured_surface()), tmp_path / 'c.mcap', SETTINGS)
+    seen = []
+    export_recording(tmp_path / 'c.mcap', tmp_path / 'out', '.npz', progress=lambda *step: seen.append(step))
+    assert seen == [(1, 2), (2, 2)]
 
 
 def test_the_settings_and_counts_of_the_filter_are_in_the_metadata(tmp_path):
