@@ -7,6 +7,7 @@ from typing import NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.kernels.compiled import kernel
 
@@ -155,7 +156,7 @@ def grid_coordinates(
         )
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise CloudError(
-            f'{kind} does not hold the coordinates of {shape[0]} × {shape[1]} points with the pitch ({pitch[0]:g},'
+            f'{kind} does not hold the coordinates of {size_text(*shape)} of points with the pitch ({pitch[0]:g},'
             f' {pitch[1]:g}): check the pitch.'
         )
     return x, y[:, np.newaxis]

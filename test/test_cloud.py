@@ -142,7 +142,7 @@ def spiked():
 
 
 def test_a_result_says_its_counts():
-    assert '64×70 points: 4473 kept, 1 outliers, 6 not measured; seed (32, 35)' in repr(spiked())
+    assert '64 rows × 70 columns: 4473 kept, 1 outliers, 6 not measured; seed (32, 35)' in repr(spiked())
 
 
 def test_a_result_can_be_drawn():

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_only, measured_points, organized_from
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
@@ -52,7 +53,7 @@ class CircleResult:
         kept, removed = np.count_nonzero(self.inliers), np.count_nonzero(self.outliers)
         rows, columns = self.inliers.shape
         return (
-            f'CircleResult({rows}×{columns} points: {kept} kept, {removed} outliers,'
+            f'CircleResult({size_text(rows, columns)}: {kept} kept, {removed} outliers,'
             f' {rows * columns - kept - removed} not measured; seed {self.seed}, radius {self.radius:.4g})'
         )
 

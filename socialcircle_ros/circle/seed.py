@@ -2,6 +2,7 @@
 """The acquisition of the initial point I (section 3.2.1): where to vote, the votes, and the election."""
 
 from socialcircle_ros.cloud import Cloud
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import NoSeedError
 
 from .medians import median_distances
@@ -27,8 +28,8 @@ def elect_seed(xyz: Cloud, region: Region | None) -> tuple[int, int]:
     indices, points = voters(area)
     if len(indices) == 0:
         raise NoSeedError(
-            f'No point of the vote region at row {top}, column {left} ({height}×{width} points) is measured'
-            f' in this cloud of {xyz.shape[0]}×{xyz.shape[1]} points; move circle.vote_region, or set it to'
+            f'No point of the vote region at row {top}, column {left} ({size_text(height, width)}) is measured'
+            f' in this cloud of {size_text(*xyz.shape[:2])}; move circle.vote_region, or set it to'
             ' zeros to have it chosen.'
         )
     winner = highest_score(points, median_distances(points))

@@ -156,6 +156,7 @@ def command(
 def _print_cloud(path: Path, cloud: 'ImportedCloud', origin: 'FileOrigin') -> None:
     import numpy as np
 
+    from socialcircle_ros.digits import size_text
     from socialcircle_ros.lengths import range_text
 
     rows, columns = cloud.points.shape[:2]
@@ -165,8 +166,8 @@ def _print_cloud(path: Path, cloud: 'ImportedCloud', origin: 'FileOrigin') -> No
     heights = range_text(float(z[measured].min()), float(z[measured].max()), cloud.unit)
     written = ', written in m' if origin.converted else ''
     click.echo(
-        f'{path.name} ({origin.unit_text()}): {rows} × {columns} points, {measured.sum()} measured, z'
-        f' {heights}{fields}{written}'
+        f'{path.name} ({origin.unit_text()}): {size_text(rows, columns)}, {measured.sum()} points'
+        f' measured, z {heights}{fields}{written}'
     )
     for note in (cloud.unit_note, *cloud.notes) if cloud.unit_note else cloud.notes:
         click.echo(f'Note: {path.name}: {note}.', err=True)
@@ -191,7 +192,8 @@ class _FrameTable:
         steps = [abs(after - before) for before, after in pairwise(self._heights)]
         lengths = {'pitch': max(pitch), 'step': median(steps) if steps else 0.0}
         pitches = ' × '.join(length_text(each, 'm') for each in dict.fromkeys(pitch))
-        click.echo(f'pitch {pitches}, step {length_text(lengths["step"], "m")}')
+        order = ' (x × y)' if pitch[0] != pitch[1] else ''
+        click.echo(f'pitch {pitches}{order}, step {length_text(lengths["step"], "m")}')
         for name, value in lengths.items():
             if value > _LARGEST_M:
                 bound = f'and that of a microscope is below {length_text(_LARGEST_M, "m")}'

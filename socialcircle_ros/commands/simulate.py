@@ -62,6 +62,7 @@ def command(
     """
     if seed < 0:
         raise click.BadParameter('must not be negative.', param_hint='--seed')
+    from socialcircle_ros.digits import size_text
     from socialcircle_ros.recording.create import record_simulation
     from socialcircle_ros.simulation import simulate
 
@@ -74,4 +75,4 @@ def command(
             simulation, output, compression=compression, overwrite=overwrite, progress=progress
         )
     told = stack_text(output, stack.parameters)
-    click.echo(f'{stack.frames} frames of {rows} × {columns} pixels {told}')
+    click.echo(f'{stack.frames} frames of {size_text(rows, columns)} {told}')

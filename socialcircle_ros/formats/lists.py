@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, TextIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import ImportFileError
 
 from .surface import SOURCE_FORMAT, OrganizedCloud
@@ -97,7 +98,7 @@ def _read_list(path: Path) -> OrganizedCloud | None:
     shape = int(rows.max()) + 1, int(columns.max()) + 1
     places = rows * shape[1] + columns
     if len(table) < _LEAST_FILLED * shape[0] * shape[1]:
-        raise _uncertain(path, f'{len(table)} points lie on {shape[0]} × {shape[1]} places')
+        raise _uncertain(path, f'{len(table)} points lie on {size_text(*shape)}')
     if len(np.unique(places)) != len(places):
         raise _uncertain(path, 'two of its points lie on the same place of the grid')
     points = np.full((shape[0] * shape[1], 3), np.nan)

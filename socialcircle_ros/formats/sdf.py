@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import ImportFileError
 
 from .surface import MeasuredSurface
@@ -103,7 +104,9 @@ def _read_text(path: Path, text: str) -> MeasuredSurface:
     dtype = np.dtype(_TYPES[int(kind)])
     words = ['nan' if word.upper() == 'BAD' else word for word in parts[1].split()]
     if len(words) != int(rows) * int(columns):
-        raise ImportFileError(f'{path} has {len(words)} heights, not {rows} × {columns}: it is cut off.')
+        raise ImportFileError(
+            f'{path} has {len(words)} heights, not {size_text(int(rows), int(columns))}: it is cut off.'
+        )
     target = dtype if dtype.kind == 'f' else np.dtype(np.float64)
     with np.errstate(over='ignore'):  # a mark may become infinite
         raw = np.array(words, np.float64).astype(target).reshape(int(rows), int(columns))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Cloud, HeightMap, checked_pitch, grid_coordinates, measured_points
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, ImportFileError
 
 PointValues = NDArray[np.generic]
@@ -63,9 +64,10 @@ class MeasuredSurface:
     def __repr__(self) -> str:
         rows, columns = self.heights.shape
         missing = int(np.count_nonzero(~np.isfinite(self.heights)))
+        pitch = f'{self.pitch[0]:g} × {self.pitch[1]:g} {self.unit or "(unit not known)"} (x × y)'
         return (
-            f'MeasuredSurface({rows}×{columns} {self.heights.dtype}, pitch {self.pitch[0]:g} × {self.pitch[1]:g}'
-            f' {self.unit or "(unit not known)"}, {missing} not measured)'
+            f'MeasuredSurface({size_text(rows, columns)}, {self.heights.dtype}, pitch {pitch},'
+            f' {missing} not measured)'
         )
 
     def cloud(self) -> OrganizedCloud:

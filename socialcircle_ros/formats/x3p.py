@@ -12,6 +12,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import ImportFileError
 
 from .damage import archive_damage_told
@@ -119,7 +120,7 @@ def _read(path: Path, archive: zipfile.ZipFile) -> MeasuredSurface:
     data = _member(path, archive, root, 'PointDataLink', 'MD5ChecksumPointData')
     if len(data) != rows * columns * kind.itemsize:
         raise ImportFileError(
-            f'{path} has {len(data)} bytes of heights, not {rows} × {columns} × {kind.itemsize}.'
+            f'{path} has {len(data)} bytes of heights, not {size_text(rows, columns)} × {kind.itemsize} bytes.'
         )
     raw: NDArray[np.generic] = np.frombuffer(data, kind).reshape(rows, columns)
     if raw.dtype.kind == 'f' and (scale, offset) == (1.0, 0.0):

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
@@ -331,7 +332,7 @@ def encode_point_cloud(
     for name, array in values.items():
         if array.shape != (height, width) or array.dtype.str[1:] not in codes:
             raise MessageError(
-                f'Field {name!r} is {array.shape} {array.dtype}; a cloud of {height}×{width} points takes'
+                f'Field {name!r} is {array.shape} {array.dtype}; a cloud of {size_text(height, width)} takes'
                 f' {(height, width)} of {", ".join(codes)}.'
             )
     layout = np.dtype([(name, '<' + array.dtype.str[1:]) for name, array in values.items()])

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from socialcircle_ros.cloud import measured_points
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, SocialCircleError
 from socialcircle_ros.formats import OrganizedCloud, format_of, surface_of
 from socialcircle_ros.interface import POINTS
@@ -39,7 +40,7 @@ class TopicDescription(NamedTuple):
         name: of the topic.
         type: of its messages.
         messages: their number.
-        size: of the first message, for clouds and images, as rows × columns with the type; else ''.
+        size: of the first message, for clouds and images, in rows and columns, with the type; else ''.
         unit: of the coordinates of clouds; None: not known, or no cloud.
     """
 
@@ -154,13 +155,13 @@ def _measurement_file(path: Path) -> Description:
     rows, columns = measured.shape
     facts = {
         'size': _bytes_text(path.stat().st_size),
-        'points': f'{rows} × {columns}, {cloud.points.dtype}',
+        'points': f'{size_text(rows, columns)}, {cloud.points.dtype}',
         'measured': f'{np.count_nonzero(measured)} of {measured.size}',
         'unit': _unit_text(cloud),
     }
     try:
         dx, dy = surface_of(OrganizedCloud(cloud.points, cloud.unit)).surface.pitch
-        facts['pitch'] = range_text(dx, dy, cloud.unit, separator=' × ')
+        facts['pitch'] = f'{range_text(dx, dy, cloud.unit, separator=" × ")} (x × y)'
     except CloudError as reason:
         facts['pitch'] = f'none: {reason}'
     facts['heights'] = range_text(float(heights.min()), float(heights.max()), cloud.unit)
@@ -182,7 +183,7 @@ def _stack(path: Path) -> Description:
     facts = {
         'frames': str(len(stack.z)),
         'z': _z_text(stack),
-        'image': f'{first.shape[0]} × {first.shape[1]}, {first.dtype}',
+        'image': f'{size_text(*first.shape[:2])}, {first.dtype}',
     }
     return Description(path, 'focus stack', facts)
 
@@ -200,10 +201,10 @@ def _size(data: bytes, type_name: str) -> str:
         if type_name == POINTS.type:
             cloud = PointCloud.decode(data)
             kinds = ', '.join(each.name for each in cloud.fields)
-            return f'{cloud.height} × {cloud.width} ({kinds})'
+            return f'{size_text(cloud.height, cloud.width)} ({kinds})'
         if type_name == image.TYPE:
             found = Image.decode(data)
-            return f'{found.height} × {found.width} {found.encoding}'
+            return f'{size_text(found.height, found.width)} {found.encoding}'
     return ''
 
 

@@ -4,6 +4,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.messages.gray import GrayImage
 
@@ -35,7 +36,7 @@ class FrameChecks:
         first = self._first = self._first or picture
         if picture.pixels.shape != first.pixels.shape or picture.mode != first.mode:
             raise ImportFileError(
-                f'{name} is {described(picture)}, but {self._names[0]} is {described(first)} (rows × columns): the'
+                f'{name} is {described(picture)}, but {self._names[0]} is {described(first)}: the'
                 ' frames of a stack are alike; move away what does not belong.'
             )
         self._names.append(name)
@@ -65,7 +66,7 @@ class FrameChecks:
 def described(picture: FramePicture) -> str:
     """Rows and columns, and mode."""
     rows, columns = picture.pixels.shape
-    return f'{rows} × {columns} {picture.mode}'
+    return f'{size_text(rows, columns)} {picture.mode}'
 
 
 def in_focus_everywhere(sharpness: npt.NDArray[np.float64]) -> int | None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.cloud import Cloud, Floats, grid_coordinates
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, stated_time
 from socialcircle_ros.formats.damage import unreadable
@@ -121,7 +122,7 @@ def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud
             )
         rows, columns = header.shape
         if shape is not None and shape != (rows, columns):
-            raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
+            raise ImportFileError(f'{path} has {size_text(rows, columns)} of points, not {size_text(*shape)}.')
         z = _as_coordinates(path, 'z', archive.load('z'))
         fields = _Fields((rows, columns))
         x, y = _lateral(archive, rows, columns, z.dtype)
@@ -225,7 +226,7 @@ def _read_other(
         raise ImportFileError(f'{path} cannot be used: {error}') from None
     rows, columns = cloud.points.shape[:2]
     if shape is not None and shape != (rows, columns):
-        raise ImportFileError(f'{path} has {rows} × {columns} points, not {shape[0]} × {shape[1]}.')
+        raise ImportFileError(f'{path} has {size_text(rows, columns)} of points, not {size_text(*shape)}.')
     taken = cloud.metadata.get(SOURCE_FORMAT, '')
     # Three numbers in a line may be a point or three heights, so that it is said which they are.
     notes = (f'it is taken as a {taken}',) if taken == LIST or (taken and columns == _OF_A_POINT) else ()
@@ -266,9 +267,9 @@ class _PointGrid:
                 ' so give the shape.'
             )
         if shape is not None and shape != found:
-            raise ImportFileError(f'{path} has {found[0]} × {found[1]} points, not {shape[0]} × {shape[1]}.')
+            raise ImportFileError(f'{path} has {size_text(*found)} of points, not {size_text(*shape)}.')
         if table.places is None and found[0] * found[1] != count:
-            raise ImportFileError(f'{path} has {count} points, which are not {found[0]} × {found[1]}.')
+            raise ImportFileError(f'{path} has {count} points, which are not {size_text(*found)}.')
         if table.places is not None and table.places.max() >= count:
             raise ImportFileError(f'{path} has a range_grid that names missing points: save it again.')
         self.shape = found

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats.text import BYTE_ORDER_MARK
 from socialcircle_ros.kernels.compiled import kernel
@@ -59,8 +60,8 @@ def read_pcd(path: Path) -> PointTable:
     points = width * height if points is None else points
     if points != width * height or points <= 0:
         raise ImportFileError(
-            f'{path} has a header with {points} points, but {height} × {width} places: save it again with matching'
-            ' counts.'
+            f'{path} has a header with {points} points, but {size_text(height, width)}: save it again with'
+            ' matching counts.'
         )
     data = content[start:]
     if encoding == 'ascii':

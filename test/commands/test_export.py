@@ -44,8 +44,10 @@ def test_a_recording_is_exported_and_described(run, tmp_path):
     assert done.code == 0, done.err
     assert '2 files written to out.' in done.out
     described = run('info', 'c.mcap', 'out/points_filtered_0000.x3p')
-    assert '/points_filtered  sensor_msgs/msg/PointCloud2  1, 20 × 30 (x, y, z), in m' in described.out
-    assert 'pitch     500 × 500 nm' in described.out
+    assert (
+        '/points_filtered  sensor_msgs/msg/PointCloud2  1, 20 rows × 30 columns (x, y, z), in m' in described.out
+    )
+    assert 'pitch     500 × 500 nm (x × y)' in described.out
 
 
 def test_an_error_is_one_sentence(run, tmp_path):
@@ -69,8 +71,8 @@ def test_heights_without_a_pitch_are_imported_with_the_pitch_that_is_given(run, 
     assert 'does not state its pitch' in refused.err
     done = run('import', 'a.npy', '-o', 'a.mcap', '--pitch', '2', '--unit', 'um')
     assert done.code == 0, done.err
-    assert 'a.npy (µm, given): 4 × 4 points' in done.out
-    assert '4 × 4 (x, y, z), in m' in run('info', 'a.mcap').out
+    assert 'a.npy (µm, given): 4 rows × 4 columns' in done.out
+    assert '4 rows × 4 columns (x, y, z), in m' in run('info', 'a.mcap').out
 
 
 def test_info_shows_every_file_also_after_one_that_cannot_be_read(run, tmp_path):

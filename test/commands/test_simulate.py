@@ -20,7 +20,7 @@ def contents(path):
 def test_a_simulated_stack_is_filtered_with_the_parameters_beside_it(run, tmp_path):
     done = run('simulate', 'flat', '-o', 'flat.mcap', '--size', '40', '50', '--frames', '20', '--seed', '2')
     assert done.code == 0, done.err
-    assert '20 frames of 40 × 50 pixels' in done.out
+    assert '20 frames of 40 rows × 50 columns' in done.out
     filtered = run('filter', 'flat.mcap', '--params-file', 'flat.yaml', '-o', 'cleaned.mcap')
     assert filtered.code == 0, filtered.err
     assert '1 focus stack measured; 1 cloud filtered, ' in filtered.out

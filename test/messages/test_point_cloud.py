@@ -277,7 +277,7 @@ def test_an_encoded_cloud_is_what_a_stranger_decodes(kind, extra, seed):
 
 
 def test_a_field_of_another_shape_cannot_be_encoded():
-    with pytest.raises(MessageError, match=r"Field 'q' is \(2, 2\) float32; a cloud of 3×5 points takes"):
+    with pytest.raises(MessageError, match=r"Field 'q' is \(2, 2\) float32; a cloud of 3 rows × 5 columns takes"):
         encode_point_cloud(Header(), np.zeros((3, 5, 3)), {'q': np.zeros((2, 2), np.float32)})
 
 

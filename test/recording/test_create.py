@@ -92,7 +92,10 @@ def test_frames_of_different_shapes_are_refused(tmp_path):
     (tmp_path / 'frames').mkdir()
     for number, frame in enumerate((FRAMES[0], FRAMES[1], FRAMES[2, :4])):
         pillow.fromarray(frame).save(tmp_path / 'frames' / f'{number}.png')
-    with pytest.raises(ImportFileError, match=r'2\.png is 4 × 6 gray, 8 bits, but 0\.png is 5 × 6 gray, 8 bits'):
+    with pytest.raises(
+        ImportFileError,
+        match=r'2\.png is 4 rows × 6 columns gray, 8 bits, but 0\.png is 5 rows × 6 columns gray, 8 bits',
+    ):
         record_stack(tmp_path / 'frames', tmp_path / 's.mcap', pitch=1e-6, z_step=1e-6)
 
 

@@ -24,10 +24,10 @@ def test_a_measurement_file(tmp_path):
     found = describe(surface(tmp_path / 'a.npz', fields={'quality': np.ones((2, 3), np.uint8)}))
     assert (found.kind, found.damage) == ('NumPy archive, height map file', None)
     assert {key: text for key, text in found.facts.items() if key != 'size'} == {
-        'points': '2 × 3, float64',
+        'points': '2 rows × 3 columns, float64',
         'measured': '5 of 6',
         'unit': 'm',
-        'pitch': '500 × 250 nm',
+        'pitch': '500 × 250 nm (x × y)',
         'heights': '1 to 5 µm',
         'fields': 'quality (uint8)',
     }
@@ -48,14 +48,14 @@ def test_a_recording(tmp_path, target):
     assert (found.facts['messages'], found.facts['duration']) == ('3', '2.000 s')
     assert found.facts['start'] == 'no time'  # imported clouds have no date
     assert found.facts['imported'] == '; '.join(['a.x3p (m, stated in the file)'] * 3)
-    assert found.topics == [TopicDescription('/points', CLOUD, 3, '2 × 3 (x, y, z)', 'm')]
+    assert found.topics == [TopicDescription('/points', CLOUD, 3, '2 rows × 3 columns (x, y, z)', 'm')]
     assert found.damage is None
 
 
 def test_a_topic_in_micrometres_is_told_with_their_sign(tmp_path):
     record_clouds([surface(tmp_path / 'a.npz')], tmp_path / 'a.mcap')
     (topic,) = describe(tmp_path / 'a.mcap').topics
-    assert topic._replace(unit='um').text() == f'/points  {CLOUD}  1, 2 × 3 (x, y, z), in µm'
+    assert topic._replace(unit='um').text() == f'/points  {CLOUD}  1, 2 rows × 3 columns (x, y, z), in µm'
 
 
 def test_units_attachments_and_records_are_listed(tmp_path):
@@ -68,7 +68,7 @@ def test_units_attachments_and_records_are_listed(tmp_path):
             writer.write(topic, next(iter(reader.messages())).data, 1)
     found = describe(tmp_path / 'b.mcap')
     assert found.facts['also'] == 'attachment calibration.yaml, metadata site'
-    assert found.topics[0].text() == f'/other  {CLOUD}  1, 2 × 3 (x, y, z), unit not known'
+    assert found.topics[0].text() == f'/other  {CLOUD}  1, 2 rows × 3 columns (x, y, z), unit not known'
 
 
 def test_a_damaged_recording(tmp_path):
@@ -84,11 +84,15 @@ def test_a_stack_and_its_recording(tmp_path):
     found = describe(tmp_path / 's.npz')
     assert (found.kind, found.facts) == (
         'focus stack',
-        {'frames': '4', 'z': '−1.5 to 1.5 in its own unit, which is not stated', 'image': '5 × 6, uint8'},
+        {
+            'frames': '4',
+            'z': '−1.5 to 1.5 in its own unit, which is not stated',
+            'image': '5 rows × 6 columns, uint8',
+        },
     )
     record_stack(tmp_path / 's.npz', tmp_path / 's.mcap', pitch=1e-6, z_step=1e-6)
     rows = {row.name: row for row in describe(tmp_path / 's.mcap').topics}
-    assert rows['/stack/image'][2:] == (4, '5 × 6 mono8', None)
+    assert rows['/stack/image'][2:] == (4, '5 rows × 6 columns mono8', None)
 
 
 def test_a_cloud_off_a_grid_has_no_pitch(tmp_path):

@@ -68,6 +68,6 @@ def test_a_frame_of_another_size_or_mode_is_named(pixels, mode):
     other = frames[0] if pixels is None else pixels
     with pytest.raises(
         ImportFileError,
-        match=rf'^f6 is {other.shape[0]} × .* {mode}, but f0 is 96 × 128 gray, 8 bits \(rows × columns\)',
+        match=rf'^f6 is {other.shape[0]} rows × .* {mode}, but f0 is 96 rows × 128 columns gray, 8 bits',
     ):
         check([*frames, other], [GRAY] * 6 + [mode])

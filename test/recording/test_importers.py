@@ -298,9 +298,13 @@ def test_a_ply_without_a_size_needs_a_shape(tmp_path):
 @pytest.mark.parametrize(
     ('options', 'shape', 'sentence'),
     [
-        ({}, (2, 2), r'has 6 points, which are not 2 × 2'),
-        ({'size': 'obj_info num_cols 3\nobj_info num_rows 2\n'}, (3, 2), r'has 2 × 3 points, not 3 × 2'),
-        ({'size': 'obj_info num_cols 4\nobj_info num_rows 2\n'}, None, r'which are not 2 × 4'),
+        ({}, (2, 2), r'has 6 points, which are not 2 rows × 2 columns'),
+        (
+            {'size': 'obj_info num_cols 3\nobj_info num_rows 2\n'},
+            (3, 2),
+            r'has 2 rows × 3 columns of points, not 3 rows × 2 columns',
+        ),
+        ({'size': 'obj_info num_cols 4\nobj_info num_rows 2\n'}, None, r'which are not 2 rows × 4 columns'),
         ({'properties': XYZ.replace(' z', ' depth')}, (2, 3), r"has no coordinate 'z'"),
         ({'line': 'nan nan nan\n'}, (2, 3), r'has no measured point'),
     ],

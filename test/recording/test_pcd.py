@@ -43,7 +43,7 @@ def test_padding_in_a_pcd_is_skipped_and_counts_become_columns(tmp_path):
 @pytest.mark.parametrize(
     ('old', 'new', 'sentence'),
     [
-        (b'WIDTH 4', b'WIDTH 5', r'a header with 12 points, but 3 × 5 places'),
+        (b'WIDTH 4', b'WIDTH 5', r'a header with 12 points, but 3 rows × 5 columns'),
         (b'WIDTH 4', b'WIDTH four', r'invalid PCD header'),
         (b'SIZE 4 4 4 2', b'SIZE 4 4 4', r'invalid PCD header'),
         (b'TYPE F F F U', b'TYPE F F F X', r'invalid PCD header'),
@@ -51,7 +51,7 @@ def test_padding_in_a_pcd_is_skipped_and_counts_become_columns(tmp_path):
         (b'COUNT 1 1 1 1', b'COUNT 1 1 1 -1', r'invalid PCD header'),
         (b'COUNT 1 1 1 1', b'COUNT 1 1 1 99999999999', r'invalid PCD header'),
         (b'SIZE 4 4 4 2', b'SIZE 16 4 4 2', r'invalid PCD header'),
-        (b'WIDTH 4', b'WIDTH 0', r'12 points, but 3 × 0'),
+        (b'WIDTH 4', b'WIDTH 0', r'12 points, but 3 rows × 0 columns'),
         (b'DATA ascii', b'DATA zip', r"unknown type 'zip'"),
         (b'1.0', b'one', r'has a line without 4 numbers'),
         (b'1.0', b'', r'has a line without 4 numbers|should have'),

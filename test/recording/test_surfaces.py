@@ -20,7 +20,9 @@ def test_what_is_written_is_read_with_its_pitch_and_unit(tmp_path, suffix):
     read = socialcircle_ros.read_surface(str(tmp_path / f'a{suffix}'))
     assert same_bits(read.heights, SURFACE.heights)
     assert (read.pitch, read.unit) == (SURFACE.pitch, 'm')
-    assert repr(read) == 'MeasuredSurface(2×3 float32, pitch 0.123 × 4.56 m, 1 not measured)'
+    assert (
+        repr(read) == 'MeasuredSurface(2 rows × 3 columns, float32, pitch 0.123 × 4.56 m (x × y), 1 not measured)'
+    )
 
 
 @pytest.mark.parametrize('suffix', suffixes(written=True))
