@@ -46,6 +46,7 @@ class DemoCloud:
         name: recording and number of the cloud, such as `parts 3`.
         mode: mode of the filter.
         measurement: counts, seed and radius.
+        unit: of the cloud; None: not known.
         warning: the sentences of the measurement if it warns; else empty.
         total_ms: time of all work of the node on the cloud.
         latency_ms: time from the publication of the cloud, or of the last frame, to the filtered cloud.
@@ -55,6 +56,7 @@ class DemoCloud:
     name: str
     mode: str
     measurement: MeasurementValues
+    unit: str | None
     warning: str
     total_ms: float
     latency_ms: float
@@ -201,7 +203,7 @@ class _Session:
             self._writer.add_topic(ros_topic(full_name, topic.type))
             self._writer.write(full_name, data, log_time)
         truth = self._truths(namespace, cloud)
-        self._demo.clouds.append(_described(name, truth, response))
+        self._demo.clouds.append(_described(name, unit, truth, response))
         if self._drawn:
             return
         self._drawn = True
@@ -209,7 +211,7 @@ class _Session:
         mode = response.measurement.values[_MODE]
         try:
             responses.append(self._in_other_mode(mode))
-            self._demo.clouds.append(_described(name, truth, responses[-1]))
+            self._demo.clouds.append(_described(name, unit, truth, responses[-1]))
         except SocialCircleError as error:
             self._demo.clouds.append(RefusedCloud(name, _OTHER[mode], str(error)))
         self._draw(cloud, unit, truth, responses)
@@ -236,7 +238,7 @@ class _Session:
         self._demo.written.append(file)
 
 
-def _described(name: str, truth: RecordedTruth | None, response: Response) -> DemoCloud:
+def _described(name: str, unit: str | None, truth: RecordedTruth | None, response: Response) -> DemoCloud:
     scores = None
     if truth is not None:
         scores = score(decode_mono8(response.mask) == OUTLIER, truth.outlier, truth.counted)
@@ -245,6 +247,7 @@ def _described(name: str, truth: RecordedTruth | None, response: Response) -> De
         name=name,
         mode=measurement.values[_MODE],
         measurement=MeasurementValues.from_text(measurement.values),
+        unit=unit,
         warning=measurement.message if measurement.level != diagnostics.OK else '',
         total_ms=float(measurement.values[STAGE_TIME.format(stage='total')]),
         latency_ms=response.latency_ms,

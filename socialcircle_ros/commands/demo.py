@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 _COLUMNS = ('mode', 'measured', 'outliers', 'seed', 'radius', 'total', 'latency', 'prec.', 'recall')
 _CAPTION = (
     'mode: circle.mode; a row without a name is the cloud above after the mode was changed in the running node.'
-    ' total: all work of the node on the cloud; latency: from the publication of the cloud (or of the last frame'
-    ' of a stack) to the filtered cloud; both in ms.'
+    ' seed: row, column; total: all work of the node on the cloud; latency: from the publication of the cloud (or'
+    ' of the last frame of a stack) to the filtered cloud; both in ms.'
 )
 _WIDTH = 100
 """Columns of the table where the output is no terminal."""
@@ -103,12 +103,14 @@ def _table(clouds: 'Sequence[DemoCloud | RefusedCloud]') -> 'Table':
 
 def _cells(cloud: 'DemoCloud') -> list[str]:
     """The cells of a row after its mode; empty without a known truth."""
+    from socialcircle_ros.lengths import length_text
+
     found, scores = cloud.measurement, cloud.scores
     return [
         str(found.measured),
         str(found.outliers),
         f'{found.seed_row},{found.seed_column}',
-        f'{found.radius:.3g}',
+        length_text(found.radius, cloud.unit),
         f'{cloud.total_ms:.1f}',
         f'{cloud.latency_ms:.1f}',
         *(['', ''] if scores is None else [f'{scores.precision:.3f}', f'{scores.recall:.3f}']),
