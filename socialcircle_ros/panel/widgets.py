@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, Protocol
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.settings import RosValue
+from socialcircle_ros.settings import PARAMETERS, RosValue
 from socialcircle_ros.settings.plain_yaml import load_plain_yaml
 
 from .elements import Value, on_choice, set_value
@@ -53,7 +53,7 @@ def widget_of(gui: 'viser.GuiApi', row: Descriptor, value: RosValue, choose: Cho
     """
     label = row.name.rpartition('.')[2].replace('_', ' ')
     if row.unit:
-        label += f' [{row.unit}]'
+        label += ' [unit of the cloud]' if row.unit == 'cloud' else f' [{row.unit}]'
     hint = hint_of(row)
     if row.kind is ParameterKind.BOOLEAN:
         return _ElementWidget(gui.add_checkbox(label, bool(value), hint=hint), choose, _DRAG_PAUSE_S)
@@ -134,7 +134,7 @@ class NumberWidget:
         self._row = row
         self._choose = choose
         self._known: RosValue | None = value  # None: a text that is no number
-        self._text = gui.add_text(label, text_of(value), hint=hint)
+        self._text = gui.add_text(label, text_of(value, row.name), hint=hint)
         self._scale = _SliderScale.of(row)
         self._slider: viser.GuiSliderHandle[float] | None = None
         if self._scale is not None and isinstance(value, (int, float)):
@@ -151,7 +151,7 @@ class NumberWidget:
         """Show the current value."""
         if self._known != value:
             self._known = value
-            set_value(self._text, text_of(value))
+            set_value(self._text, text_of(value, self._row.name))
             self._move_slider(value)
 
     def enable(self, enabled: bool) -> None:
@@ -170,7 +170,7 @@ class NumberWidget:
         if self._scale is None:
             return
         value = self._scale.value(place)
-        set_value(self._text, text_of(value))
+        set_value(self._text, text_of(value, self._row.name))
         self._choose(value, _DRAG_PAUSE_S)
         self._known = value
 
@@ -242,8 +242,16 @@ def hint_of(row: Descriptor) -> str:
     return f'{first} ({row.allowed}).' if row.allowed else f'{first}.'
 
 
-def text_of(value: RosValue) -> str:
-    """A value as text, in the form in which it can be typed."""
+def text_of(value: RosValue, name: str = '') -> str:
+    """A value as text, in the form in which it can be typed.
+
+    Args:
+        value: the value.
+        name: of its parameter; the value may be one that stands for automatic, or for none.
+    """
+    parameter = PARAMETERS.get(name)
+    if parameter is not None and parameter.empty is not None and value == parameter.empty:
+        return parameter.empty_text
     return ', '.join(str(item) for item in value) if isinstance(value, list) else f'{value}'
 
 
@@ -253,6 +261,9 @@ def value_of(text: str, row: Descriptor) -> RosValue:
     Raises:
         SettingError: it does not hold what the parameter holds.
     """
+    parameter = PARAMETERS.get(row.name)
+    if parameter is not None and parameter.empty is not None and text.strip() == parameter.empty_text:
+        return parameter.empty
     try:
         if row.kind is ParameterKind.REAL:
             return float(text if '.' in text else text.replace(',', '.', 1))  # 1,5 is 1.5

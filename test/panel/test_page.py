@@ -206,13 +206,13 @@ def test_a_refusal_is_shown_with_its_reason_until_the_next_valid_value(tuning):
 
 
 def test_a_text_that_is_no_number_is_refused_without_asking_the_node(tuning):
-    tuning.visitor.field('radius [cloud]').fill('wide')
+    tuning.visitor.field('radius [unit of the cloud]').fill('wide')
     assert tuning.visitor.sees("circle.radius must be a number, not 'wide'.")
     assert tuning.link.asked == []
 
 
 def test_tiny_lengths_can_be_typed_key_by_key(tuning):
-    field = tuning.visitor.field('radius [cloud]')
+    field = tuning.visitor.field('radius [unit of the cloud]')
     field.clear()
     field.press_sequentially('1.25e-6', delay=100)
     tuning.link.wait_for(lambda values: values['circle.radius'] == 1.25e-6)

@@ -97,6 +97,15 @@ def test_the_marks_of_whole_numbers_are_values_that_can_be_chosen(low, steps, st
     assert len(marks) <= 5
 
 
+def test_a_value_that_is_chosen_by_the_filter_is_called_as_in_reports():
+    depth = dataclasses.replace(ROWS[ParameterKind.REAL], name='circle.depth_of_field')
+    assert text_of(0.0, depth.name) == 'automatic'
+    assert text_of([0, 0, 0, 0], 'circle.vote_region') == 'automatic'
+    assert text_of(0.0, 'limits.sq_max') == 'none'
+    assert text_of(0.0, 'circle.radius_scale') == '0.0'
+    assert value_of('automatic', depth) == value_of('0', depth) == 0.0
+
+
 def test_the_help_of_a_parameter_is_one_sentence():
     for row in descriptors():
         hint = hint_of(row)
