@@ -43,7 +43,7 @@ def trials_table(result: SweepResult) -> Table:
     lengths = length_scale(
         [value for trial in result.trials for value in (trial.sq, trial.sz) if value], result.unit
     )
-    headings = [lengths.label(name) if result.unit else name for name in ('Sq after', 'Sz after')]
+    headings = [lengths.label(name) for name in ('Sq after', 'Sz after')]
     columns = [
         *(Column(name) for name in names),
         *(Column(name, '.4f') for name in result.score_names),
@@ -86,7 +86,9 @@ def sweep_page(result: SweepResult, made_by: str) -> str:
         _TRUTH if result.has_truth else _CRITERION,
         f'Made by: {made_by}',
     ]
-    chart = Picture('scores', _chart(result), 'Score of each trial, with the standard error between the clouds.')
+    spread = ', with the standard error between the clouds' if len(result.clouds) > 1 else ''
+    caption = f'{result.score_names[0].capitalize()} of each trial{spread}.'
+    chart = Picture('scores', _chart(result), caption)
     sections = [
         Section('Decision', [STATISTIC] if result.has_truth else [], items=[_banner(result)]),
         Section(

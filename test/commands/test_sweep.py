@@ -92,6 +92,7 @@ def test_without_a_truth_there_is_no_verdict_and_the_page_shows_candidates(run, 
     text = page_of(tmp_path / 'out/sweep')
     assert 'by more than 5 robust standard deviations' in text
     assert 'and not which is right' in text
+    assert 'Agreement of each trial, with the standard error' in text
     assert not (tmp_path / 'out/sweep/best.yaml').exists()
     first = (tmp_path / 'out/sweep/candidates/1.yaml').read_text()
     assert 'circle.mode: "adaptive"' in first

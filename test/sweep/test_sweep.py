@@ -54,6 +54,18 @@ def test_a_notebook_gets_the_trials_and_the_files(tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ('recording', 'caption'),
+    [
+        ('metal_groove.mcap', 'F1 of each trial.'),
+        ('padded.mcap', 'F1 of each trial, with the standard error between the clouds.'),
+    ],
+)
+def test_one_cloud_has_no_standard_error(tmp_path, recording, caption):
+    socialcircle_ros.run_sweep(BAGS / recording, SPACE, tmp_path)
+    assert f'<figcaption>{caption}</figcaption>' in (tmp_path / 'sweep.html').read_text()
+
+
 def test_the_setting_as_given_is_in_its_own_mode_where_a_parameter_needs_another(tmp_path):
     result = socialcircle_ros.run_sweep(BAGS / 'padded.mcap', SPACE, tmp_path, parameters={'circle.window': 5})
     assert result.given.values == {'circle.mode': 'adaptive'}
