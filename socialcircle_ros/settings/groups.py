@@ -41,8 +41,8 @@ class CircleSettings(Settings):
         'adaptive',
         "Method. 'adaptive': takes its scales from the surface and keeps every community; of the other circle"
         ' parameters it uses judge, provider, depth_of_field, lesson and not_measured only.'
-        " 'paper': the published method, with one radius and one community; it removes nothing where the heights"
-        ' are much smaller than the pitch.',
+        " 'paper': the published method, with one radius and one community; it removes next to nothing"
+        ' where the heights are much smaller than the pitch.',
     )
     judge: Judge = setting(
         'network',
