@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, HeightMap, Mask, measured_points
+from socialcircle_ros.cloud import Cloud, HeightMap, Mask, measured_points, nearest_grid
 from socialcircle_ros.lengths import LengthScale, length_scale
 from socialcircle_ros.metrics.deviation import deviation
 from socialcircle_ros.storage import write_file
@@ -82,7 +82,9 @@ class CloudPictures:
         if self.colours is not None:
             return self.colours
         heights, outliers = thinned(self.heights, _PIXELS), thinned(self.outliers, _PIXELS)
-        return height_range(heights, outliers, self.pitch[0] if self.pitch else 1.0)
+        grid = nearest_grid(self.xyz, measured_points(self.xyz))
+        pitch = None if grid is None else grid.pitch
+        return height_range(heights, outliers, pitch[0] if pitch else 1.0)
 
     @cached_property
     def deviations(self) -> npt.NDArray[np.float64]:
