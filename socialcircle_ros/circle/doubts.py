@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.settings import CircleSettings
-from socialcircle_ros.settings.lessons import known_lesson
 
 _TOO_MANY = 0.3
 """Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
@@ -91,7 +90,7 @@ def doubts_of(
 
 def _by_network_lesson(settings: CircleSettings) -> bool:
     """Whether a lesson on what the network finds decides, which uses no depth of field."""
-    return bool(settings.lesson) and known_lesson(settings.lesson).judge == 'network'
+    return settings.taught is not None and settings.taught.judge == 'network'
 
 
 def _too_deep(heights: HeightMap, depth_of_field: float) -> list[str]:

@@ -12,7 +12,6 @@ from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
-from socialcircle_ros.settings.lessons import known_lesson
 
 from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, lonely_outliers, unlike
 from .doubts import doubts_of, texture_doubts, unknown_texture
@@ -150,7 +149,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     measured = measured_points(cloud)
     if not measured.any():
         raise NoSeedError('No point of the cloud is measured.')
-    lesson = known_lesson(settings.lesson) if settings.lesson else None
+    lesson = settings.taught
     judge = None if lesson is None else LessonJudge(lesson)
     heights = np.where(measured, cloud[..., 2], np.nan)
     warnings = []

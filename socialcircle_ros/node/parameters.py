@@ -49,6 +49,8 @@ class LiveParameters:
         for row in PARAMETERS.values():
             node.declare_parameter(row.name, row.default, _descriptor(row))
         self.configuration = Configuration.from_ros(self._values())
+        # What was checked last, and is applied next; meanwhile a file that it names may change.
+        self._next = self.configuration
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -80,14 +82,14 @@ class LiveParameters:
             for change in ours:
                 if change.type_ == RosParameter.Type.NOT_SET:
                     raise SettingError(f'{change.name} cannot be removed; set it to a value.')  # noqa: TRY301
-            Configuration.from_ros(self._values() | {change.name: _plain(change) for change in ours})
+            self._next = self.configuration.with_ros({change.name: _plain(change) for change in ours})
         except SettingError as refusal:
             return SetParametersResult(successful=False, reason=str(refusal))
         return SetParametersResult(successful=True)
 
     def _apply(self, changes: list[RosParameter]) -> None:
         if any(change.name in PARAMETERS for change in changes):
-            before, self.configuration = self.configuration, Configuration.from_ros(self._values())
+            before, self.configuration = self.configuration, self._next
             self._changed(before)
 
 

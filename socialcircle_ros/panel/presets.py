@@ -64,7 +64,8 @@ class Presets:
     def free_lesson(self, name: str) -> Path:
         """A file for a lesson: of this name, with a number if there is one already.
 
-        A node reads a lesson once. So none is replaced: the node would go on with the old one.
+        A node reads a lesson when `circle.lesson` is set, and the page does not set what is set already. So none
+        is replaced: the node would go on with the old one.
 
         Raises:
             SettingError: the name is not suitable for a file.

@@ -6,7 +6,7 @@ from typing import cast
 
 from socialcircle_ros.errors import SettingError
 
-from .lessons import Judge, finder
+from .lessons import Judge, finder, read_lesson
 from .schema import RosValue
 
 MODE, VOTE_REGION = 'circle.mode', 'circle.vote_region'
@@ -66,8 +66,9 @@ def needing(mode: str) -> tuple[str, ...]:
 def _finder(values: Mapping[str, RosValue]) -> str | None:
     """What finds the outliers in the adaptive mode; None where that is not known."""
     judge = cast('Judge', values.get(_JUDGE))
+    path = str(values.get(_LESSON, ''))
     try:
-        return finder(str(values.get(_LESSON, '')), judge, has_depth_of_field=_has_depth_of_field(values))
+        return finder(read_lesson(path) if path else None, judge, has_depth_of_field=_has_depth_of_field(values))
     except SettingError:
         return None
 

@@ -10,12 +10,12 @@ import importlib.util
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar, cast
 
 from socialcircle_ros.errors import SettingError
 
 from .effects import needing
-from .lessons import Judge, finder, read_lesson
+from .lessons import Judge, Lesson, finder, read_lesson
 from .schema import Parameter, RosValue, Settings, setting
 from .stack_groups import FocusSettings, StackSettings
 
@@ -27,8 +27,6 @@ Mode = Literal['paper', 'adaptive']
 
 CPU_PROVIDER = 'CPUExecutionProvider'
 """The execution provider that every ONNX Runtime offers."""
-
-AnyCircleSettings = TypeVar('AnyCircleSettings', bound='CircleSettings')
 
 
 @dataclass(frozen=True)
@@ -105,22 +103,33 @@ class CircleSettings(Settings):
         " or one exact height far from all others; 'nan': none; a number: points of exactly this height.",
     )
 
+    # `lesson`, and what its file held: that is in force until `lesson` is set, whatever becomes of the file.
+    _read: tuple[str, Lesson] | None = dataclasses.field(default=None, repr=False, hash=False)
+
     @classmethod
-    def from_ros(cls: type[AnyCircleSettings], values: Mapping[str, object]) -> AnyCircleSettings:  # noqa: PYI019 - not in Python 3.10
-        """Make settings from values under full ROS names, which are to be used on this machine.
+    def fields_of(cls, values: Mapping[str, object]) -> dict[str, object]:
+        """As in every group; where the lesson is set, its file is read again."""
+        fields = super().fields_of(values)
+        return fields | {'_read': None} if 'lesson' in fields else fields
+
+    def check_machine(self) -> None:
+        """Check that ONNX Runtime is installed, if they need it.
 
         Raises:
-            SettingError: A value is not allowed, or they need ONNX Runtime and it is not installed.
+            SettingError: It is not.
         """
-        settings = super().from_ros(values)
-        if settings.uses_network:
+        if self.uses_network:
             require_runtime()
-        return settings
+
+    @property
+    def taught(self) -> Lesson | None:
+        """What the lesson file held when `lesson` was set; None: no lesson."""
+        return None if self._read is None else self._read[1]
 
     @property
     def finds_by(self) -> Judge:
         """What finds the outliers in the adaptive mode, as `lessons.finder` defines it."""
-        return finder(self.lesson, self.judge, has_depth_of_field=self.depth_of_field is not None)
+        return finder(self.taught, self.judge, has_depth_of_field=self.depth_of_field is not None)
 
     @property
     def uses_network(self) -> bool:
@@ -167,8 +176,9 @@ class CircleSettings(Settings):
                 f"circle.not_measured is {self.not_measured!r}; use 'auto', 'nan', or the height that stands for"
                 " not measured, such as '0' or '-9999'."
             )
-        if self.lesson:
-            read_lesson(self.lesson)
+        if self._read is None or self._read[0] != self.lesson:
+            read = (self.lesson, read_lesson(self.lesson)) if self.lesson else None
+            object.__setattr__(self, '_read', read)
         if self.uses_network and self.provider != CPU_PROVIDER:
             _check_offered(self.provider)
         if self.depth_of_field == 0.0:
@@ -415,6 +425,16 @@ class PipelineSettings:
         """
         groups: dict[str, Any] = {each.name: each.default_factory for each in dataclasses.fields(cls)}
         return cls(**{name: group.from_ros(values) for name, group in groups.items()})
+
+    def with_ros(self: AnyPipelineSettings, changes: Mapping[str, object]) -> AnyPipelineSettings:  # noqa: PYI019 - not in Python 3.10
+        """These settings with changed values under full ROS names; groups without a change stay the same objects.
+
+        Raises:
+            SettingError: As by `from_ros`.
+        """
+        groups: dict[str, Settings] = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        changed = {name: group.with_ros(changes) for name, group in groups.items() if group.fields_of(changes)}
+        return dataclasses.replace(self, **cast('dict[str, Any]', changed))
 
     def to_ros(self) -> dict[str, RosValue]:
         """Every parameter under its full name."""

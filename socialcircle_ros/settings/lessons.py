@@ -105,7 +105,7 @@ class Lesson:
 
 
 def read_lesson(path: str) -> Lesson:
-    """Read a lesson file, unless it is known already and has not changed.
+    """Read a lesson file, unless it was read before and has not changed since.
 
     Raises:
         SettingError: the file cannot be read, or it is not a lesson.
@@ -133,29 +133,17 @@ def read_lesson(path: str) -> Lesson:
     return lesson
 
 
-def known_lesson(path: str) -> Lesson:
-    """The lesson as it was when the settings were made, so that the file may change while clouds are filtered.
-
-    Raises:
-        SettingError: the lesson is not known yet, and its file cannot be used.
-    """
-    return _known[path][1] if path in _known else read_lesson(path)
-
-
-def finder(lesson: str, judge: Judge, *, has_depth_of_field: bool) -> Judge:
+def finder(lesson: Lesson | None, judge: Judge, *, has_depth_of_field: bool) -> Judge:
     """What finds the outliers in the adaptive mode: a lesson uses what it was taught with.
 
     Args:
-        lesson: path of a lesson; empty: none.
+        lesson: None: none is used.
         judge: what is asked for.
         has_depth_of_field: whether it is known. Outliers that optics make look like a smooth surface: the network
             does not see them, the rules do.
-
-    Raises:
-        SettingError: as by `known_lesson`.
     """
-    if lesson:
-        return known_lesson(lesson).judge
+    if lesson is not None:
+        return lesson.judge
     return 'rules' if has_depth_of_field else judge
 
 

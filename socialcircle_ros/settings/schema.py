@@ -164,7 +164,7 @@ class Settings:
             SettingError: A value has a wrong type or is out of range; the message says what is allowed.
         """
         hints = typing.get_type_hints(type(self))
-        for field in dataclasses.fields(self):
+        for field in _declared(type(self)):
             column: _Declaration = field.metadata[_OWN]
             name = f'{self.group}.{field.name}' if self.group else field.name
             value = _checked(name, getattr(self, field.name), hints[field.name], column)
@@ -179,7 +179,7 @@ class Settings:
         """The parameters of this group, in the order of their declaration; a Literal type gives the choices."""
         hints = typing.get_type_hints(cls)
         rows = []
-        for field in dataclasses.fields(cls):
+        for field in _declared(cls):
             column: _Declaration = field.metadata[_OWN]
             default = cast('RosValue | None', column.empty if field.default is None else field.default)
             if default is None:
@@ -208,9 +208,33 @@ class Settings:
         Names of other groups are ignored; missing names get their defaults.
 
         Raises:
-            SettingError: As on creation.
+            SettingError: As on creation, or this machine lacks what they need.
         """
-        return cls(**{row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values})
+        settings = cls(**cls.fields_of(values))
+        settings.check_machine()
+        return settings
+
+    def with_ros(self: 'Self', changes: Mapping[str, object]) -> 'Self':  # noqa: PYI019 - not in Python 3.10
+        """These settings with changed values under full ROS names.
+
+        Raises:
+            SettingError: As by `from_ros`.
+        """
+        changed = dataclasses.replace(self, **self.fields_of(changes))
+        changed.check_machine()
+        return changed
+
+    @classmethod
+    def fields_of(cls, values: Mapping[str, object]) -> dict[str, object]:
+        """What the fields become by values under full ROS names; names of other groups are ignored."""
+        return {row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values}
+
+    def check_machine(self) -> None:
+        """Check that this machine has what the settings need; groups that need something override this.
+
+        Raises:
+            SettingError: It has not.
+        """
 
     def to_ros(self) -> dict[str, RosValue]:
         """These settings as ROS values under full ROS names."""
@@ -218,6 +242,11 @@ class Settings:
 
 
 Self = TypeVar('Self', bound=Settings)
+
+
+def _declared(group: type[Settings]) -> list['dataclasses.Field[object]']:
+    """The fields that are parameters."""
+    return [field for field in dataclasses.fields(group) if _OWN in field.metadata]
 
 
 def _checked(name: str, value: object, hint: object, column: _Declaration) -> object:

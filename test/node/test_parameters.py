@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the live node: whole or not at all, with a reason."""
 
+from dataclasses import replace
+
 import pytest
 import yaml
 from examples import cloud
 from live import RESULTS
 
 from socialcircle_ros.settings import PARAMETERS
+from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
 
 pytestmark = pytest.mark.live
 
@@ -31,6 +34,27 @@ def test_the_network_judges_from_the_next_cloud_on(cell):
     _, _, after = cell.answer()
     assert after.values['circle.judge'] == 'network'
     assert 20 <= int(after.values['outliers']) <= 32
+
+
+def test_a_lesson_that_is_replaced_or_gone_is_in_force_until_it_is_set_again(cell, tmp_path):
+    weights = (5.0, *(0.0,) * (WEIGHTS - 1))  # takes whatever is found for an outlier
+    traits = (0.0,) * len(TRAITS), (1.0,) * len(TRAITS)
+    all_of_it = Lesson(('good.npz',), (0.5, 2.0), 'rules', 0.955, *traits, weights, 0.7, {})
+    path = tmp_path / 'part.teach'
+    path.write_text(all_of_it.to_text())
+    cell.set(circle__mode='adaptive')
+    assert cell.set(circle__lesson=str(path))[0].successful
+    before = int(cell.clean(cloud())[2].values['outliers'])
+    assert before > 0
+    path.write_text(replace(all_of_it, weights=(-5.0, *weights[1:])).to_text())
+    assert cell.set(silence=6.0)[0].successful
+    assert int(cell.clean(cloud())[2].values['outliers']) == before
+    cell.forget()
+    assert cell.set(circle__lesson=str(path))[0].successful
+    assert cell.answer()[2].values['outliers'] == '0'
+    path.unlink()
+    assert 'No such file' in cell.set(circle__lesson=str(path))[0].reason
+    assert all(result.successful for result in cell.set(silence=5.0, circle__mode='paper', circle__lesson=''))
 
 
 def test_without_reprocess_last_a_change_waits_for_the_next_cloud(cell):

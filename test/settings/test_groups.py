@@ -16,6 +16,7 @@ from socialcircle_ros.settings import (
     LimitSettings,
     NodeSettings,
     OutputSettings,
+    PipelineSettings,
     choices_in,
     sentence_and_unit,
     yaml_text,
@@ -98,6 +99,37 @@ def test_the_network_is_refused_without_its_runtime(monkeypatch, tmp_path):
         {'circle.lesson': str(tmp_path / 'rules.teach')},
     ):
         assert not CircleSettings.from_ros(values).uses_network
+
+
+def test_a_lesson_stays_in_force_until_it_is_set_again_whatever_becomes_of_its_file(tmp_path):
+    numbers = (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), (0.0,) * WEIGHTS
+    first, second = (Lesson((name,), (1.0, 2.0), 'rules', 0.2, *numbers, 0.5, {}) for name in ('first', 'second'))
+    path = tmp_path / 'part.teach'
+    path.write_text(first.to_text())
+    settings = PipelineSettings.from_ros({'circle.lesson': str(path)})
+    assert settings.circle.taught == first
+    path.write_text(second.to_text())
+    for unrelated in ({'output.mask': False}, {'circle.window': 5}):
+        assert settings.with_ros(unrelated).circle.taught == first
+    assert settings.circle.of_a_stack(1.0).taught == first
+    again = settings.with_ros({'circle.lesson': str(path)})
+    assert again.circle.taught == second
+    assert again.circle != settings.circle
+    path.unlink()
+    for unrelated in ({'output.mask': False}, {'circle.mode': 'paper'}):
+        assert settings.with_ros(unrelated).circle.taught == first
+    with pytest.raises(SocialCircleError, match='No such file'):
+        settings.with_ros({'circle.lesson': str(path)})
+    assert settings.with_ros({'circle.lesson': ''}).circle.taught is None
+
+
+def test_a_change_leaves_the_groups_that_it_does_not_concern():
+    before = PipelineSettings.from_ros({'circle.window': 5})
+    after = before.with_ros({'repair.largest': 7, 'silence': 6.0})
+    assert (after.circle.window, after.repair.largest) == (5, 7)
+    assert after.circle is before.circle
+    with pytest.raises(SocialCircleError, match=r'limits.sq_min 2 is above limits.sq_max 1'):
+        PipelineSettings.from_ros({'limits.sq_max': 1.0}).with_ros({'limits.sq_min': 2.0})
 
 
 def test_limits_that_nothing_meets_are_refused():

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.errors import SettingError
-from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson, known_lesson, read_lesson
+from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson, read_lesson
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -86,13 +86,11 @@ def test_what_is_not_a_file_is_refused_at_once(tmp_path, make):
         read_lesson(str(path))
 
 
-def test_a_lesson_that_changes_is_read_again_only_when_settings_are_made(tmp_path):
+def test_a_file_that_has_not_changed_is_not_read_again(tmp_path):
     path = tmp_path / 'part.teach'
     path.write_text(PLAIN.to_text())
     first = read_lesson(str(path))
     assert read_lesson(str(path)) is first
     path.write_text(PLAIN.to_text().replace('"a"', '"b"'))
     os.utime(path, ns=(1, 1))
-    assert known_lesson(str(path)) is first
     assert read_lesson(str(path)).taught_on == ('b',)
-    assert known_lesson(str(path)).taught_on == ('b',)
