@@ -24,18 +24,12 @@ class RestartOffer:
     """
 
     def __init__(self, gui: 'viser.GuiApi', changes: Changes, current: CurrentState, log: Log) -> None:
-        self._log = log
+        self._changes, self._current, self._log = changes, current, log
         self._shown: Lost = {}
         self._starts = 0
         self._table = gui.add_html('', visible=False)
         self._restore = gui.add_button('Restore these settings', icon=icon('history'), visible=False)
-        self._restore.on_click(
-            lambda _: log.guarded(
-                'Restoring the settings',
-                changes.apply,
-                {name: value for name, (value, _) in current.now.lost.items()},
-            )
-        )
+        self._restore.on_click(lambda _: log.guarded('Restoring the settings', self._restore_lost))
         self._keep = gui.add_button('Keep the new settings', icon=icon('x'), visible=False)
         self._keep.on_click(
             lambda _: log.guarded('Keeping the settings', current.change, State.keeping_new_settings)
@@ -53,3 +47,11 @@ class RestartOffer:
             self._log.notify(
                 'The node was started again with other settings; the tab Tune offers to restore them.'
             )
+
+    def _restore_lost(self) -> None:
+        """Restore the settings together; those that the refusal names, such as a lesson that is gone, are left."""
+        lost = {name: value for name, (value, _) in self._current.now.lost.items()}
+        reason = self._changes.apply(lost)
+        others = {name: value for name, value in lost.items() if name not in reason}
+        if reason and len(others) < len(lost):
+            self._changes.apply(others)

@@ -255,6 +255,13 @@ def test_after_a_restart_the_page_offers_the_settings_that_the_node_had(tuning):
     visitor.press('Keep the new settings')
     assert visitor.no_longer_sees('The node was started again with other settings than it had.')
     assert link.snapshot.values == defaults
+    # A lesson that is gone meanwhile does not keep the others back.
+    link.update(values={**defaults, SCALE: 3.5, 'circle.lesson': '/gone/part.teach'})
+    assert visitor.wait_until('radius scale', '3.5')
+    link.update(starts=4, values=defaults)
+    visitor.press('Restore these settings')
+    assert visitor.wait_until('radius scale', '3.5')
+    assert visitor.sees('circle.lesson: /gone/part.teach cannot be used')
 
 
 def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
