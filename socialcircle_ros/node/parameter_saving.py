@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.settings import RosValue, quoted_yaml, yaml_text
+from socialcircle_ros.settings import OF_CELL, RosValue, quoted_yaml, yaml_text
 from socialcircle_ros.storage import write_file
 
 _TIMEOUT_S = 5.0  # more than a disk needs that is busy with a recording
@@ -104,22 +104,25 @@ def parameter_path(given: str, node_name: str) -> Path:
     return home / 'socialcircle' / f'{node_name.strip("/").replace("/", ".")}.yaml'
 
 
-def parameter_text(values: Mapping[str, RosValue], node_name: str, overrides: Mapping[str, object]) -> str:
+def parameter_text(values: Mapping[str, RosValue], node_name: str, own: Mapping[str, object]) -> str:
     """A parameter file from which a node starts, in any namespace.
+
+    A second section, which the node of this name alone reads, says which cell it is and where its files go:
+    another cell that took that over would write over its files, and under its name.
 
     Args:
         values: all parameters by their full names.
         node_name: with its namespace.
-        overrides: of `qos_overrides`. Their names hold whole topics, so they are for the node of this name alone.
+        own: what the node has beside them, also for the node of this name alone: `qos_overrides`, whose names
+            hold whole topics.
 
     Raises:
         SettingError: a value is text that cannot be written to a file.
     """
-    text = yaml_text(values)
-    if overrides:
-        plain = {name: _plain(value) for name, value in overrides.items()}
-        text += '\n' + quoted_yaml({node_name: {'ros__parameters': plain}})
-    return text
+    of_cell = {name: value for name, value in values.items() if name in OF_CELL}
+    shared = {name: value for name, value in values.items() if name not in OF_CELL}
+    plain = {name: _plain(value) for name, value in own.items()}
+    return yaml_text(shared, whole=False) + '\n' + quoted_yaml({node_name: {'ros__parameters': of_cell | plain}})
 
 
 def _saved(node_name: str, values: Mapping[str, RosValue], overrides: Mapping[str, object]) -> SaveOutcome:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.interface import NODE_NAME
-from socialcircle_ros.settings import RosValue, yaml_text
+from socialcircle_ros.settings import OF_CELL, RosValue, yaml_text
 from socialcircle_ros.settings.files import read_parameter_file
 from socialcircle_ros.storage import write_file
 
@@ -18,6 +18,9 @@ _NAME = re.compile(r'\w[\w .+-]{0,99}')
 
 class Presets:
     """A folder of presets; the name of a file is the name of its preset.
+
+    A preset says how parts are measured. Which cell a node is and where its files go is neither saved nor loaded:
+    the same preset serves several cells.
 
     Args:
         folder: created when the first preset is saved.
@@ -42,7 +45,7 @@ class Presets:
             SocialCircleError: the file cannot be written.
         """
         path = self._path(name)
-        text = yaml_text(values, whole=False)
+        text = yaml_text(_measuring(values), whole=False)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -59,7 +62,7 @@ class Presets:
         path = self._path(name)
         if path.exists() and not path.is_file():
             raise SocialCircleError(f'{path} cannot be read: it is not a regular file.')
-        return read_parameter_file(path, NODE_NAME)
+        return _measuring(read_parameter_file(path, NODE_NAME))
 
     def free_lesson(self, name: str) -> Path:
         """A file for a lesson: of this name, with a number if there is one already.
@@ -84,6 +87,10 @@ class Presets:
                 ' digits, spaces and - _ . + only.'
             )
         return self.folder / f'{name}.yaml'
+
+
+def _measuring(values: Mapping[str, RosValue]) -> dict[str, RosValue]:
+    return {name: value for name, value in values.items() if name not in OF_CELL}
 
 
 def default_folder() -> Path:

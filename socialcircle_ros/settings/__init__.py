@@ -13,6 +13,7 @@ from .documents import (
 from .groups import (
     CPU_PROVIDER,
     GROUPS,
+    OF_CELL,
     PARAMETERS,
     VOTERS,
     CircleSettings,
@@ -41,6 +42,7 @@ from .stack_groups import Fit, FocusSettings, StackSettings, ZSource
 __all__ = [
     'CPU_PROVIDER',
     'GROUPS',
+    'OF_CELL',
     'PARAMETERS',
     'VOTERS',
     'CircleSettings',

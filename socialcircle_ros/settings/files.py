@@ -7,7 +7,7 @@ from typing import cast
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
 
-from .groups import PARAMETERS
+from .groups import OF_CELL, PARAMETERS
 from .rcl_rules import ParameterSection, RclError, parameters_of, read_sections
 from .schema import RosValue
 
@@ -76,12 +76,18 @@ def _full_name(
         _example(pattern, node) for pattern in named or in_namespace or ours
     ]
     meant = list(dict.fromkeys(meant)) or [f'/{node}']
-    if any(parameters_of(sections, name) != parameters_of(sections, meant[0]) for name in meant):
+    if any(_measuring(sections, name) != _measuring(sections, meant[0]) for name in meant):
         raise SettingError(
             f'{path} has different parameters for {" and ".join(meant)}: choose with --node, such as'
             f' --node {meant[0]}.'
         )
     return meant[0]
+
+
+def _measuring(sections: Sequence[ParameterSection], node: str) -> dict[str, object]:
+    """What a node gets, without what it has for itself: `~/save_parameters` writes that for one node alone."""
+    values = parameters_of(sections, node).items()
+    return {name: value for name, value in values if name in PARAMETERS and name not in OF_CELL}
 
 
 def _example(pattern: str, node: str) -> str:

@@ -339,9 +339,10 @@ class MeasurementSettings(Settings):
         '',
         'Folder in which the node keeps one row per cloud, in Parquet files. Empty: none are kept.',
         read_only=True,
+        of_cell=True,
     )
-    cell: str = setting('', 'Name of the cell in the rows. Empty: the namespace of the node.')
-    part: str = setting('', 'Name or number of the part in the rows. Empty: unknown.')
+    cell: str = setting('', 'Name of the cell in the rows. Empty: the namespace of the node.', of_cell=True)
+    part: str = setting('', 'Name or number of the part in the rows. Empty: unknown.', of_cell=True)
     period: float = setting(
         60.0,
         'Time after which a batch of rows is written; earlier after 1000 rows. A node that is killed loses at most'
@@ -372,6 +373,7 @@ class NodeSettings(Settings):
         'File that ~/save_parameters writes; its name ends in .yaml. Empty: a file in ~/.ros/socialcircle that is'
         ' named after the node.',
         read_only=True,
+        of_cell=True,
     )
     silence: float = setting(
         5.0,
@@ -400,6 +402,9 @@ GROUPS: tuple[type[Settings], ...] = (
 
 PARAMETERS: dict[str, Parameter] = {row.name: row for group in GROUPS for row in group.parameters()}
 """Every parameter of the node, by its full name."""
+
+OF_CELL = frozenset(name for name, row in PARAMETERS.items() if row.of_cell)
+"""Those that say which cell this is or where its files go: another cell does not take these over with settings."""
 
 
 AnyPipelineSettings = TypeVar('AnyPipelineSettings', bound='PipelineSettings')

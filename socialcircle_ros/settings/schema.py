@@ -43,6 +43,7 @@ class _Declaration:
     limits: Limits
     empty: RosValue | None  # the ROS value that stands for None; a ROS parameter cannot be None
     read_only: bool
+    of_cell: bool
 
 
 def setting(
@@ -55,6 +56,7 @@ def setting(
     odd: bool = False,
     empty: RosValue | None = None,
     read_only: bool = False,
+    of_cell: bool = False,
 ) -> Value:
     """Declare a parameter: a dataclass field with its default and its description.
 
@@ -67,8 +69,9 @@ def setting(
         odd: Whether the value must be odd.
         empty: The ROS value that stands for None.
         read_only: Whether the value is fixed once the node has started.
+        of_cell: Whether it says which cell this is or where its files go, and not how parts are measured.
     """
-    column = _Declaration(sentence, unit, Limits(minimum, maximum, odd), empty, read_only)
+    column = _Declaration(sentence, unit, Limits(minimum, maximum, odd), empty, read_only, of_cell)
     return dataclasses.field(default=default, metadata={_OWN: column})
 
 
@@ -86,6 +89,7 @@ class Parameter:
         sentence: What the parameter does.
         read_only: Whether the value is fixed once the node has started.
         empty: The ROS value that stands for None in Python; None if there is no such value.
+        of_cell: Whether it says which cell this is or where its files go, and not how parts are measured.
     """
 
     group: str
@@ -97,6 +101,7 @@ class Parameter:
     sentence: str
     read_only: bool
     empty: RosValue | None
+    of_cell: bool
 
     @property
     def name(self) -> str:
@@ -197,6 +202,7 @@ class Settings:
                     sentence=column.sentence,
                     read_only=column.read_only,
                     empty=column.empty,
+                    of_cell=column.of_cell,
                 )
             )
         return tuple(rows)

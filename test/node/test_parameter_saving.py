@@ -77,8 +77,11 @@ def test_the_file_that_is_given_is_written(call, tmp_path):
     answer = call(ParameterSaver(), {'parameters_file': str(path), 'circle.window': 5})
     assert answer.success
     assert answer.message == f'Saved to {path}; start with --ros-args --params-file {path}.'
-    values = yaml.safe_load(path.read_text())['/**']['ros__parameters']
-    assert values == DEFAULTS | {'parameters_file': str(path), 'circle.window': 5}
+    content = yaml.safe_load(path.read_text())
+    shared, own = content['/**']['ros__parameters'], content['/cell/saving']['ros__parameters']
+    assert shared | own == DEFAULTS | {'parameters_file': str(path), 'circle.window': 5}
+    assert set(own) == {'measurements.folder', 'measurements.cell', 'measurements.part', 'parameters_file'}
+    assert not set(shared) & set(own)
     assert list(path.parent.iterdir()) == [path]
 
 
@@ -170,7 +173,7 @@ def test_every_text_is_read_back_by_yaml_and_by_ros(tmp_path, text):
         'qos_overrides./points.subscription.times': array.array('q', [1, 2]),
     }
     path = tmp_path / 'saved.yaml'
-    path.write_text(parameter_text({'stack.joint': text}, '/cell/node', overrides), encoding='utf-8')
+    path.write_text(parameter_text(DEFAULTS | {'stack.joint': text}, '/cell/node', overrides), encoding='utf-8')
     content = yaml.safe_load(path.read_text(encoding='utf-8'))
     assert content['/**']['ros__parameters']['stack.joint'] == text
     assert content['/cell/node']['ros__parameters']['qos_overrides./points.subscription.reliability'] == text

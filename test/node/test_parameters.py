@@ -4,9 +4,11 @@
 from dataclasses import replace
 
 import pytest
+import rclpy
 import yaml
 from examples import cloud
 from live import RESULTS
+from rclpy.node import Node
 
 from socialcircle_ros.settings import PARAMETERS
 from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
@@ -125,36 +127,35 @@ def test_every_parameter_describes_itself(cell):
     assert (scale.from_value, scale.to_value) == (0.01, 100.0)
 
 
-def test_what_is_saved_starts_a_node_with_the_same_parameters(start_cell, tmp_path):
+def test_what_is_saved_starts_a_node_with_the_same_parameters_and_gives_a_cell_to_no_other(start_cell, tmp_path):
     path = tmp_path / 'saved' / 'tuned.yaml'
-    first = start_cell({'parameters_file': str(path)})
-    first.set(circle__radius_scale=3, circle__vote_region=[1, 2, 61, 62])
+    override = 'qos_overrides./camera/points.subscription.reliability'
+    of_cell = {
+        'parameters_file': str(path), 'measurements.cell': 'line A', 'measurements.folder': str(tmp_path / 'rows'),
+    }  # fmt: skip
+    first = start_cell(of_cell | {override: 'best_effort'}, ('-r', 'points:=/camera/points'), active=False)
+    first.wait_for_state('active')
+    first.set(circle__radius_scale=3, circle__vote_region=[1, 2, 61, 62], measurements__part='P7')
     saved = first.trigger('save_parameters')
     assert saved.success
     assert str(path) in saved.message
-    values = yaml.safe_load(path.read_text())['/**']['ros__parameters']
-    assert values['circle.radius_scale'] == 3.0
+    content = yaml.safe_load(path.read_text())
+    assert set(content) == {'/**', first.name}
+    assert not any(name.startswith('qos_overrides') for name in content['/**']['ros__parameters'])
+    assert content[first.name]['ros__parameters'][override] == 'best_effort'
+    context = rclpy.Context()
+    rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context)
+    again = Node('social_circle', namespace=first.namespace, context=context)
+    try:
+        read = {name: item.value for name, item in again._parameter_overrides.items()}
+    finally:
+        again.destroy_node()
+        rclpy.shutdown(context=context)
+    assert read.items() >= (of_cell | {'measurements.part': 'P7', override: 'best_effort'}).items()
     second = start_cell(arguments=('--params-file', str(path)))
     assert second.get('circle.radius_scale') == 3.0
     assert second.get('circle.vote_region') == [1, 2, 61, 62]
-    assert second.get('parameters_file') == str(path)
-
-
-def test_what_is_saved_binds_to_no_namespace_but_for_the_qos_of_whole_topics(start_cell, tmp_path):
-    plain = start_cell({'parameters_file': str(tmp_path / 'plain.yaml')})
-    assert plain.trigger('save_parameters').success
-    assert set(yaml.safe_load((tmp_path / 'plain.yaml').read_text())) == {'/**'}
-    name = 'qos_overrides./camera/points.subscription.reliability'
-    file = str(tmp_path / 'own.yaml')
-    remapped = ('-r', 'points:=/camera/points')
-    heard = start_cell({'parameters_file': file, name: 'best_effort'}, remapped, active=False)
-    heard.wait_for_state('active')
-    assert heard.trigger('save_parameters').success
-    saved = yaml.safe_load((tmp_path / 'own.yaml').read_text())
-    assert not any(name.startswith('qos_overrides') for name in saved['/**']['ros__parameters'])
-    assert saved[heard.name] == {'ros__parameters': {name: 'best_effort'}}
-    elsewhere = start_cell(arguments=('--params-file', file))
-    assert elsewhere.get('parameters_file') == file
+    assert [second.get(name) for name in (*of_cell, 'measurements.part')] == [''] * 4
 
 
 @pytest.mark.parametrize('path', ['/proc/nowhere/tuned.yaml', '~nobody_here/tuned.yaml'])

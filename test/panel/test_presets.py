@@ -10,7 +10,7 @@ import yaml
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.panel.presets import Presets, default_folder
-from socialcircle_ros.settings import PARAMETERS
+from socialcircle_ros.settings import OF_CELL, PARAMETERS, yaml_text
 
 
 def test_a_saved_preset_is_loaded_unchanged(tmp_path):
@@ -19,8 +19,16 @@ def test_a_saved_preset_is_loaded_unchanged(tmp_path):
     values = {name: row.default for name, row in PARAMETERS.items()} | {'circle.radius': 1e-6}
     path = presets.save('groove fine', values)
     assert presets.names() == ['groove fine']
-    assert presets.load('groove fine') == values
+    assert presets.load('groove fine') == {name: values[name] for name in values if name not in OF_CELL}
     assert yaml.safe_load(path.read_text())['/**']['ros__parameters']['circle.window'] == 3
+
+
+def test_which_cell_a_node_is_and_where_its_files_go_is_neither_saved_nor_loaded(tmp_path):
+    of_cell = {'measurements.cell': 'line A', 'measurements.part': 'P7', 'parameters_file': '/a.yaml'}
+    presets = Presets(tmp_path)
+    assert not any(name in presets.save('a', {'circle.window': 5, **of_cell}).read_text() for name in of_cell)
+    (tmp_path / 'old.yaml').write_text(yaml_text({'circle.window': 7, **of_cell}, whole=False))
+    assert presets.load('old') == {'circle.window': 7}
 
 
 def test_saving_again_replaces_the_preset(tmp_path):

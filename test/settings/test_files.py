@@ -53,6 +53,14 @@ def test_a_file_with_different_parameters_for_the_node_needs_its_full_name(file)
         read(file, TWO_CELLS)
 
 
+def test_what_one_cell_has_for_itself_does_not_make_a_file_one_for_two_nodes(file):
+    shared = '/**: {ros__parameters: {circle.window: 5}}\n'
+    file.write_text(
+        shared + '/cell1/social_circle: {ros__parameters: {measurements.cell: A, use_sim_time: true}}\n'
+    )
+    assert read_parameter_file(file, NODE, lambda: ['/cell2', '/cell1']) == {'circle.window': 5}
+
+
 @pytest.mark.parametrize(
     ('namespaces', 'window'),
     [(['/cell1'], 5), (['/cell2'], 7), (['/cell2', '/cell2'], 7), ([''], None), (['/x'], None)],
