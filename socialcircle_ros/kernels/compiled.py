@@ -59,16 +59,26 @@ class _Cache(Protocol):
 
 
 class _Announcement(event.Listener):  # type: ignore[misc]
-    """Tells that Numba compiles a kernel: it was not in the cache."""
+    """Tells that Numba compiles a kernel: it was not in the cache. Numba calls it under its own lock."""
+
+    def __init__(self) -> None:
+        self.running = 0  # kernels, since compiling one compiles those that it calls
 
     def on_start(self, event: object) -> None:  # noqa: ARG002 - Numba's signature
+        self.running += 1
         announce()
 
-    def on_end(self, event: object) -> None:
-        """Nothing is told."""
+    def on_end(self, event: object) -> None:  # noqa: ARG002 - Numba's signature
+        self.running -= 1
 
 
-event.register('numba:compile', _Announcement())
+_announcement = _Announcement()
+event.register('numba:compile', _announcement)
+
+
+def is_compiling() -> bool:
+    """Whether a thread of this process compiles a kernel now; others that need one not yet loaded wait for it."""
+    return _announcement.running > 0
 
 
 def kernel(function: Function) -> Function:

@@ -26,7 +26,7 @@ from .parameters import Configuration
 from .rclpy_internals import MessageInput, TakenMessage, listen
 from .spare_memory import PLANES_HELD, SpareMemory
 from .topics import CLASSES, Publishers, qos_options
-from .worker import LatestWorker
+from .worker import LatestWorker, always
 
 LOG_PERIOD_S = 5.0
 """Time between two log lines of one kind."""
@@ -105,6 +105,11 @@ class CloudFilter:
         self._worker = LatestWorker(self._process, self._replaced, self._process_again)
 
     @property
+    def busy_s(self) -> float:
+        """For how long the cloud at hand has been filtered; at most 0 where there is none."""
+        return self._worker.busy_s
+
+    @property
     def input(self) -> MessageInput | None:
         """The subscription to `points`; None while the node is not active."""
         return self._input
@@ -176,12 +181,13 @@ class CloudFilter:
         self.finish()
         self._last = None
 
-    def close(self) -> None:
-        """Stop the worker and destroy the publishers."""
+    def close(self, patient: Callable[[], bool] = always) -> bool:
+        """Stop the worker and destroy the publishers; argument and result as of `LatestWorker.stop`."""
         self.ignore()
-        self._worker.stop()
+        ended = self._worker.stop(patient)
         self._rows.close()
         self._publishers.destroy()
+        return ended
 
     def _cloud_arrived(self, message: memoryview) -> None:
         self._health.received()

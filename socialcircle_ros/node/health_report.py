@@ -15,6 +15,8 @@ from .connections import SILENT, complaints, namesakes, node_of
 from .health import Health
 from .transport import NETWORK_PROFILE, PROFILE
 
+_NOTICEABLE_S = 1.0  # a cloud of 1280×960 takes as long without anything being compiled
+
 
 @dataclass(frozen=True)
 class NodeState:
@@ -28,6 +30,8 @@ class NodeState:
         active_since_s: time of the activation, of time.monotonic().
         silence_s: time without a cloud after which diagnostics warn; 0: never.
         differences: what the installed rclpy lacks.
+        compiling_s: while kernels are compiled, for how long the cloud or frame at hand has been worked on; at
+            most 0: nothing is at hand, or nothing is compiled.
     """
 
     name: str
@@ -37,6 +41,7 @@ class NodeState:
     active_since_s: float
     silence_s: float
     differences: str
+    compiling_s: float
 
 
 def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, str]:
@@ -71,6 +76,12 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
         level, message = diagnostics.ERROR, unheard[0]
     elif health.in_trouble():
         level, message = diagnostics.ERROR, health.last_reason
+    elif now.compiling_s > _NOTICEABLE_S:
+        level = diagnostics.WARN
+        message = (
+            'Kernels that the settings need are compiled, once; the input at hand has waited'
+            f' {now.compiling_s:.0f} s for them.'
+        )
     elif health.failed_limits():
         level, message = diagnostics.WARN, f'The last measurement failed its limits: {health.failed_limits()}'
     elif health.had_trouble():

@@ -127,9 +127,9 @@ def _end(node: 'SocialCircleNode | None') -> None:
     if node is None:
         rclpy.try_shutdown()
         return
-    node.close()
+    ended = node.close()
     rclpy.try_shutdown()
-    if node.warm_up.running:
+    if not ended:
         # The compilation can neither be interrupted nor waited for. Everything else has ended. The context
         # is freed here, since that frees the shared memory, and the interpreter's exit is skipped.
         from .rclpy_internals import release_context  # noqa: PLC0415

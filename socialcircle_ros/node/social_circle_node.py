@@ -26,6 +26,7 @@ from socialcircle_ros.interface import (
     RESET,
     SAVE_PARAMETERS,
 )
+from socialcircle_ros.kernels.compiled import is_compiling
 from socialcircle_ros.pipeline.stack_cloud import StackCloud
 from socialcircle_ros.pipeline.stacks import Refusal
 
@@ -37,6 +38,10 @@ from .parameter_saving import ParameterSaver
 from .parameters import Configuration, LiveParameters
 from .stack_input import StackInput
 from .warm_up import WarmUp
+from .worker import always
+
+_ENDING_S = 2.0
+"""How long the end of the node waits for a cloud at hand that may itself wait for a kernel to be compiled."""
 
 AnyNode = TypeVar('AnyNode', bound='SocialCircleNode')
 Transition = Callable[[AnyNode, LifecycleState], TransitionCallbackReturn]
@@ -107,10 +112,16 @@ class SocialCircleNode(LifecycleNode):
             if self.context.ok():  # a signal ends the context, and with it the transition
                 raise
 
-    def close(self) -> None:
-        """Stop the workers and destroy the node."""
-        self._release()
+    def close(self) -> bool:
+        """Stop the workers and destroy the node.
+
+        Returns:
+            Whether all threads have ended. One that compiles, which takes up to a minute, is not waited for.
+        """
+        began_s = time.monotonic()
+        ended = self._release(lambda: not is_compiling() or time.monotonic() - began_s < _ENDING_S)
         self.destroy_node()
+        return ended and not self.warm_up.running
 
     # Lifecycle
 
@@ -180,14 +191,16 @@ class SocialCircleNode(LifecycleNode):
         if self._stack is not None:
             self._stack.ignore()
 
-    def _release(self) -> None:
-        """Stop the workers, and destroy subscriptions and publishers."""
+    def _release(self, patient: Callable[[], bool] = always) -> bool:
+        """Stop the workers, and destroy subscriptions and publishers; as `CloudFilter.close`."""
+        ended = True
         if self._stack is not None:
-            self._stack.close()
+            ended &= self._stack.close(patient)
             self._stack = None
         if self._filter is not None:
-            self._filter.close()
+            ended &= self._filter.close(patient)
             self._filter = None
+        return ended
 
     def executor_failed(self, error: Exception) -> None:
         """Log and count an exception of rclpy's own callbacks; the node goes on."""
@@ -278,6 +291,8 @@ class SocialCircleNode(LifecycleNode):
         if self._filter is not None and self._filter.input is not None:
             subscriptions = [(self._filter.input.subscription, POINTS.type)]
             subscriptions += self._stack.subscriptions if self._stack is not None else []
+        inputs = [each for each in (self._filter, self._stack) if each is not None]
+        busy_s = max((each.busy_s for each in inputs), default=0.0)
         return NodeState(
             name=self.get_fully_qualified_name(),
             state=rclpy_internals.lifecycle_state(self),
@@ -286,6 +301,7 @@ class SocialCircleNode(LifecycleNode):
             active_since_s=self._active_since_s,
             silence_s=self._configuration().node.silence,
             differences=' '.join(self._differences),
+            compiling_s=busy_s if is_compiling() else 0.0,
         )
 
 

@@ -31,7 +31,7 @@ from .health import Health
 from .parameters import Configuration
 from .rclpy_internals import waiting_messages
 from .topics import CLASSES, Publishers, qos_options
-from .worker import QueueWorker
+from .worker import QueueWorker, always
 
 MOST_WAITING = 100
 """Frames that may wait for the worker: two seconds at 50 frames per second."""
@@ -103,6 +103,11 @@ class StackInput:
             self._subscriptions.append((subscription, topic.type))
 
     @property
+    def busy_s(self) -> float:
+        """For how long the frame at hand has been measured; at most 0 where there is none."""
+        return self._worker.busy_s
+
+    @property
     def subscriptions(self) -> list[tuple[Subscription, str]]:
         """The subscriptions in force, with the types of their messages."""
         return list(self._subscriptions)
@@ -135,11 +140,12 @@ class StackInput:
                 subscription.callback(message)
         return self._ask(StackAssembler.finish)
 
-    def close(self) -> None:
-        """Stop the worker, and destroy subscriptions and publishers."""
+    def close(self, patient: Callable[[], bool] = always) -> bool:
+        """Stop the worker, and destroy subscriptions and publishers; as `CloudFilter.close`."""
         self._unsubscribe()
-        self._worker.stop()
+        ended = self._worker.stop(patient)
         self._publishers.destroy()
+        return ended
 
     def _unsubscribe(self) -> None:
         while self._subscriptions:

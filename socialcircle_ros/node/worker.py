@@ -3,11 +3,26 @@
 
 import queue
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
 Item = TypeVar('Item')
+
+_PERIOD_S = 0.1  # between two questions whether the work at hand is still waited for
+
+
+def always() -> bool:
+    """The patience of those who wait however long it takes."""
+    return True
+
+
+def _ended(thread: threading.Thread, patient: Callable[[], bool]) -> bool:
+    """Wait until a thread has ended, for as long as `patient` returns True; return whether it has."""
+    while thread.is_alive() and patient():
+        thread.join(_PERIOD_S)
+    return not thread.is_alive()
 
 
 class LatestWorker(Generic[Item]):
@@ -35,9 +50,15 @@ class LatestWorker(Generic[Item]):
         self._changed = threading.Condition()
         self._waiting: Item | None = None
         self._busy = False
+        self._began_s = float('inf')
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name='social_circle_worker')
         self._thread.start()
+
+    @property
+    def busy_s(self) -> float:
+        """For how long the work at hand has lasted; at most 0 where there is none."""
+        return time.monotonic() - self._began_s
 
     def put(self, item: Item) -> None:
         """Hand over the newest item."""
@@ -66,13 +87,20 @@ class LatestWorker(Generic[Item]):
     def _wanted(self) -> bool:
         return self._waiting is not None or self._again_wanted
 
-    def stop(self) -> None:
-        """Let the work at hand end, drop what waits, and join the thread; may be called twice."""
+    def stop(self, patient: Callable[[], bool] = always) -> bool:
+        """Let the work at hand end, drop what waits, and join the thread; may be called twice.
+
+        Args:
+            patient: called periodically; the wait ends when it returns False.
+
+        Returns:
+            Whether the thread has ended.
+        """
         with self._changed:
             self._stopping = True
             self._waiting = None
             self._changed.notify_all()
-        self._thread.join()
+        return _ended(self._thread, patient)
 
     def _run(self) -> None:
         while True:
@@ -82,6 +110,7 @@ class LatestWorker(Generic[Item]):
                     return
                 # An item that begins now is processed under the newest parameters: nothing is left to repeat.
                 item, self._waiting, self._again_wanted, self._busy = self._waiting, None, False, True
+            self._began_s = time.monotonic()
             try:
                 if item is not None:
                     self._work(item)
@@ -89,6 +118,7 @@ class LatestWorker(Generic[Item]):
                     self._again()
             except Exception:  # noqa: BLE001 - the last resort: without this thread nothing is filtered
                 traceback.print_exc()
+            self._began_s = float('inf')
             with self._changed:
                 self._busy = False
                 self._changed.notify_all()
@@ -110,9 +140,15 @@ class QueueWorker(Generic[Item]):
         self._idle = idle
         self._pause_s = pause_s
         self._items: queue.Queue[Item | None] = queue.Queue()
+        self._began_s = float('inf')
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='stack_worker')
         self._thread.start()
+
+    @property
+    def busy_s(self) -> float:
+        """For how long the work at hand has lasted; at most 0 where there is none."""
+        return time.monotonic() - self._began_s
 
     def put(self, item: Item) -> None:
         """Hand over an item."""
@@ -125,11 +161,18 @@ class QueueWorker(Generic[Item]):
         self._items.put(item)
         return True
 
-    def stop(self) -> None:
-        """Let the work at hand end, drop what waits, and join the thread; may be called twice."""
+    def stop(self, patient: Callable[[], bool] = always) -> bool:
+        """Let the work at hand end, drop what waits, and join the thread; may be called twice.
+
+        Args:
+            patient: called periodically; the wait ends when it returns False.
+
+        Returns:
+            Whether the thread has ended.
+        """
         self._stopping.set()
         self._items.put(None)  # wakes the thread at once
-        self._thread.join()
+        return _ended(self._thread, patient)
 
     def _run(self) -> None:
         while not self._stopping.is_set():
@@ -139,6 +182,7 @@ class QueueWorker(Generic[Item]):
                 item = None
             if self._stopping.is_set():
                 return
+            self._began_s = time.monotonic()
             try:
                 if item is not None:
                     self._work(item)
@@ -146,3 +190,4 @@ class QueueWorker(Generic[Item]):
                     self._idle()
             except Exception:  # noqa: BLE001 - the last resort: without this thread no frame is measured
                 traceback.print_exc()
+            self._began_s = float('inf')

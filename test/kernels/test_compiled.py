@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from socialcircle_ros.kernels import compiled
+from socialcircle_ros.kernels import compiled, compiling
 from socialcircle_ros.kernels.compiled import kernel
 
 MODULE = """
@@ -48,6 +48,19 @@ class Surface(NamedTuple):
 @kernel
 def second_of(surface, row):
     return surface.heights[row, 1]
+
+
+def test_it_is_known_while_a_kernel_is_compiled(monkeypatch):
+    seen = []
+    monkeypatch.setattr(compiling, 'listeners', [lambda: seen.append(compiled.is_compiling())])
+
+    @kernel
+    def half(value):
+        return value / 2
+
+    assert half(3) == 1.5
+    assert seen == [True]
+    assert not compiled.is_compiling()
 
 
 def test_a_kernel_runs_the_machine_code_for_the_tuple_that_is_given():

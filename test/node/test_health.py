@@ -9,6 +9,7 @@ from rclpy.qos import QoSProfile
 
 from socialcircle_ros.focus import Registered
 from socialcircle_ros.interface import POINTS, STACK_FRAMES, STACK_JOINT_STATES
+from socialcircle_ros.messages.diagnostics import OK, WARN
 from socialcircle_ros.node.health import Health
 from socialcircle_ros.node.health_report import NodeState, health_status
 
@@ -44,8 +45,12 @@ class Heard(NamedTuple):
     node_name: str = 'player'
 
 
-def sentence_where(*topics, health=None):
+def sentence_where(*topics, **now):
     """The node's sentence while another node publishes on some of its topics."""
+    return status_where(*topics, **now).message
+
+
+def status_where(*topics, health=None, compiling_s=0.0):
     heard = [Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)) for each in topics]
     node = types.SimpleNamespace(
         get_publishers_info_by_topic=lambda name: [each for each in heard if each.topic_name == name],
@@ -57,10 +62,10 @@ def sentence_where(*topics, health=None):
     subscriptions = tuple(
         (Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)), each.type) for each in inputs
     )
-    state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, 0.0, '')
+    state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, 0.0, '', compiling_s)
     status, complaint = health_status(node, state, health or Health())
     assert complaint == ''
-    return status.message
+    return status
 
 
 @pytest.mark.parametrize(
@@ -83,3 +88,10 @@ def test_the_sentence_does_not_say_that_nothing_has_come_yet_after_something_cam
     arrive(health)
     sentence = 'Waiting: no node publishes on /cell/points or /cell/stack/image any more.'
     assert sentence_where(STACK_JOINT_STATES, health=health) == sentence
+
+
+def test_it_is_told_where_a_cloud_waits_for_kernels_that_are_compiled():
+    status = status_where(POINTS, compiling_s=7.0)
+    sentence = 'Kernels that the settings need are compiled, once; the input at hand has waited 7 s for them.'
+    assert (status.level, status.message) == (WARN, sentence)
+    assert status_where(POINTS, compiling_s=0.9).level == OK

@@ -46,6 +46,18 @@ def test_stopping_lets_the_job_at_hand_end_and_starts_no_other():
     gate.worker.stop()
 
 
+def test_work_at_hand_is_waited_for_only_as_long_as_there_is_patience():
+    gate = Gate()
+    assert gate.worker.busy_s <= 0
+    gate.worker.put('first')
+    gate.begun.acquire()
+    assert gate.worker.busy_s > 0
+    assert not gate.worker.stop(lambda: False)
+    gate.through.release()
+    assert gate.worker.stop()
+    assert gate.worker.busy_s <= 0
+
+
 def test_draining_an_idle_worker_returns_at_once():
     gate = Gate()
     gate.worker.drain()
