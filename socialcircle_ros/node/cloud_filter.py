@@ -222,13 +222,13 @@ class CloudFilter:
             )
             self._publishers.publish(MEASUREMENT, measurement.status(timed=True).encode())
         except SocialCircleError as refusal:
-            self._health.refused(str(refusal))
+            self._health.refused(str(refusal), again=cloud.again)
             if not cloud.again:
                 self._rows.put(str(refusal), None, settings, cloud.unit)
             self._node.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=LOG_PERIOD_S)
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
-            self._failed(f'A cloud could not be filtered: {type(error).__name__}: {error}')
+            self._failed(f'A cloud could not be filtered: {type(error).__name__}: {error}', again=cloud.again)
             return
         if self._is_first:
             self._is_first = False
@@ -239,12 +239,12 @@ class CloudFilter:
             self._health.published(latency_s)
             self._rows.put(measurement, 1000 * latency_s, settings, cloud.unit)
         for topic, failure in measurement.failures.items():
-            self._failed(failure_sentence(topic, failure))
+            self._failed(failure_sentence(topic, failure), again=cloud.again)
         if measurement.level == diagnostics.WARN:
             self._node.get_logger().warning(measurement.message, throttle_duration_sec=LOG_PERIOD_S)
 
-    def _failed(self, reason: str) -> None:
+    def _failed(self, reason: str, *, again: bool) -> None:
         """Tell of a fault of this package; what fails while the process ends is none."""
         if self._node.context.ok():
-            self._health.failed(printable(reason))
+            self._health.cloud_failed(printable(reason), again=again)
             self._node.get_logger().error(printable(reason), throttle_duration_sec=LOG_PERIOD_S)

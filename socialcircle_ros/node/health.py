@@ -46,6 +46,7 @@ class Health:
     _latencies_s: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=10_000))
     _trouble_at_s: float = float('-inf')
     _last_was_refused: bool = False
+    _last_refused_was_cloud: bool = False
     _failed_limits: str = ''
     _stack_latency_s: float | None = None
     _stack_flicker: float | None = None
@@ -65,6 +66,8 @@ class Health:
         with self._lock:
             self.counts.limits_failed += bool(failure) and not again
             self._failed_limits = failure
+            if self._last_refused_was_cloud:  # other settings may have been all that it needed
+                self._last_was_refused = False
 
     def published(self, latency: float) -> None:
         """A cloud went out, `latency` seconds after it had arrived."""
@@ -87,17 +90,25 @@ class Health:
             self.last_reason = reason
             self._trouble_at_s = time.monotonic()
 
-    def refused(self, reason: str) -> None:
-        """A cloud could not be used."""
+    def refused(self, reason: str, *, again: bool) -> None:
+        """A cloud could not be used; `again`: it was counted."""
         with self._lock:
-            self.counts.refused += 1
+            self.counts.refused += not again
             self._trouble(reason)
+            self._last_refused_was_cloud = True
 
     def failed(self, reason: str) -> None:
-        """A cloud or a frame met a fault of this package."""
+        """A frame, or rclpy, met a fault."""
         with self._lock:
             self.counts.failed += 1
             self._trouble(reason)
+
+    def cloud_failed(self, reason: str, *, again: bool) -> None:
+        """A cloud met a fault of this package; `again`: it was counted."""
+        with self._lock:
+            self.counts.failed += not again
+            self._trouble(reason)
+            self._last_refused_was_cloud = True
 
     def frame_received(self) -> None:
         """A frame of a stack arrived."""
@@ -154,7 +165,7 @@ class Health:
     def _trouble(self, reason: str) -> None:
         self.last_reason = reason
         self._trouble_at_s = time.monotonic()
-        self._last_was_refused = True
+        self._last_was_refused, self._last_refused_was_cloud = True, False
 
     def reset(self) -> None:
         """Start counting anew."""

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the node counts of its clouds, without a node of its own process."""
+
+import threading
+
+import pytest
+import rclpy
+from examples import cloud
+from rclpy.lifecycle import LifecycleNode
+
+from socialcircle_ros.node.cloud_filter import CloudFilter
+from socialcircle_ros.node.health import Health
+from socialcircle_ros.node.parameters import Configuration
+
+NOWHERE, SOMEWHERE = {'circle.vote_region': [900, 900, 60, 60]}, {}
+
+
+class Clouds(CloudFilter):
+    """What a node does with clouds, under settings that can be changed."""
+
+    def __init__(self, node):
+        self.health, self.values, self.through = Health(), {}, threading.Event()
+        self.through.set()
+        super().__init__(node, self.settings, self.health)
+
+    def settings(self):
+        self.through.wait()
+        return Configuration.from_ros({'circle.mode': 'paper', **self.values})
+
+    def again(self, values):
+        self.values = values
+        self.filter_again()
+        self._worker.drain()
+
+
+@pytest.fixture
+def clouds():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = LifecycleNode('clouds', context=context)
+    clouds = Clouds(node)
+    yield clouds
+    clouds.through.set()
+    clouds.close()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+@pytest.mark.parametrize('fault', ['refused', 'failed'])
+def test_a_cloud_that_is_filtered_again_is_counted_once_and_is_no_trouble_once_it_passes(
+    clouds, fault, monkeypatch
+):
+    health, bad = clouds.health, NOWHERE
+    with monkeypatch.context() as patch:
+        if fault == 'failed':
+            patch.setattr('socialcircle_ros.node.cloud_filter.process_cloud', lambda *args, **named: 1 / 0)
+        clouds.values = bad
+        clouds.filter(cloud())
+        clouds._worker.drain()
+        assert health.in_trouble()
+        for _ in range(3):
+            clouds.again(bad)
+        assert getattr(health.counts, fault) == 1
+        assert health.in_trouble()
+    clouds.again(SOMEWHERE)
+    assert getattr(health.counts, fault) == 1
+    assert not health.in_trouble()
+
+
+def test_a_cloud_that_passes_again_does_not_end_the_trouble_with_frames(clouds):
+    clouds.filter(cloud())
+    clouds._worker.drain()
+    clouds.health.frame_refused('The frame is cut off.')
+    clouds.again(SOMEWHERE)
+    assert clouds.health.in_trouble()
