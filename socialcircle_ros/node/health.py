@@ -44,6 +44,7 @@ class Health:
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _arrivals_s: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
     _latencies_s: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=10_000))
+    _last_arrival_s: float = float('-inf')
     _trouble_at_s: float = float('-inf')
     _last_was_refused: bool = False
     _last_refused_was_cloud: bool = False
@@ -59,7 +60,8 @@ class Health:
         """A cloud arrived."""
         with self._lock:
             self.counts.received += 1
-            self._arrivals_s.append(time.monotonic())
+            self._last_arrival_s = time.monotonic()
+            self._arrivals_s.append(self._last_arrival_s)
 
     def judged(self, failure: str, *, again: bool) -> None:
         """A cloud was held to the limits; `failure`: why it failed ('': it did not); `again`: it was counted."""
@@ -168,7 +170,7 @@ class Health:
         self._last_was_refused, self._last_refused_was_cloud = True, False
 
     def reset(self) -> None:
-        """Start counting anew."""
+        """Start counting anew; when the last cloud came is no count, and stays known."""
         with self._lock:
             self.counts = InputCounts()
             self.last_reason = ''
@@ -183,8 +185,7 @@ class Health:
 
     def seconds_silent(self) -> float:
         """Time since the last cloud arrived; infinite where none has."""
-        with self._lock:
-            return time.monotonic() - self._arrivals_s[-1] if self._arrivals_s else float('inf')
+        return time.monotonic() - self._last_arrival_s
 
     def in_trouble(self) -> bool:
         """Whether input was refused or failed, or a frame or joint state dropped, after the last result."""

@@ -50,7 +50,7 @@ def sentence_where(*topics, **now):
     return status_where(*topics, **now).message
 
 
-def status_where(*topics, health=None, compiling_s=0.0):
+def status_where(*topics, health=None, silence_s=0.0, compiling_s=0.0):
     heard = [Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)) for each in topics]
     node = types.SimpleNamespace(
         get_publishers_info_by_topic=lambda name: [each for each in heard if each.topic_name == name],
@@ -62,7 +62,7 @@ def status_where(*topics, health=None, compiling_s=0.0):
     subscriptions = tuple(
         (Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)), each.type) for each in inputs
     )
-    state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, 0.0, '', compiling_s)
+    state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, silence_s, '', compiling_s)
     status, complaint = health_status(node, state, health or Health())
     assert complaint == ''
     return status
@@ -95,3 +95,11 @@ def test_it_is_told_where_a_cloud_waits_for_kernels_that_are_compiled():
     sentence = 'Kernels that the settings need are compiled, once; the input at hand has waited 7 s for them.'
     assert (status.level, status.message) == (WARN, sentence)
     assert status_where(POINTS, compiling_s=0.9).level == OK
+
+
+def test_a_reset_makes_no_publisher_silent():
+    health = Health()
+    assert 'has sent no cloud' in sentence_where(POINTS, health=health, silence_s=5.0)
+    health.received()
+    health.reset()
+    assert sentence_where(POINTS, health=health, silence_s=5.0) == 'Clouds are filtered as they come.'
