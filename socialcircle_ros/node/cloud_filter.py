@@ -39,6 +39,9 @@ _CLOUDS_HELD = 5
 _POINT_SIZE = 16
 _EXPECTED_SIZE = 1280 * 960 * _POINT_SIZE
 
+_REPLACED = 'A cloud was dropped: a newer one arrived while the one before was being filtered.'
+_TOO_LATE = 'A cloud was dropped: it waited when the node was deactivated.'
+
 _DRAINING_S = 5.0  # how long deactivation waits for the cloud at hand
 
 
@@ -102,7 +105,7 @@ class CloudFilter:
         self._spare = SpareMemory()
         self._rows = LiveRows(node, configuration().measurements)
         self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
-        self._worker = LatestWorker(self._process, self._replaced, self._process_again)
+        self._worker = LatestWorker(self._process, self._dropped, self._process_again)
 
     @property
     def busy_s(self) -> float:
@@ -198,9 +201,8 @@ class CloudFilter:
         self._health.lost(count, reason)
         self._node.get_logger().warning(reason, throttle_duration_sec=LOG_PERIOD_S)
 
-    def _replaced(self, cloud: QueuedCloud) -> None:
-        if not cloud.again:
-            self._health.dropped()
+    def _dropped(self, _: QueuedCloud) -> None:
+        self._health.dropped(_REPLACED if self._input is not None else _TOO_LATE)
 
     def _process_again(self) -> None:
         if self._last is not None:

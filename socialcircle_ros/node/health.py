@@ -78,11 +78,11 @@ class Health:
             self._latencies_s.append((time.monotonic(), latency))
             self._last_was_refused = False
 
-    def dropped(self) -> None:
-        """A newer cloud replaced one that waited."""
+    def dropped(self, reason: str) -> None:
+        """A cloud that waited is not filtered."""
         with self._lock:
             self.counts.dropped += 1
-            self.last_reason = 'A cloud was dropped: a newer one arrived while the one before was being filtered.'
+            self.last_reason = reason
             self._trouble_at_s = time.monotonic()
 
     def lost(self, count: int, reason: str) -> None:

@@ -33,7 +33,8 @@ class LatestWorker(Generic[Item]):
 
     Args:
         work: called with each item on the worker's thread.
-        dropped: called with each item that a newer one replaced, on the thread that put the newer one.
+        dropped: called with each item that is not worked on: a newer one replaced it, or it waited when the worker
+            was to forget or stop; on the thread that asked for that.
         again: repeats the last work, on the worker's thread.
     """
 
@@ -77,7 +78,9 @@ class LatestWorker(Generic[Item]):
     def forget(self) -> None:
         """Drop the item that waits."""
         with self._changed:
-            self._waiting, self._again_wanted = None, False
+            forgotten, self._waiting, self._again_wanted = self._waiting, None, False
+        if forgotten is not None:
+            self._dropped(forgotten)
 
     def drain(self, timeout_s: float | None = None) -> None:
         """Wait until nothing waits and the worker is idle, or until the timeout."""
@@ -98,8 +101,8 @@ class LatestWorker(Generic[Item]):
         """
         with self._changed:
             self._stopping = True
-            self._waiting = None
             self._changed.notify_all()
+        self.forget()
         return _ended(self._thread, patient)
 
     def _run(self) -> None:

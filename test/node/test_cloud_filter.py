@@ -19,11 +19,13 @@ class Clouds(CloudFilter):
     """What a node does with clouds, under settings that can be changed."""
 
     def __init__(self, node):
-        self.health, self.values, self.through = Health(), {}, threading.Event()
+        self.health, self.values = Health(), {}
+        self.begun, self.through = threading.Event(), threading.Event()
         self.through.set()
         super().__init__(node, self.settings, self.health)
 
     def settings(self):
+        self.begun.set()
         self.through.wait()
         return Configuration.from_ros({'circle.mode': 'paper', **self.values})
 
@@ -73,3 +75,21 @@ def test_a_cloud_that_passes_again_does_not_end_the_trouble_with_frames(clouds):
     clouds.health.frame_refused('The frame is cut off.')
     clouds.again(SOMEWHERE)
     assert clouds.health.in_trouble()
+
+
+def test_a_cloud_that_waits_when_the_node_is_deactivated_counts_as_dropped(clouds, monkeypatch):
+    health = clouds.health
+
+    def dropped(reason):
+        Health.dropped(health, reason)
+        clouds.through.set()
+
+    monkeypatch.setattr(health, 'dropped', dropped)
+    clouds.through.clear()
+    clouds.begun.clear()
+    clouds.filter(cloud())
+    assert clouds.begun.wait(60)
+    clouds.filter(cloud())
+    clouds.finish()
+    assert (health.counts.published, health.counts.dropped) == (1, 1)
+    assert health.last_reason == 'A cloud was dropped: it waited when the node was deactivated.'

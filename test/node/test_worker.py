@@ -43,7 +43,21 @@ def test_stopping_lets_the_job_at_hand_end_and_starts_no_other():
     gate.through.release(2)
     stopping.join()
     assert gate.done[0] == 'first'
+    assert sorted(gate.done[1:] + gate.dropped) == ['second']
     gate.worker.stop()
+
+
+def test_what_is_forgotten_counts_as_dropped():
+    gate = Gate()
+    gate.worker.put('first')
+    gate.begun.acquire()
+    gate.worker.put('second')
+    gate.worker.forget()
+    assert gate.dropped == ['second']
+    gate.through.release()
+    gate.worker.stop()
+    assert gate.done == ['first']
+    assert gate.dropped == ['second']
 
 
 def test_work_at_hand_is_waited_for_only_as_long_as_there_is_patience():
