@@ -37,7 +37,7 @@ class ParameterSaver:
         self._answering = threading.Lock()
 
     async def save(
-        self, node: Node, values: Mapping[str, RosValue], overrides: Mapping[str, object] | None = None
+        self, node: Node, values: Mapping[str, RosValue], own: Mapping[str, object] | None = None
     ) -> SaveOutcome:
         """Write the parameters to the file that `parameters_file` names, or to the default file of the node.
 
@@ -46,7 +46,7 @@ class ParameterSaver:
         Args:
             node: of which the executor runs the callback.
             values: all parameters by their full names.
-            overrides: of `qos_overrides`, by full names; see `parameter_text`.
+            own: further parameters for this node alone; see `parameter_text`.
         """
         if not self._idle.acquire(blocking=False):
             return False, 'The parameters were not saved: the disk still has not written the last file.'
@@ -56,7 +56,7 @@ class ParameterSaver:
 
         def work() -> None:
             try:
-                answer = _saved(name, values, overrides or {})
+                answer = _saved(name, values, own or {})
             finally:
                 self._idle.release()
             self._answer(future, executor, answer)
@@ -113,8 +113,8 @@ def parameter_text(values: Mapping[str, RosValue], node_name: str, own: Mapping[
     Args:
         values: all parameters by their full names.
         node_name: with its namespace.
-        own: what the node has beside them, also for the node of this name alone: `qos_overrides`, whose names
-            hold whole topics.
+        own: what the node has beside them, also for the node of this name alone: `use_sim_time`, which is of its
+            surroundings, and `qos_overrides`, whose names hold whole topics.
 
     Raises:
         SettingError: a value is text that cannot be written to a file.
@@ -125,12 +125,12 @@ def parameter_text(values: Mapping[str, RosValue], node_name: str, own: Mapping[
     return yaml_text(shared, whole=False) + '\n' + quoted_yaml({node_name: {'ros__parameters': of_cell | plain}})
 
 
-def _saved(node_name: str, values: Mapping[str, RosValue], overrides: Mapping[str, object]) -> SaveOutcome:
+def _saved(node_name: str, values: Mapping[str, RosValue], own: Mapping[str, object]) -> SaveOutcome:
     """Write the file, and say what became of it; on the thread, so that nothing may escape."""
     try:
         path = parameter_path(str(values['parameters_file']), node_name)
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_file(path, parameter_text(values, node_name, overrides))
+        write_file(path, parameter_text(values, node_name, own))
     except SocialCircleError as error:
         return False, f'The parameters were not saved: {error}'
     except OSError as error:

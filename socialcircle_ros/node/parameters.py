@@ -20,6 +20,8 @@ from socialcircle_ros.settings import (
 
 from .rclpy_internals import given_parameters
 
+_QOS, _SIM_TIME = 'qos_overrides.', 'use_sim_time'
+
 
 @dataclass(frozen=True)
 class Configuration(PipelineSettings):
@@ -57,17 +59,17 @@ class LiveParameters:
     def unknown(self) -> list[str]:
         """Parameters that the node was started with and does not have; they are probably misspelled."""
         return sorted(
-            name
-            for name in self._given()
-            if not self._node.has_parameter(name) and not name.startswith('qos_overrides.')
+            name for name in self._given() if not self._node.has_parameter(name) and not name.startswith(_QOS)
         )
 
     def to_save(self) -> tuple[dict[str, RosValue], dict[str, object]]:
-        """The values of all parameters, and the qos_overrides that the node was started with, by full names."""
+        """The values of all parameters, by full names, and of those of ROS that a node is started with.
+
+        These are use_sim_time, and the qos_overrides that the node was started with.
+        """
         given = self._given().items()
-        return self.configuration.to_ros(), {
-            name: parameter.value for name, parameter in given if name.startswith('qos_overrides.')
-        }
+        overrides = {name: each.value for name, each in given if name.startswith(_QOS)}
+        return self.configuration.to_ros(), {_SIM_TIME: self._node.get_parameter(_SIM_TIME).value} | overrides
 
     def _given(self) -> dict[str, RosParameter]:
         """What the node was started with."""

@@ -258,8 +258,8 @@ class SocialCircleNode(LifecycleNode):
         return True, 'The last cloud is on ~/last_points, and is filtered again.'
 
     async def _save_parameters(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        values, overrides = self._live_parameters.to_save()
-        response.success, response.message = await self._saver.save(self, values, overrides)
+        values, own = self._live_parameters.to_save()
+        response.success, response.message = await self._saver.save(self, values, own)
         return response
 
     # Diagnostics

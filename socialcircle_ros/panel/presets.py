@@ -90,7 +90,9 @@ class Presets:
 
 
 def _measuring(values: Mapping[str, RosValue]) -> dict[str, RosValue]:
-    return {name: value for name, value in values.items() if name not in OF_CELL}
+    """Without what is of one cell, and without the parameters of ROS, which a file that a node has saved holds."""
+    of_ros = ('qos_overrides.', 'use_sim_time')
+    return {name: value for name, value in values.items() if name not in OF_CELL and not name.startswith(of_ros)}
 
 
 def default_folder() -> Path:

@@ -135,7 +135,9 @@ def test_what_is_saved_starts_a_node_with_the_same_parameters_and_gives_a_cell_t
     }  # fmt: skip
     first = start_cell(of_cell | {override: 'best_effort'}, ('-r', 'points:=/camera/points'), active=False)
     first.wait_for_state('active')
-    first.set(circle__radius_scale=3, circle__vote_region=[1, 2, 61, 62], measurements__part='P7')
+    first.set(
+        circle__radius_scale=3, circle__vote_region=[1, 2, 61, 62], measurements__part='P7', use_sim_time=True
+    )
     saved = first.trigger('save_parameters')
     assert saved.success
     assert str(path) in saved.message
@@ -152,10 +154,12 @@ def test_what_is_saved_starts_a_node_with_the_same_parameters_and_gives_a_cell_t
         again.destroy_node()
         rclpy.shutdown(context=context)
     assert read.items() >= (of_cell | {'measurements.part': 'P7', override: 'best_effort'}).items()
+    assert read['use_sim_time'] is True
     second = start_cell(arguments=('--params-file', str(path)))
     assert second.get('circle.radius_scale') == 3.0
     assert second.get('circle.vote_region') == [1, 2, 61, 62]
     assert [second.get(name) for name in (*of_cell, 'measurements.part')] == [''] * 4
+    assert second.get('use_sim_time') is False
 
 
 @pytest.mark.parametrize('path', ['/proc/nowhere/tuned.yaml', '~nobody_here/tuned.yaml'])

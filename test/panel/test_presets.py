@@ -27,7 +27,8 @@ def test_which_cell_a_node_is_and_where_its_files_go_is_neither_saved_nor_loaded
     of_cell = {'measurements.cell': 'line A', 'measurements.part': 'P7', 'parameters_file': '/a.yaml'}
     presets = Presets(tmp_path)
     assert not any(name in presets.save('a', {'circle.window': 5, **of_cell}).read_text() for name in of_cell)
-    (tmp_path / 'old.yaml').write_text(yaml_text({'circle.window': 7, **of_cell}, whole=False))
+    old = yaml_text({'circle.window': 7, **of_cell}, whole=False)
+    (tmp_path / 'old.yaml').write_text(old + '/cell/social_circle: {ros__parameters: {use_sim_time: true}}\n')
     assert presets.load('old') == {'circle.window': 7}
 
 
