@@ -58,9 +58,14 @@ class LiveParameters:
 
     def unknown(self) -> list[str]:
         """Parameters that the node was started with and does not have; they are probably misspelled."""
-        return sorted(
-            name for name in self._given() if not self._node.has_parameter(name) and not name.startswith(_QOS)
-        )
+        return [name for name in self._missing() if not name.startswith(_QOS)]
+
+    def unknown_overrides(self) -> list[str]:
+        """The same for qos_overrides; the node has those of a topic once it publishes or subscribes there."""
+        return [name for name in self._missing() if name.startswith(_QOS)]
+
+    def _missing(self) -> list[str]:
+        return sorted(name for name in self._given() if not self._node.has_parameter(name))
 
     def to_save(self) -> tuple[dict[str, RosValue], dict[str, object]]:
         """The values of all parameters, by full names, and of those of ROS that a node is started with.

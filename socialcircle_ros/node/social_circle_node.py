@@ -84,8 +84,7 @@ class SocialCircleNode(LifecycleNode):
         self._live_parameters = LiveParameters(self, self._parameters_changed)
         for sentence in self._differences:
             self.get_logger().warning(sentence)
-        for name in self._live_parameters.unknown():
-            self.get_logger().warning(f'There is no parameter {name}; it has no effect. Is it misspelled?')
+        self._warn_of(self._live_parameters.unknown())
         self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS.name, DIAGNOSTICS.depth)
         # A clock of its own: a paused replay stops ROS time, but not the diagnostics.
         self.create_timer(1.0, self._publish_diagnostics, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -146,6 +145,7 @@ class SocialCircleNode(LifecycleNode):
         if self._filter is not None and self._stack is not None:
             self._filter.listen()
             self._stack.listen()
+        self._warn_of(self._live_parameters.unknown_overrides())
         self._active_since_s = time.monotonic()
         self.get_logger().info(f'Active: waiting for clouds on {self.resolve_topic_name(POINTS.name)}.')
         return result
@@ -210,6 +210,10 @@ class SocialCircleNode(LifecycleNode):
             self.get_logger().error(reason, throttle_duration_sec=LOG_PERIOD_S)
 
     # Parameters
+
+    def _warn_of(self, unknown: list[str]) -> None:
+        for name in unknown:
+            self.get_logger().warning(f'There is no parameter {name}; it has no effect. Is it misspelled?')
 
     def _configuration(self) -> Configuration:
         return self._live_parameters.configuration

@@ -217,8 +217,14 @@ def test_a_node_that_is_started_with_what_cannot_be_says_so_and_ends(start_cell,
 
 
 def test_a_misspelled_parameter_is_told(start_cell):
-    cell = start_cell({'circle.raduis': '1.0', 'circle.radius': '2'})
-    assert 'There is no parameter circle.raduis' in cell.node_process.log.read_text()
+    overrides = [f'qos_overrides./camera/{name}.subscription.reliability' for name in ('pionts', 'points')]
+    given = {'circle.raduis': '1.0', 'circle.radius': '2', **dict.fromkeys(overrides, 'reliable')}
+    cell = start_cell(given, ('-r', 'points:=/camera/points'), active=False)
+    cell.wait_for_state('active')
+    log = cell.node_process.log.read_text()
+    assert 'There is no parameter circle.raduis' in log
+    assert f'There is no parameter {overrides[0]}' in log
+    assert overrides[1] not in log
     assert cell.get('circle.radius') == 2
 
 
