@@ -68,6 +68,11 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
     silent_s = min(health.seconds_silent(), time.monotonic() - now.active_since_s)
     if not listening and now.failure:
         level, message = diagnostics.ERROR, now.failure
+    elif now.state == 'finalized':
+        level, message = (
+            diagnostics.WARN,
+            'The node is shut down, and filters no more: end it, and start it again.',
+        )
     elif not listening:
         level, message = diagnostics.OK, f'The node is {now.state}; it filters once it is active.'
     elif several:

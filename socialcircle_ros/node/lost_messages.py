@@ -82,7 +82,7 @@ def lost_sentence(count: int, topic: str) -> str:
     """
     clouds = 'A cloud was' if count == 1 else f'{count} clouds were'
     return (
-        f'{clouds} lost on the way to {topic}: parts did not arrive before the next cloud was published. If the'
-        f' publisher is on another machine, start it with FASTRTPS_DEFAULT_PROFILES_FILE={NETWORK_PROFILE.name}'
-        ' (docs/network.md), or publish less often.'
+        f'{clouds} lost on the way to {topic}: they come faster than the node takes them, or parts did not arrive'
+        ' before the next cloud was published. Publish less often; if the publisher is on another machine, start'
+        f' it with FASTRTPS_DEFAULT_PROFILES_FILE={NETWORK_PROFILE.name} (docs/network.md).'
     )

@@ -256,9 +256,11 @@ class SocialCircleNode(LifecycleNode):
         return True, 'All counts are 0; the last cloud and the running stack are forgotten.'
 
     def _publish_last(self) -> tuple[bool, str]:
-        active = self._filter is not None and self._filter.input is not None
-        if not active or self._filter is None or not self._filter.publish_last():
-            return False, 'No cloud has come yet.'
+        if self._filter is None or self._filter.input is None:
+            state = rclpy_internals.lifecycle_state(self)
+            return False, f'The node is {state}; it publishes the last cloud only while it is active.'
+        if not self._filter.publish_last():
+            return False, 'There is no last cloud: none has come since the node was configured or reset.'
         return True, 'The last cloud is on ~/last_points, and is filtered again.'
 
     async def _save_parameters(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -53,6 +53,9 @@ def test_it_can_be_shut_down_while_active(start_cell):
     assert cell.transition(Transition.TRANSITION_ACTIVE_SHUTDOWN)
     cell.wait_for(lambda: cell.clouds.get_subscription_count() == 0)
     assert cell.state() == 'finalized'
+    found = cell.diagnosis(lambda found: found.values['state'] == 'finalized')
+    assert found.status.level == b'\1'
+    assert found.status.message == 'The node is shut down, and filters no more: end it, and start it again.'
 
 
 def test_inactive_it_takes_no_cloud_and_says_so(start_cell):
@@ -63,6 +66,9 @@ def test_inactive_it_takes_no_cloud_and_says_so(start_cell):
     cell.publish(cloud())
     cell.forget()
     assert cell.diagnosis(lambda found: found).values['clouds_received'] == '0'
+    answer = cell.trigger('publish_last')
+    assert not answer.success
+    assert answer.message == 'The node is inactive; it publishes the last cloud only while it is active.'
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

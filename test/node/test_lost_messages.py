@@ -125,6 +125,7 @@ def test_a_middleware_without_the_event_still_subscribes(node, monkeypatch):
 def test_the_sentence_names_the_topic_and_what_to_do(count, beginning):
     sentence = lost_sentence(count, '/cell1/points')
     assert sentence.startswith(f'{beginning} on the way to /cell1/points')
+    assert 'they come faster than the node takes them, or parts did not arrive' in sentence
     assert 'FASTRTPS_DEFAULT_PROFILES_FILE=fastdds_network.xml' in sentence
 
 
