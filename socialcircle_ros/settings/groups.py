@@ -10,7 +10,7 @@ import importlib.util
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, TypeVar, cast
+from typing import Any, ClassVar, Literal, TypeVar
 
 from socialcircle_ros.errors import SettingError
 
@@ -408,6 +408,7 @@ OF_CELL = frozenset(name for name, row in PARAMETERS.items() if row.of_cell)
 
 
 AnyPipelineSettings = TypeVar('AnyPipelineSettings', bound='PipelineSettings')
+_Groups = dict[str, Any]  # settings of several classes, by the names of their groups
 
 
 @dataclass(frozen=True)
@@ -428,7 +429,7 @@ class PipelineSettings:
         Raises:
             SettingError: A value is not allowed, or values contradict each other.
         """
-        groups: dict[str, Any] = {each.name: each.default_factory for each in dataclasses.fields(cls)}
+        groups: _Groups = {each.name: each.default_factory for each in dataclasses.fields(cls)}
         return cls(**{name: group.from_ros(values) for name, group in groups.items()})
 
     def with_ros(self: AnyPipelineSettings, changes: Mapping[str, object]) -> AnyPipelineSettings:  # noqa: PYI019 - not in Python 3.10
@@ -437,9 +438,11 @@ class PipelineSettings:
         Raises:
             SettingError: As by `from_ros`.
         """
-        groups: dict[str, Settings] = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
-        changed = {name: group.with_ros(changes) for name, group in groups.items() if group.fields_of(changes)}
-        return dataclasses.replace(self, **cast('dict[str, Any]', changed))
+        groups: _Groups = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        changed: _Groups = {
+            name: group.with_ros(changes) for name, group in groups.items() if group.fields_of(changes)
+        }
+        return dataclasses.replace(self, **changed)
 
     def to_ros(self) -> dict[str, RosValue]:
         """Every parameter under its full name."""
