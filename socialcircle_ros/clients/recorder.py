@@ -5,7 +5,7 @@ import re
 import signal
 import time
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -15,6 +15,7 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.node.lost_messages import LostMessages
@@ -70,7 +71,7 @@ class Recorder(Node):
         context: the ROS context; None: the default one.
 
     Attributes:
-        refused: topics that cannot be recorded, with the reason.
+        left_out: a sentence for each topic and type that is published but not recorded.
     """
 
     def __init__(
@@ -82,21 +83,21 @@ class Recorder(Node):
         context: Context | None = None,
     ) -> None:
         super().__init__('socialcircle_record', context=context)
-        self.refused: dict[str, str] = {}
+        self.left_out: dict[tuple[str, str], str] = {}
         self._writer = writer
         self._topics = topics
         self._received = received
         self._lost = lost
-        self._recorded: set[str] = set()
+        self._types: dict[str, str] = {}  # of the topics that are recorded
         self._inputs: list[tuple[MessageInput, Callable[[TakenMessage], None]]] = []
         self.subscribe_to_new_topics()
         self.create_timer(_LOOK_PERIOD_S, self.subscribe_to_new_topics)
 
     def subscribe_to_new_topics(self) -> None:
-        """Subscribe to the wanted topics that have appeared since the last call."""
-        for name, types in self.get_topic_names_and_types():
-            if self._is_wanted(name) and name not in self._recorded and name not in self.refused:
-                self._subscribe(name, types[0])
+        """Subscribe to the wanted topics that have got a publisher, with the type of the publishers."""
+        for name, _ in self.get_topic_names_and_types():  # the types may be those of wrong subscribers
+            if self._is_wanted(name):
+                self._look_at(name, self.get_publishers_info_by_topic(name))
 
     def take_waiting(self) -> None:
         """Write the messages that have arrived and were not taken yet, one of each topic in turn.
@@ -110,25 +111,38 @@ class Recorder(Node):
     def _is_wanted(self, name: str) -> bool:
         return self._topics.holds(name, self.resolve_topic_name)
 
-    def _subscribe(self, name: str, type_name: str) -> None:
-        publishers = self.get_publishers_info_by_topic(name)
-        if not publishers:
-            return
+    def _look_at(self, name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
+        """Record a topic with the type that most of its publishers have, and tell which others it has."""
+        types = Counter(sorted(publisher.topic_type for publisher in publishers))
+        for type_name, _ in types.most_common():
+            recorded = self._types.get(name)
+            if recorded is None and (name, type_name) not in self.left_out:
+                self._subscribe(name, type_name, [each for each in publishers if each.topic_type == type_name])
+            elif recorded not in (None, type_name):
+                self._leave_out(name, type_name, f'it is recorded as {recorded}.')
+
+    def _leave_out(self, name: str, type_name: str, reason: str) -> None:
+        """Tell once that messages of a type are not recorded."""
+        if (name, type_name) not in self.left_out:
+            sentence = f'{name} is not recorded as {type_name}: {reason}'
+            self.left_out[name, type_name] = sentence
+            self.get_logger().warning(sentence)
+
+    def _subscribe(self, name: str, type_name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
         try:
             message_type = message_class(type_name)
             self._writer.add_topic(ros_topic(name, type_name, recorded_text(publishers)))
         except RecordingError as error:
             if self._writer.closed:
                 raise
-            self.refused[name] = str(error)
-            self.get_logger().warning(f'{name} is not recorded: {error}')
+            self._leave_out(name, type_name, str(error))
             return
         lost = LostMessages(lambda count: self._lost(name, count))
         qos = recording_qos(publishers)
         write = self._write_to(name, lost)
         messages = listen(self, message_type, name, write, qos_profile=qos, event_callbacks=lost)
         self._inputs.append((messages, write))
-        self._recorded.add(name)
+        self._types[name] = type_name
 
     def _write_to(self, topic: str, lost: LostMessages) -> Callable[[TakenMessage], None]:
         """The callback that writes the messages of a topic."""
@@ -161,11 +175,13 @@ class Recorded:
     Attributes:
         counts: the number of messages for each topic that had one.
         lost: the number of messages, by topic, that were published but did not arrive.
+        left_out: a sentence for each topic and type that was published but not recorded.
         ended_by: the signal that ended the recording; None: its duration, or the end of the context.
     """
 
     counts: Counter[str]
     lost: Counter[str]
+    left_out: Collection[str]
     ended_by: signal.Signals | None
 
 
@@ -225,7 +241,7 @@ def record_topics(
 
         try:
             with writer, WriterBehind(writer, bundle=1) as behind:
-                _record(
+                left_out = _record(
                     behind,
                     topics or TopicChoice(),
                     lambda topic: counts.update([topic]),
@@ -239,7 +255,7 @@ def record_topics(
                 f'{path} has ended early ({type(error).__name__}: {error}). {writer.contents()} '
                 'All later messages are missing.'
             ) from error
-    return Recorded(counts, lost, noted.first)
+    return Recorded(counts, lost, left_out, noted.first)
 
 
 def _record(
@@ -248,8 +264,8 @@ def _record(
     received: Callable[[str], None],
     lost: Callable[[str, int], None],
     goes_on: Callable[[Recorder], bool],
-) -> None:
-    """Record while `goes_on` says so; it is called several times per second."""
+) -> Collection[str]:
+    """Record while `goes_on` says so, which is called several times per second; what was left out."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         recorder = Recorder(writer, topics, received, lost)
@@ -264,6 +280,7 @@ def _record(
             pass
         finally:
             recorder.destroy_node()
+        return recorder.left_out.values()
     finally:
         rclpy.try_shutdown()
 

@@ -121,6 +121,8 @@ def command(
             ' Give the publisher a larger depth, or see docs/network.md.',
             err=True,
         )
+    for sentence in recorded.left_out:
+        click.echo(f'Warning: {sentence}', err=True)
     for name in topics:
         if name not in counts and f'/{name}' not in counts:
             click.echo(f'No message came on {name}.', err=True)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The recorder: its warning before the disk is full, and what it keeps after an error."""
 
+import contextlib
 import re
 import signal
 from types import SimpleNamespace
@@ -8,8 +9,10 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from click.testing import CliRunner
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 from recording.samples import read
 from sensor_msgs.msg import Image
@@ -21,7 +24,8 @@ from socialcircle_ros.clients.recorder import Recorder, TopicChoice, record_topi
 from socialcircle_ros.commands.record import command
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.node.rclpy_internals import TakenMessage
-from socialcircle_ros.recording import Message, ros_topic
+from socialcircle_ros.recording import Message, RecordingWriter, open_recording, ros_topic
+from socialcircle_ros.recording.overlap import WriterBehind
 
 RECORDED = Message('/points', b'recorded', 1_700_000_000_000_000_000, 1_700_000_000_000_000_000, 0)
 
@@ -50,14 +54,13 @@ def test_a_disk_that_cannot_be_looked_at_ends_nothing(tmp_path):
 
 def test_a_topic_that_comes_when_the_disk_is_full_ends_the_recording(tmp_path, monkeypatch):
     def subscribe(node):
-        if '/points' not in node._recorded:
-            node._recorded.add('/points')
+        if '/points' not in node._types:
+            node._types['/points'] = 'sensor_msgs/msg/PointCloud2'
             node._writer.add_topic(ros_topic('/points', 'sensor_msgs/msg/PointCloud2'))
             node._writer.write(RECORDED)
             fill(disk)
-        monkeypatch.setattr(node, 'get_publishers_info_by_topic', lambda name: [object()])
         for number in range(1000):
-            node._subscribe(f'/topic{number}', 'sensor_msgs/msg/PointCloud2')
+            node._subscribe(f'/topic{number}', 'sensor_msgs/msg/PointCloud2', [])
 
     monkeypatch.setattr(recorder, 'recorded_text', lambda publishers: '')
     monkeypatch.setattr(recorder, 'recording_qos', lambda publishers: 1)
@@ -87,13 +90,14 @@ def test_messages_that_did_not_arrive_are_counted_and_told(tmp_path, monkeypatch
         options['event_callbacks'].message_lost(SimpleNamespace(total_count=1, total_count_change=1))
         return SimpleNamespace(subscription=None)
 
-    topics = [('/points', ['sensor_msgs/msg/PointCloud2'])]
+    topics = [('/points', [])]
+    publisher = SimpleNamespace(topic_type='sensor_msgs/msg/PointCloud2')
     monkeypatch.setattr(recorder, 'listen', listen)
     monkeypatch.setattr(recorder, 'take', lambda subscription: None)
     monkeypatch.setattr(recorder, 'recorded_text', lambda publishers: '')
     monkeypatch.setattr(recorder, 'recording_qos', lambda publishers: 1)
     monkeypatch.setattr(Recorder, 'get_topic_names_and_types', lambda node: topics)
-    monkeypatch.setattr(Recorder, 'get_publishers_info_by_topic', lambda node, name: [object()])
+    monkeypatch.setattr(Recorder, 'get_publishers_info_by_topic', lambda node, name: [publisher])
     done = CliRunner().invoke(command, ['-o', str(tmp_path / 'a.mcap'), '--duration', '0'])
     assert done.exit_code == 0, done.output
     assert '/points: 3, 3 lost on the way\n' in done.output
@@ -110,11 +114,26 @@ def test_a_duration_below_zero_is_refused_before_anything_is_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_messages_that_wait_when_the_recording_ends_are_recorded(tmp_path):
-    context = Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node('source', context=context)
-    publishers = [node.create_publisher(Image, name, reliable(50)) for name in ('/a', '/b')]
+@pytest.fixture
+def peer():
+    """Makes nodes beside the recorder, each of which may give a topic a type of its own."""
+    nodes = []
+
+    def make():
+        context = Context()
+        rclpy.init(context=context)
+        nodes.append(rclpy.create_node('peer', context=context))
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+        node.context.shutdown()
+
+
+def test_messages_that_wait_when_the_recording_ends_are_recorded(peer, tmp_path):
+    source = peer()
+    publishers = [source.create_publisher(Image, name, reliable(50)) for name in ('/a', '/b')]
     numbers = iter(range(1, 1000))
     ended = False
 
@@ -130,16 +149,60 @@ def test_messages_that_wait_when_the_recording_ends_are_recorded(tmp_path):
             ended = True
             signal.raise_signal(signal.SIGINT)
 
-    try:
-        recorded = record_topics(tmp_path / 'a.mcap', TopicChoice(['/a', '/b']), progress=publish_and_end)
-    finally:
-        context.shutdown()
+    recorded = record_topics(tmp_path / 'a.mcap', TopicChoice(['/a', '/b']), progress=publish_and_end)
     messages, damage = read(tmp_path / 'a.mcap')
     heights = [deserialize_message(message.data, Image).height for message in messages]
     last = next(numbers) - 1
     assert sorted(heights)[-40:] == list(range(last - 39, last + 1))
     assert len(messages) == recorded.counts.total()
     assert (recorded.lost.total(), damage) == (0, None)
+
+
+@contextlib.contextmanager
+def started(path, topics):
+    """A recorder that writes to a path; and what makes it look and receive until a condition holds."""
+    context = Context()
+    rclpy.init(context=context)
+    executor = SingleThreadedExecutor(context=context)
+    with RecordingWriter(path) as writer, WriterBehind(writer, bundle=1) as behind:
+        recorder = Recorder(behind, TopicChoice(topics), context=context)
+        executor.add_node(recorder)
+
+        def spin_until(condition):
+            for _ in range(600):
+                if condition():
+                    return
+                executor.spin_once(timeout_sec=0.05)
+            raise AssertionError('the condition did not hold')
+
+        try:
+            yield recorder, spin_until
+        finally:
+            recorder.destroy_node()
+            context.shutdown()
+
+
+def test_a_topic_is_recorded_with_the_type_of_its_publishers_whatever_its_subscribers_want(peer, tmp_path):
+    peer().create_subscription(DiagnosticArray, '/typed', print, 10)
+    with started(tmp_path / 'a.mcap', ['/typed']) as (recorder, spin_until):
+        wrong = ['diagnostic_msgs/msg/DiagnosticArray']
+        spin_until(lambda: ('/typed', wrong) in recorder.get_topic_names_and_types())
+        publisher = peer().create_publisher(Image, '/typed', reliable(50))
+        spin_until(publisher.get_subscription_count)
+        assert recorder.left_out == {}
+    with open_recording(tmp_path / 'a.mcap') as reader:
+        assert reader.topics['/typed'].type == 'sensor_msgs/msg/Image'
+
+
+def test_publishers_of_a_second_type_are_told(peer, tmp_path):
+    publisher = peer().create_publisher(Image, '/twice', reliable(50))
+    with started(tmp_path / 'a.mcap', ['/twice']) as (recorder, spin_until):
+        spin_until(publisher.get_subscription_count)
+        peer().create_publisher(DiagnosticArray, '/twice', reliable(50))
+        spin_until(lambda: recorder.left_out)
+    assert list(recorder.left_out.values()) == [
+        '/twice is not recorded as diagnostic_msgs/msg/DiagnosticArray: it is recorded as sensor_msgs/msg/Image.'
+    ]
 
 
 @pytest.mark.parametrize('name', ['night.mcap', 'night'])
