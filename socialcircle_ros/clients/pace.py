@@ -51,11 +51,13 @@ class Pace:
     def is_due(self, log_time: int) -> bool:
         """Whether the next message, with a log time in ns, is due. If so, a step is used up."""
         with self._lock:
-            if self._paused and self._steps:
-                self._steps -= 1
-                self._anchor = self._monotonic(), log_time
-                return True
-            return self._now_ns() >= log_time
+            if not self._paused:
+                return self._now_ns() >= log_time
+            if not self._steps:
+                return False
+            self._steps -= 1
+            self._anchor = self._monotonic(), log_time
+            return True
 
     def seconds_until(self, log_time: int) -> float:
         """Time in s until a message is due, if nothing changes; infinite while paused."""

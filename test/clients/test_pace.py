@@ -47,6 +47,18 @@ def test_nothing_is_due_while_paused_but_what_is_stepped_to():
     assert pace.is_due(1_000_000_007)
 
 
+def test_while_paused_not_even_the_message_at_which_recorded_time_begins_is_due():
+    pace = Pace(paused=True, monotonic=Clock())
+    pace.start(5)
+    assert not pace.is_due(5)
+    pace.step()
+    assert pace.is_due(5)
+    pace.start(5)  # at the start of a loop
+    assert not pace.is_due(5)
+    pace.toggle_pause()
+    assert pace.is_due(5)
+
+
 def test_steps_count_only_while_paused():
     clock = Clock()
     pace = Pace(monotonic=clock)
