@@ -12,6 +12,7 @@ from contextlib import contextmanager
 
 _PERIOD_S = 0.1  # between two checks whether the command has ended
 _MOST_BYTES = 64  # that are read at once
+_LOCAL_MODES = 3  # their place among the attributes of a terminal
 
 SPACE, RIGHT, UP, DOWN = b' ', b'\x1b[C', b'\x1b[A', b'\x1b[B'
 
@@ -19,6 +20,9 @@ SPACE, RIGHT, UP, DOWN = b' ', b'\x1b[C', b'\x1b[A', b'\x1b[B'
 @contextmanager
 def listened_keys(actions: Mapping[bytes, Callable[[], object]], terminal: int | None = None) -> Iterator[bool]:
     """Call an action at each press of its key, on a thread of its own. Ctrl-C works as always.
+
+    While the process runs in the background of a shell, the keys are for other programs, and the terminal is left
+    alone.
 
     Args:
         actions: by what the key sends, such as `SPACE`.
@@ -29,30 +33,67 @@ def listened_keys(actions: Mapping[bytes, Callable[[], object]], terminal: int |
     """
     try:
         terminal = sys.stdin.fileno() if terminal is None else terminal
-        before = termios.tcgetattr(terminal)
+        termios.tcgetattr(terminal)
     except (OSError, ValueError, termios.error):
         yield False
         return
-    ended = threading.Event()
+    keyboard, ended = _Keyboard(terminal), threading.Event()
 
-    def listen(terminal: int) -> None:
+    def listen() -> None:
         while not ended.is_set():
-            if select.select([terminal], [], [], _PERIOD_S)[0]:
+            if not keyboard.is_taken():
+                ended.wait(_PERIOD_S)
+            elif select.select([terminal], [], [], _PERIOD_S)[0]:
                 pressed = os.read(terminal, _MOST_BYTES)
                 if not pressed:
                     return
                 for key in _keys(pressed, actions):
                     actions[key]()
 
-    thread = threading.Thread(target=listen, args=(terminal,), name='keys', daemon=True)
-    tty.setcbreak(terminal)
+    thread = threading.Thread(target=listen, name='keys', daemon=True)
+    keyboard.is_taken()
     thread.start()
     try:
         yield True
     finally:
         ended.set()
         thread.join()
-        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        keyboard.give_back()
+
+
+class _Keyboard:
+    """A terminal that gives each key at once, without Enter, to the process in its foreground.
+
+    The kernel stops a process that reads from its terminal, or changes it, from the background.
+
+    Args:
+        terminal: its file descriptor.
+    """
+
+    def __init__(self, terminal: int) -> None:
+        self._terminal = terminal
+        self._before: list[int | list[bytes | int]] | None = None  # its attributes
+
+    def is_taken(self) -> bool:
+        """Whether keys come to this process; if so, each comes at once from now on."""
+        if not self._is_in_foreground():
+            return False
+        attributes = termios.tcgetattr(self._terminal)
+        if attributes[_LOCAL_MODES] & termios.ICANON:  # again after Ctrl-Z and fg, as a shell resets its terminal
+            self._before = self._before or attributes
+            tty.setcbreak(self._terminal, termios.TCSADRAIN)
+        return True
+
+    def give_back(self) -> None:
+        """Put the terminal as it was, unless it belongs to other programs now."""
+        if self._before is not None and self._is_in_foreground():
+            termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
+
+    def _is_in_foreground(self) -> bool:
+        try:
+            return os.tcgetpgrp(self._terminal) == os.getpgrp()
+        except OSError:
+            return True  # not the terminal that controls this process, so nothing stops it
 
 
 def _keys(pressed: bytes, known: Collection[bytes]) -> Iterator[bytes]:
