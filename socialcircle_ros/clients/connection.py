@@ -9,6 +9,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from socialcircle_ros.errors import printable
+from socialcircle_ros.node.start import start_ros
 
 _PAUSE_S = 0.1  # after a failure, so that one that repeats does not occupy a core
 _MOST_REPORTED = 100
@@ -38,7 +39,7 @@ class Connection:
         failed: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.context = rclpy.Context()
-        rclpy.init(args=list(arguments), context=self.context)
+        start_ros(list(arguments), self.context)
         self.node = Node(name, namespace=namespace, context=self.context)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)

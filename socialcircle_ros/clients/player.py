@@ -17,6 +17,7 @@ from rclpy.validate_namespace import validate_namespace
 from rosgraph_msgs.msg import Clock
 
 from socialcircle_ros.errors import RecordingError, SettingError
+from socialcircle_ros.node.start import start_ros
 from socialcircle_ros.recording import Message, RecordingReader, Topic, open_recording
 
 from .message_types import message_class
@@ -202,7 +203,7 @@ def play_recording(
     with open_recording(recording) as reader:
         chosen = _chosen_topics(reader, topics)
         names = [topic.name for topic in chosen]
-        rclpy.init()
+        start_ros()
         player = Player(chosen, prefix)
         try:
             for reason in player.skipped:

@@ -20,6 +20,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.node.lost_messages import LostMessages
 from socialcircle_ros.node.rclpy_internals import MessageInput, TakenMessage, listen, take
+from socialcircle_ros.node.start import start_ros
 from socialcircle_ros.recording import Message, RecordingWriter, ros_topic
 from socialcircle_ros.recording.mcap_output import LAST_TIME
 from socialcircle_ros.recording.mcap_writer import Compression
@@ -266,7 +267,7 @@ def _record(
     goes_on: Callable[[Recorder], bool],
 ) -> Collection[str]:
     """Record while `goes_on` says so, which is called several times per second; what was left out."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(signals=SignalHandlerOptions.NO)
     try:
         recorder = Recorder(writer, topics, received, lost)
         executor = SingleThreadedExecutor()

@@ -10,7 +10,7 @@ import click
 
 from socialcircle_ros.storage import check_place
 
-from .options import require_ros
+from .options import Number, require_ros
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     help='Instead: send clouds over a simulated network that loses packets (30 min; Linux; needs root).',
 )  # fmt: skip
 @click.option(
-    '--seconds', type=click.FloatRange(1), default=60.0, show_default=True,
+    '--seconds', type=Number(1), default=60.0, show_default=True,
     help='With --live: duration of a stream of 25 clouds per second.',
 )  # fmt: skip
 @click.option('--json', 'path', type=click.Path(path_type=Path), help='Also write the results to this file.')

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import place_text, shell_words, stack_text
+from .options import Number, place_text, shell_words, stack_text
 
 if TYPE_CHECKING:
     from socialcircle_ros.recording import ImportedCloud
@@ -34,6 +34,7 @@ _OPTIONS = {'pitch': '--pitch', 'step': '--z-step'}
 @click.option('--frame', default='microscope', show_default=True, help='frame_id of the clouds.')
 @click.option(
     '--period',
+    type=Number(),
     default=1.0,
     show_default=True,
     help='Time between two clouds, in s. The frames of a stack are 1/50 of it apart.',
@@ -43,7 +44,7 @@ _OPTIONS = {'pitch': '--pitch', 'step': '--z-step'}
 )
 @click.option(
     '--pitch',
-    type=float,
+    type=Number(),
     help='Distance of two pixels on the part: for a focus stack, in m (default: as a TIFF says); for heights'
     ' without it, in --unit.',
 )
@@ -51,7 +52,7 @@ _OPTIONS = {'pitch': '--pitch', 'step': '--z-step'}
 @click.option('--keep-unit', is_flag=True, help='Keep the unit of the files. Default: clouds are written in m.')
 @click.option(
     '--z-step',
-    type=float,
+    type=Number(),
     help='For a focus stack: length of one unit of its z, in m. Not needed if names or a TIFF say z with a unit.',
 )
 @click.option(

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from socialcircle_ros.settings import LimitSettings
 
 _NODE = 'socialcircle.node'
+_MOST_DIGITS = 20  # of a size in bytes
 
 Function = TypeVar('Function', bound=Callable[..., object])
 
@@ -162,6 +163,23 @@ def progress_display() -> 'Progress':
     return Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300)
 
 
+class Number(click.FloatRange):
+    """A number of an option, in a range if one is given. NaN and infinite or excessive numbers are refused."""
+
+    _LARGEST = 1e12
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number; click calls this."""
+        number = super().convert(value, param, ctx)
+        if not abs(number) <= self._LARGEST:  # NaN compares as false
+            self.fail(f'{number} is no number up to {self._LARGEST:g}.', param, ctx)
+        return number
+
+    def _describe_range(self) -> str:
+        # For the help of click, which expects that a bound is given.
+        return '' if self.min is None and self.max is None else super()._describe_range()
+
+
 def size_in_bytes(ctx: click.Context, param: click.Parameter, value: str) -> int:
     """The number of bytes of an option such as 500M: a number alone, or with k, M, G or T for 10³ to 10¹².
 
@@ -169,7 +187,7 @@ def size_in_bytes(ctx: click.Context, param: click.Parameter, value: str) -> int
         click.BadParameter: the value is no size.
     """
     found = re.fullmatch(r'(\d+(?:\.\d+)?)([kKMGT]?)', value.strip())
-    if found is None:
+    if found is None or len(found[1]) > _MOST_DIGITS:
         raise click.BadParameter(
             f'{value!r} is no size; give bytes, or a number with k, M, G or T: 500M.', ctx, param
         )

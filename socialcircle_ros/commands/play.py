@@ -6,25 +6,34 @@ from pathlib import Path
 
 import click
 
-from .options import quantity, require_ros
+from .options import Number, quantity, require_ros
 
 
 @click.command('play', epilog='Example: socialcircle play last_night.mcap --rate 0.5 --loop')
 @click.argument('recording', type=click.Path(path_type=Path))
 @click.option('--topics', '--topic', multiple=True, help='Play only this topic; may be repeated.')
-@click.option('-r', '--rate', default=1.0, show_default=True, help='2: twice as fast as recorded.')
+@click.option(
+    '-r',
+    '--rate',
+    default=1.0,
+    type=Number(min=0, min_open=True),
+    show_default=True,
+    help='2: twice as fast as recorded.',
+)
 @click.option('-l', '--loop', is_flag=True, help='Start again at the end, until Ctrl-C.')
 @click.option(
     '--start-offset',
     default=0.0,
-    type=click.FloatRange(min=0),
+    type=Number(min=0),
     metavar='SECONDS',
     help='Leave out the messages of the first seconds.',
 )
 @click.option('-p', '--start-paused', is_flag=True, help='Wait for a key.')
 @click.option('--clock', is_flag=True, help='Publish recorded time on /clock, for nodes with use_sim_time.')
 @click.option('--namespace', default='', help='Put before every topic, such as /cell1.')
-@click.option('--wait', default=10.0, show_default=True, help='Seconds to wait for the first subscriber.')
+@click.option(
+    '--wait', default=10.0, type=Number(min=0), show_default=True, help='Seconds to wait for the first subscriber.'
+)
 def command(
     recording: Path,
     topics: tuple[str, ...],
@@ -47,8 +56,6 @@ def command(
     A replay is best effort: a busy subscriber misses clouds. Use `socialcircle filter` for exact results.
     """  # noqa: D301 - click reads \b
     require_ros()
-    if not rate > 0:
-        raise click.BadParameter('must be above 0.', param_hint='--rate')
     from socialcircle_ros.node.transport import prepare_process
 
     prepare_process()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .options import place_text, quantity, require_ros, size_in_bytes
+from .options import Number, place_text, quantity, require_ros, size_in_bytes
 
 
 def regular_expression(_: click.Context, parameter: click.Parameter, text: str | None) -> re.Pattern[str] | None:
@@ -39,7 +39,7 @@ def regular_expression(_: click.Context, parameter: click.Parameter, text: str |
     help='No topics in whose name this regular expression is found.',
 )
 @click.option('--compression', type=click.Choice(['none', 'lz4', 'zstd']), default='none', show_default=True)
-@click.option('--duration', type=click.FloatRange(min=0), help='Stop after this many seconds; default: at Ctrl-C.')
+@click.option('--duration', type=Number(min=0), help='Stop after this many seconds; default: at Ctrl-C.')
 @click.option(
     '-b',
     '--max-bag-size',
@@ -51,7 +51,7 @@ def regular_expression(_: click.Context, parameter: click.Parameter, text: str |
 @click.option(
     '-d',
     '--max-bag-duration',
-    type=click.FloatRange(min=0),
+    type=Number(min=0),
     default=0,
     metavar='SECONDS',
     help='In a directory, begin the next file after this time; 0: one file.',

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from .options import progress_bar, stack_text
+from .options import Number, progress_bar, stack_text
 
 if TYPE_CHECKING:
     from socialcircle_ros.recording.mcap_writer import Compression
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.option('--instrument', default='10x', show_default=True, help='Objective: 5x, 10x, 20x or 50x.')
 @click.option('--frames', type=int, help='Number of frames. Default: as many as the surface needs.')
 @click.option(
-    '--z-step', type=float, help='Distance between two frames, in µm. Default: a quarter of the depth of field.'
+    '--z-step', type=Number(), help='Distance between two frames, in µm. Default: a quarter of the depth of field.'
 )
 @click.option(
     '--renderer', type=click.Choice(['layered', 'rays']), default='layered', show_default=True,

@@ -50,7 +50,6 @@ def command(
     from socialcircle_ros.node.transport import prepare_process
 
     prepare_process()
-    from socialcircle_ros.errors import SocialCircleError
     from socialcircle_ros.panel.page import require_viser
     from socialcircle_ros.panel.presets import default_folder
 
@@ -70,13 +69,10 @@ def command(
                 ' connection is not encrypted.', err=True,
             )  # fmt: skip
 
-    try:
-        tune(
-            nodes, cells, host=host, port=port, presets=presets or default_folder(), recording=recording,
-            arguments=ros_arguments, serving=serving,
-        )  # fmt: skip
-    except RuntimeError as error:  # rclpy raises it for arguments that it cannot read; its text has several lines
-        raise SocialCircleError(f'The page cannot start: {str(error).splitlines()[0]}') from None
+    tune(
+        nodes, cells, host=host, port=port, presets=presets or default_folder(), recording=recording,
+        arguments=ros_arguments, serving=serving,
+    )  # fmt: skip
 
 
 def _check(recording: Path) -> None:

@@ -51,6 +51,7 @@ def _run(arguments: list[str] | None) -> int:
     from socialcircle_ros.errors import SocialCircleError  # noqa: PLC0415
 
     from .social_circle_node import SocialCircleNode  # noqa: PLC0415
+    from .start import start_ros  # noqa: PLC0415
 
     fault = _fault_of_a_file(sys.argv[1:] if arguments is None else arguments)
     if fault is not None:
@@ -58,7 +59,7 @@ def _run(arguments: list[str] | None) -> int:
         return 1
     node, began = None, False
     try:
-        rclpy.init(args=arguments)
+        start_ros(arguments)
         began = True
         node = SocialCircleNode()
         node.start()

@@ -2,6 +2,7 @@
 """The commands that use the graph: play, record, demo, node."""
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -148,7 +149,9 @@ def test_the_recording_of_a_killed_recorder_gets_a_name_from_the_next(run, tmp_p
         (['record', '-o', 'x.mcap', '--max-bag-size', '1G'], 2, 'x.mcap is one file and cannot be split'),
         (['record', '-o', 'x', '--min-free', 'much'], 2, "'much' is no size; give bytes"),
         (['play', 'nowhere.mcap'], 1, 'nowhere.mcap'),
-        (['play', BAGS / 'parts.mcap', '--rate', '0'], 2, 'must be above 0'),
+        (['play', BAGS / 'parts.mcap', '--rate', '0'], 2, '0.0 is not in the range x>0'),
+        (['play', BAGS / 'parts.mcap', '--rate', 'inf'], 2, 'inf is no number up to 1e+12'),
+        (['play', BAGS / 'parts.mcap', '--wait', 'nan'], 2, 'nan is no number up to 1e+12'),
         (['play', BAGS / 'parts.mcap', '-p'], 2, 'needs a terminal'),
         (['record', '-e', '(', '-o', 'a.mcap'], 2, "'(' is no regular expression"),
         (['play', BAGS / 'parts.mcap', '--topic', '/nowhere'], 1, 'has no topic /nowhere'),
@@ -173,6 +176,15 @@ def test_an_error_is_one_sentence(run, tmp_path, arguments, code, sentence):
     assert done.code == code, done.err
     assert sentence in done.err
     assert 'Traceback' not in done.err
+
+
+def test_where_no_log_can_be_written_a_sentence_names_the_cure(run, tmp_path):
+    (tmp_path / 'file').touch()
+    for arguments in (['play', BAGS / 'parts.mcap', '--wait', '0'], ['record', '-o', 'a.mcap', '--duration', '0']):
+        done = run(*arguments, env={**os.environ, 'ROS_LOG_DIR': str(tmp_path / 'file' / 'log')})
+        assert done.code == 1
+        assert 'Set ROS_LOG_DIR to a folder that can be written.' in done.err
+        assert 'Traceback' not in done.err
 
 
 def test_a_topic_whose_type_is_not_installed_is_skipped_and_reported(run, tmp_path):

@@ -90,7 +90,7 @@ def test_tune_says_how_to_install_viser(tmp_path):
     [
         (['a.mcap', 'b.mcap'], "'b.mcap' is not for this command"),
         (['--prot', '80'], 'is not for this command'),
-        (['--ros-args', '-r', 'no_rule'], 'The page cannot start'),
+        (['--ros-args', '-r', 'no_rule'], 'no_rule'),
         (['--node', 'a name'], "'a name' cannot be the name of a node"),
         (['--host', 'nowhere.invalid'], 'cannot listen on nowhere.invalid'),
         (['--port', '70000'], '70000 is not in the range'),

@@ -7,7 +7,8 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from socialcircle_ros.commands.options import parameter_options, parameter_values
+from socialcircle_ros.commands.main import socialcircle
+from socialcircle_ros.commands.options import Number, parameter_options, parameter_values, size_in_bytes
 from socialcircle_ros.errors import SettingError
 
 FILE = """\
@@ -67,3 +68,28 @@ def test_single_parameters_override_the_file_and_have_the_types_of_ros(invoke):
 def test_a_text_that_sets_no_parameter_is_refused(text, sentence):
     with pytest.raises(SettingError, match=sentence):
         parameter_values(None, (text,))
+
+
+@pytest.mark.parametrize('text', ['nan', 'inf', '-inf', '1e300'])
+def test_a_number_is_finite(text):
+    with pytest.raises(click.BadParameter, match='is no number up to'):
+        Number().convert(text, None, None)
+
+
+def test_no_command_takes_a_number_that_is_not_finite():
+    def options(command):
+        yield from command.params
+        for name in command.list_commands(None) if isinstance(command, click.Group) else ():
+            yield from options(command.get_command(None, name))
+
+    plain = [
+        option.opts
+        for option in options(socialcircle)
+        if isinstance(option.type, click.types.FloatParamType) and not isinstance(option.type, Number)
+    ]
+    assert plain == []
+
+
+def test_a_size_of_hundreds_of_digits_is_refused():
+    with pytest.raises(click.BadParameter, match='is no size'):
+        size_in_bytes(None, None, '9' * 400)
