@@ -18,8 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from socialcircle_ros.errors import RecordingError, SocialCircleError
-from socialcircle_ros.node.lost_messages import LostMessages
-from socialcircle_ros.node.rclpy_internals import MessageInput, TakenMessage, listen, take
+from socialcircle_ros.node.rclpy_internals import TakenMessage
 from socialcircle_ros.node.start import start_ros
 from socialcircle_ros.recording import Message, RecordingWriter, ros_topic
 from socialcircle_ros.recording.mcap_output import LAST_TIME
@@ -28,7 +27,8 @@ from socialcircle_ros.recording.overlap import WriterBehind
 from socialcircle_ros.storage import free_bytes, noted_signals
 
 from .message_types import message_class
-from .qos import RECORDING_DEPTH, recorded_text, recording_qos
+from .qos import RECORDING_DEPTH, recorded_text
+from .topic_input import TopicInput
 
 _LOOK_PERIOD_S = 0.2  # between two looks at the graph for new topics
 _DISK_PERIOD_S = 0.2  # between two looks at the free space
@@ -89,13 +89,12 @@ class Recorder(Node):
         self._topics = topics
         self._received = received
         self._lost = lost
-        self._types: dict[str, str] = {}  # of the topics that are recorded
-        self._inputs: list[tuple[MessageInput, Callable[[TakenMessage], None]]] = []
+        self._recorded: dict[str, tuple[str, TopicInput]] = {}  # topics, with their type
         self.subscribe_to_new_topics()
         self.create_timer(_LOOK_PERIOD_S, self.subscribe_to_new_topics)
 
     def subscribe_to_new_topics(self) -> None:
-        """Subscribe to the wanted topics that have got a publisher, with the type of the publishers."""
+        """Hear all publishers of the wanted topics, also those that have come since the last call."""
         for name, _ in self.get_topic_names_and_types():  # the types may be those of wrong subscribers
             if self._is_wanted(name):
                 self._look_at(name, self.get_publishers_info_by_topic(name))
@@ -105,9 +104,9 @@ class Recorder(Node):
 
         While they are written others may arrive; of each topic as many are taken as can wait at once.
         """
-        waiting = self._inputs
+        waiting = [messages for _, messages in self._recorded.values()]
         for _ in range(RECORDING_DEPTH):
-            waiting = [each for each in waiting if _take_one(*each)]
+            waiting = [messages for messages in waiting if messages.take_waiting()]
 
     def _is_wanted(self, name: str) -> bool:
         return self._topics.holds(name, self.resolve_topic_name)
@@ -116,10 +115,12 @@ class Recorder(Node):
         """Record a topic with the type that most of its publishers have, and tell which others it has."""
         types = Counter(sorted(publisher.topic_type for publisher in publishers))
         for type_name, _ in types.most_common():
-            recorded = self._types.get(name)
-            if recorded is None and (name, type_name) not in self.left_out:
-                self._subscribe(name, type_name, [each for each in publishers if each.topic_type == type_name])
-            elif recorded not in (None, type_name):
+            if name not in self._recorded and (name, type_name) not in self.left_out:
+                self._begin(name, type_name, [each for each in publishers if each.topic_type == type_name])
+        if name in self._recorded:
+            recorded, messages = self._recorded[name]
+            messages.hear([each for each in publishers if each.topic_type == recorded])
+            for type_name in types.keys() - {recorded}:
                 self._leave_out(name, type_name, f'it is recorded as {recorded}.')
 
     def _leave_out(self, name: str, type_name: str, reason: str) -> None:
@@ -129,7 +130,8 @@ class Recorder(Node):
             self.left_out[name, type_name] = sentence
             self.get_logger().warning(sentence)
 
-    def _subscribe(self, name: str, type_name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
+    def _begin(self, name: str, type_name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
+        """Add a topic to the recording, or leave it out."""
         try:
             message_type = message_class(type_name)
             self._writer.add_topic(ros_topic(name, type_name, recorded_text(publishers)))
@@ -138,19 +140,15 @@ class Recorder(Node):
                 raise
             self._leave_out(name, type_name, str(error))
             return
-        lost = LostMessages(lambda count: self._lost(name, count))
-        qos = recording_qos(publishers)
-        write = self._write_to(name, lost)
-        messages = listen(self, message_type, name, write, qos_profile=qos, event_callbacks=lost)
-        self._inputs.append((messages, write))
-        self._types[name] = type_name
+        write = self._write_to(name)
+        messages = TopicInput(self, message_type, name, write, lambda count: self._lost(name, count))
+        self._recorded[name] = type_name, messages
 
-    def _write_to(self, topic: str, lost: LostMessages) -> Callable[[TakenMessage], None]:
+    def _write_to(self, topic: str) -> Callable[[TakenMessage], None]:
         """The callback that writes the messages of a topic."""
 
         def write(taken: TakenMessage) -> None:
             now = time.time_ns()
-            lost.arrived(taken)
             # A publisher with a wrong clock may send any number, which must not end the recording.
             published = taken.published_ns if 0 < taken.published_ns <= LAST_TIME else now
             # The annotation of a message says bytes, as readers give it; any buffer is written.
@@ -158,15 +156,6 @@ class Recorder(Node):
             self._received(topic)
 
         return write
-
-
-def _take_one(messages: MessageInput, write: Callable[[TakenMessage], None]) -> bool:
-    """Take and write the next message of a topic; False if there is none."""
-    taken = take(messages.subscription)
-    if taken is None:
-        return False
-    write(taken)
-    return True
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,10 @@ class LostMessages(SubscriptionEventCallbacks):
         self._reported_since = 0
         self._tell()
 
+    def knows(self, publisher: bytes) -> bool:
+        """Whether a message of the publisher has arrived, and its number is kept."""
+        return publisher in self._last_numbers
+
     def create_event_handlers(
         self, callback_group: CallbackGroup, subscription: object, topic_name: str
     ) -> list[EventHandler]:

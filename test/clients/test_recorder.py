@@ -2,8 +2,10 @@
 """The recorder: its warning before the disk is full, and what it keeps after an error."""
 
 import contextlib
+import itertools
 import re
 import signal
+from collections import Counter
 from types import SimpleNamespace
 
 import pytest
@@ -13,12 +15,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from recording.samples import read
 from sensor_msgs.msg import Image
 from storage.disks import fill, small_disk
 
-from socialcircle_ros.clients import recorder
+from socialcircle_ros.clients import recorder, topic_input
 from socialcircle_ros.clients.qos import reliable
 from socialcircle_ros.clients.recorder import Recorder, TopicChoice, record_topics
 from socialcircle_ros.commands.record import command
@@ -54,18 +57,14 @@ def test_a_disk_that_cannot_be_looked_at_ends_nothing(tmp_path):
 
 def test_a_topic_that_comes_when_the_disk_is_full_ends_the_recording(tmp_path, monkeypatch):
     def subscribe(node):
-        if '/points' not in node._types:
-            node._types['/points'] = 'sensor_msgs/msg/PointCloud2'
-            node._writer.add_topic(ros_topic('/points', 'sensor_msgs/msg/PointCloud2'))
+        if not node._recorded:
+            node._begin('/points', 'sensor_msgs/msg/PointCloud2', [])
             node._writer.write(RECORDED)
             fill(disk)
         for number in range(1000):
-            node._subscribe(f'/topic{number}', 'sensor_msgs/msg/PointCloud2', [])
+            node._begin(f'/topic{number}', 'sensor_msgs/msg/PointCloud2', [])
 
-    monkeypatch.setattr(recorder, 'recorded_text', lambda publishers: '')
-    monkeypatch.setattr(recorder, 'recording_qos', lambda publishers: 1)
     monkeypatch.setattr(Recorder, 'subscribe_to_new_topics', subscribe)
-    monkeypatch.setattr(recorder, 'listen', lambda *args, **options: None)
     with small_disk(tmp_path / 'disk', 4 << 20) as disk:
         with pytest.raises(RecordingError, match='the disk is full. It holds 1 message'):
             record_topics(disk / 'night.mcap')
@@ -83,19 +82,17 @@ def test_a_least_of_zero_never_warns(tmp_path, monkeypatch):
 
 
 def test_messages_that_did_not_arrive_are_counted_and_told(tmp_path, monkeypatch):
-    def listen(*arguments, **options):
-        callback = arguments[-1]
-        for number in (3, 4, 7):
-            callback(TakenMessage(memoryview(b'a cloud'), b'source', number, 5))
+    waiting = [TakenMessage(memoryview(b'a cloud'), b'source', number, 5) for number in (3, 4, 7)]
+
+    def listen(*_, **options):
         options['event_callbacks'].message_lost(SimpleNamespace(total_count=1, total_count_change=1))
         return SimpleNamespace(subscription=None)
 
     topics = [('/points', [])]
-    publisher = SimpleNamespace(topic_type='sensor_msgs/msg/PointCloud2')
-    monkeypatch.setattr(recorder, 'listen', listen)
-    monkeypatch.setattr(recorder, 'take', lambda subscription: None)
+    publisher = SimpleNamespace(topic_type='sensor_msgs/msg/PointCloud2', qos_profile=reliable())
+    monkeypatch.setattr(topic_input, 'listen', listen)
+    monkeypatch.setattr(topic_input, 'take', lambda subscription: waiting.pop(0) if waiting else None)
     monkeypatch.setattr(recorder, 'recorded_text', lambda publishers: '')
-    monkeypatch.setattr(recorder, 'recording_qos', lambda publishers: 1)
     monkeypatch.setattr(Recorder, 'get_topic_names_and_types', lambda node: topics)
     monkeypatch.setattr(Recorder, 'get_publishers_info_by_topic', lambda node, name: [publisher])
     done = CliRunner().invoke(command, ['-o', str(tmp_path / 'a.mcap'), '--duration', '0'])
@@ -203,6 +200,41 @@ def test_publishers_of_a_second_type_are_told(peer, tmp_path):
     assert list(recorder.left_out.values()) == [
         '/twice is not recorded as diagnostic_msgs/msg/DiagnosticArray: it is recorded as sensor_msgs/msg/Image.'
     ]
+
+
+def test_a_publisher_that_starts_again_as_best_effort_is_recorded_and_each_message_once(peer, tmp_path):
+    heights = itertools.count()
+    lost = Counter()
+
+    def publish(publisher):
+        for _ in range(5):
+            publisher.publish(Image(height=next(heights)))
+
+    with started(tmp_path / 'a.mcap', ['/again']) as (recorder, spin_until):
+        received = Counter()
+        recorder._received, recorder._lost = (
+            lambda name: received.update([name]),
+            lambda name, n: lost.update({name: n}),
+        )
+        first, second = peer(), peer()
+        publisher = first.create_publisher(Image, '/again', reliable(50))
+        spin_until(publisher.get_subscription_count)
+        publish(publisher)
+        spin_until(lambda: received['/again'] == 5)
+        first.destroy_publisher(publisher)
+        sensor = second.create_publisher(Image, '/again', qos_profile_sensor_data)
+        spin_until(sensor.get_subscription_count)
+        publish(sensor)
+        spin_until(lambda: received['/again'] == 10)
+        # Both subscriptions hear a reliable publisher.
+        publisher = first.create_publisher(Image, '/again', reliable(50))
+        spin_until(lambda: publisher.get_subscription_count() == 2)
+        publish(publisher)
+        spin_until(lambda: received['/again'] == 15)
+        recorder.take_waiting()
+    messages, damage = read(tmp_path / 'a.mcap')
+    assert [deserialize_message(message.data, Image).height for message in messages] == list(range(15))
+    assert (lost, damage) == (Counter(), None)
 
 
 @pytest.mark.parametrize('name', ['night.mcap', 'night'])
