@@ -145,7 +145,7 @@ class Client:
 
     def player(self, topics: Iterable[Topic]) -> Player:
         """A player that publishes into the namespace of this client."""
-        return Player(topics, self._namespace, context=self._connection.context)
+        return Player(topics, lambda name: self._namespace + name, context=self._connection.context)
 
     def close(self) -> None:
         """Leave the graph."""

@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING
 import rclpy
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.exceptions import InvalidNamespaceException
 from rclpy.node import Node
-from rclpy.validate_namespace import validate_namespace
 from rosgraph_msgs.msg import Clock
 
-from socialcircle_ros.errors import RecordingError, SettingError
+from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.node.start import start_ros
 from socialcircle_ros.recording import Message, RecordingReader, Topic, open_recording
 
 from .message_types import message_class
 from .pace import Pace
 from .qos import replay_qos
+from .replay_names import cells_of, names_in_namespace
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
@@ -40,14 +39,16 @@ class Player(Node):
 
     Args:
         topics: the topics to publish.
-        prefix: put before the name of each topic, such as `/demo`; empty: the names are as recorded.
+        played_as: the name under which a recorded topic is played.
         context: the ROS context; None: the default one.
 
     Attributes:
         skipped: one sentence for each topic that cannot be published, because its type is not installed.
     """
 
-    def __init__(self, topics: Iterable[Topic], prefix: str = '', context: Context | None = None) -> None:
+    def __init__(
+        self, topics: Iterable[Topic], played_as: Callable[[str], str] = str, context: Context | None = None
+    ) -> None:
         super().__init__('socialcircle_play', context=context)
         self.skipped: list[str] = []
         # rclpy's Node already has an attribute `_publishers`.
@@ -59,7 +60,7 @@ class Player(Node):
                 self.skipped.append(f'{topic.name}: {error}')
                 continue
             self._topic_publishers[topic.name] = self.create_publisher(
-                message_type, prefix + topic.name, replay_qos(topic.qos)
+                message_type, played_as(topic.name), replay_qos(topic.qos)
             )
         self._clock_publisher: Publisher | None = None
 
@@ -171,6 +172,7 @@ def play_recording(
     recording: Path,
     topics: Collection[str] = (),
     *,
+    namespace: str | None = None,
     prefix: str = '',
     pace: Pace | None = None,
     loop: bool = False,
@@ -187,7 +189,8 @@ def play_recording(
     Args:
         recording: an MCAP file or a rosbag2 directory.
         topics: the topics to play; none: all.
-        prefix: put before the name of each topic; see `topic_prefix`.
+        namespace: where to play the topics of one cell; see `names_in_namespace`. '': the root, None: as recorded.
+        prefix: put before the name of each topic; only without `namespace`.
         pace: how fast recorded time passes; None: as recorded.
         loop: whether to start again at the end.
         start_offset_s: leave out the messages of the first seconds.
@@ -203,9 +206,15 @@ def play_recording(
     with open_recording(recording) as reader:
         chosen = _chosen_topics(reader, topics)
         names = [topic.name for topic in chosen]
+        if namespace is None:
+            played = {name: prefix + name for name in names}
+        else:
+            played = names_in_namespace(names, namespace)
         start_ros()
-        player = Player(chosen, prefix)
+        player = Player(chosen, played.__getitem__)
         try:
+            if namespace and len(cells_of(names)) > 1:
+                tell(f'Several cells were recorded, so {namespace} is put before the names of all topics.')
             for reason in player.skipped:
                 tell(f'Not played: {reason}')
             for name, topic in reader.topics.items():
@@ -213,15 +222,15 @@ def play_recording(
                     tell(f'Not played: {topic.name} with its second type {topic.type}.')
             missing = player.wait_for_listeners(names, wait_s, _SETTLED_S)
             if missing:
-                listed = ', '.join(prefix + name for name in missing)
+                listed = ', '.join(played[name] for name in missing)
                 tell(f'No node subscribes to {listed}; playing anyway.')
             total = 0
             first = next((message.log_time for message in reader.messages()), 0) if start_offset_s else 0
             since = first + round(start_offset_s * 1e9)
             while True:
-                played = _play_once(player, reader, names, since, pace or Pace(), clock, progress)
-                total += played
-                if not loop or played == 0 or not rclpy.ok():
+                count = _play_once(player, reader, names, since, pace or Pace(), clock, progress)
+                total += count
+                if not loop or count == 0 or not rclpy.ok():
                     break
             if rclpy.ok():
                 player.wait_until_delivered(_DELIVERY_S)
@@ -229,23 +238,6 @@ def play_recording(
         finally:
             player.destroy_node()
             rclpy.try_shutdown()
-
-
-def topic_prefix(namespace: str) -> str:
-    """The prefix that puts topics into a namespace: '' for the root, `/cell1` for `cell1`.
-
-    Raises:
-        SettingError: ROS does not allow such a namespace.
-    """
-    stripped = namespace.strip('/')
-    prefix = f'/{stripped}' if stripped else ''
-    try:
-        validate_namespace(prefix or '/')
-    except InvalidNamespaceException:
-        raise SettingError(
-            f'{namespace!r} is not a valid namespace: use letters, digits, _ and /, and no digit at the start.'
-        ) from None
-    return prefix
 
 
 def _chosen_topics(reader: RecordingReader, topics: Collection[str]) -> list[Topic]:

@@ -30,7 +30,12 @@ from .options import Number, quantity, require_ros
 )
 @click.option('-p', '--start-paused', is_flag=True, help='Wait for a key.')
 @click.option('--clock', is_flag=True, help='Publish recorded time on /clock, for nodes with use_sim_time.')
-@click.option('--namespace', default='', help='Put before every topic, such as /cell1.')
+@click.option(
+    '--namespace',
+    help='Where to play, such as /cell2, or / for the root: in place of the namespace of the recorded cell. Where'
+    ' none or several were recorded, it is put before every topic.',
+)
+@click.option('--prefix', default='', help='Instead of --namespace: put before every topic in any case.')
 @click.option(
     '--wait', default=10.0, type=Number(min=0), show_default=True, help='Seconds to wait for the first subscriber.'
 )
@@ -42,7 +47,8 @@ def command(
     start_offset: float,
     start_paused: bool,
     clock: bool,
-    namespace: str,
+    namespace: str | None,
+    prefix: str,
     wait: float,
 ) -> None:
     """Publish a RECORDING byte for byte, with its recorded timing and QoS.
@@ -64,13 +70,9 @@ def command(
 
     from socialcircle_ros.clients.keys import DOWN, RIGHT, SPACE, UP, listened_keys
     from socialcircle_ros.clients.pace import Pace
-    from socialcircle_ros.clients.player import play_recording, topic_prefix
-    from socialcircle_ros.errors import SettingError
+    from socialcircle_ros.clients.player import play_recording
 
-    try:
-        prefix = topic_prefix(namespace)
-    except SettingError as error:
-        raise click.BadParameter(str(error), param_hint='--namespace') from None
+    namespace, prefix = _checked(namespace, prefix)
     pace = Pace(rate, paused=start_paused)
     progress = Progress(console=Console(stderr=True), transient=True)
     task = progress.add_task('', total=None)
@@ -99,6 +101,7 @@ def command(
         replay = play_recording(
             recording,
             topics,
+            namespace=namespace,
             prefix=prefix,
             pace=pace,
             loop=loop,
@@ -111,3 +114,16 @@ def command(
     click.echo(f'{quantity(replay.messages, "message")} played.')
     if replay.damage:
         click.echo(f'Warning: {replay.damage}', err=True)
+
+
+def _checked(namespace: str | None, prefix: str) -> tuple[str | None, str]:
+    """The namespace and the prefix in the form of ROS."""
+    from socialcircle_ros.clients.replay_names import topic_prefix
+    from socialcircle_ros.errors import SettingError
+
+    if namespace is not None and prefix:
+        raise click.BadParameter('cannot be given with --prefix.', param_hint='--namespace')
+    try:
+        return None if namespace is None else topic_prefix(namespace), topic_prefix(prefix)
+    except SettingError as error:
+        raise click.BadParameter(str(error), param_hint='--prefix' if prefix else '--namespace') from None

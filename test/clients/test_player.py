@@ -4,21 +4,7 @@
 import pytest
 
 from socialcircle_ros.clients.message_types import message_class
-from socialcircle_ros.clients.player import topic_prefix
-from socialcircle_ros.errors import RecordingError, SettingError
-
-
-@pytest.mark.parametrize(
-    ('namespace', 'prefix'), [('', ''), ('/', ''), ('cell1', '/cell1'), ('/cell1/', '/cell1'), ('a/b', '/a/b')]
-)
-def test_a_namespace_becomes_a_prefix(namespace, prefix):
-    assert topic_prefix(namespace) == prefix
-
-
-@pytest.mark.parametrize('namespace', ['bad x', '1st', 'a//b'])
-def test_a_namespace_that_ros_does_not_allow_is_refused(namespace):
-    with pytest.raises(SettingError, match=f"'{namespace}' is not a valid namespace"):
-        topic_prefix(namespace)
+from socialcircle_ros.errors import RecordingError
 
 
 @pytest.mark.parametrize('name', ['sensor_msgs/msg/PointCloud2', 'sensor_msgs/PointCloud2'])

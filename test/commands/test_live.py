@@ -70,6 +70,21 @@ def test_a_played_recording_is_recorded_byte_for_byte(run, tmp_path):
         ]
 
 
+def test_a_recording_of_one_cell_is_played_into_another(run, tmp_path):
+    with RecordingWriter(tmp_path / 'night.mcap') as writer:
+        for name in ('/cell1/points', '/cell1/outlier_mask'):
+            writer.add_topic(ros_topic(name, CLOUD))
+            writer.write(name, cloud(9, 9), 1)
+    with started(tmp_path, 'record', '/cell2/points', '/other/cell1/points', '-o', 'again.mcap') as recorder:
+        done = run('play', 'night.mcap', '--namespace', '/cell2', '--topic', '/cell1/points', '--wait', '60')
+        assert done.code == 0, done.err
+        done = run('play', 'night.mcap', '--prefix', '/other', '--topic', '/cell1/points', '--wait', '60')
+        assert done.code == 0, done.err
+    assert recorder.returncode == 0, recorder.output
+    _, messages = contents(tmp_path / 'again.mcap')
+    assert [message.topic for message in messages] == ['/cell2/points', '/other/cell1/points']
+
+
 def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
     with RecordingWriter(tmp_path / 'two.mcap') as writer:
         writer.add_topic(ros_topic('/clocked/points', CLOUD))
@@ -157,6 +172,7 @@ def test_the_recording_of_a_killed_recorder_gets_a_name_from_the_next(run, tmp_p
         (['play', BAGS / 'parts.mcap', '--topic', '/nowhere'], 1, 'has no topic /nowhere'),
         (['play', BAGS / 'parts.mcap', '--namespace', 'bad x'], 2, "'bad x' is not a valid namespace"),
         (['play', BAGS / 'parts.mcap', '--namespace', '1st'], 2, 'no digit at the start'),
+        (['play', BAGS / 'parts.mcap', '--namespace', '/a', '--prefix', '/b'], 2, 'cannot be given with --prefix'),
         (['record', '-o', 'no/folder/x.mcap'], 1, 'no/folder'),
         (['demo', 'nowhere.npz'], 1, 'nowhere.npz does not exist'),
         (['demo', 'nowhere.mcap'], 1, 'nowhere.mcap'),

@@ -88,7 +88,7 @@ def test_the_shipped_stack_becomes_the_cloud_that_the_offline_filter_makes(start
     scope = Microscope(start_cell(arguments=('--params-file', str(parameters))))
     with open_recording(BAG) as reader:
         topics = [reader.topics[name] for name in INPUTS]
-        player = Player(topics, scope.cell.namespace, context=scope.cell.context)
+        player = Player(topics, lambda name: scope.cell.namespace + name, context=scope.cell.context)
         assert player.wait_for_listeners(INPUTS, PATIENCE) == []
         player.play(reader.messages(INPUTS))
     filtered, mask, _ = scope.cell.answer()
@@ -210,7 +210,7 @@ def test_no_frame_is_lost_at_50_a_second_while_clouds_are_filtered(microscope):
         if number % 10 == 0:
             messages.append(Message('/points', cloud(stamp=number), time, time, number))
     topics = [ros_topic('/stack/image', image.TYPE, offered_qos(50)), ros_topic('/points', point_cloud.TYPE)]
-    player = Player(topics, scope.cell.namespace, context=scope.cell.context)
+    player = Player(topics, lambda name: scope.cell.namespace + name, context=scope.cell.context)
     assert player.wait_for_listeners([topic.name for topic in topics], PATIENCE) == []
     player.play(messages)
     assert scope.output('stack/points')
