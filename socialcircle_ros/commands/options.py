@@ -113,17 +113,26 @@ def _keep_node(context: click.Context, _: click.Parameter, name: str | None) -> 
         context.meta[_NODE] = name
 
 
-def _recorded_namespaces(recording: Path | None) -> set[str]:
+def _recorded_namespaces(recording: Path | None) -> list[str]:
     """The namespaces in which a recording has input of a node."""
     from socialcircle_ros.recording import open_recording
 
     if recording is None:
-        return set()
+        return []
     with open_recording(recording) as reader:
-        from socialcircle_ros.interface import POINTS, STACK_FRAMES  # loads NumPy, which --help does not need
+        from socialcircle_ros.interface import (
+            POINTS,
+            STACK_FRAMES,
+            STACK_POINTS,
+        )  # loads NumPy, which --help does not need
 
-        found = {topic.namespace_of(name) for name in reader.topics for topic in (POINTS, STACK_FRAMES)}
-    return {namespace for namespace in found if namespace is not None}
+        # The first that fits: stack/points is the cloud of a stack, and not points in a namespace `stack`.
+        kinds = (STACK_POINTS, STACK_FRAMES, POINTS)
+        found = [
+            next((n for kind in kinds if (n := kind.namespace_of(name)) is not None), None)
+            for name in reader.topics
+        ]
+    return sorted({namespace for namespace in found if namespace is not None})
 
 
 def _is_known(name: str) -> bool:

@@ -20,12 +20,13 @@ def read_parameter_file(
     """Read the parameters that a node would get from a file.
 
     Sections of other nodes are passed over, and of the matching ones the last has the last word, as in ROS. A name
-    without a namespace stands for the node in `namespaces`, or in whichever namespace the file has it.
+    without a namespace stands for the node in `namespaces`; where there are none, in whichever namespace the file
+    has it.
 
     Args:
         path: A ROS parameter file.
         node: `social_circle`, or a full name such as `/cell1/social_circle`.
-        namespaces: Called if the file has several sections for the node: the namespaces in which it would be.
+        namespaces: Called for a name without a namespace: the namespaces in which the node would be.
 
     Returns:
         Values under dotted names, some of which may be no parameters of ours.
@@ -51,7 +52,7 @@ def read_parameter_file(
     full_name = node if node.startswith('/') else _full_name(path, sections, node, namespaces)
     values = parameters_of(sections, full_name)
     if not values:
-        raise _nothing_for(path, sections, node)
+        raise _nothing_for(path, sections, full_name)
     for name, value in values.items():
         if value is None and name in PARAMETERS:
             raise SettingError(f'{path} has no value for {name}: give one, or remove the line.')
@@ -70,9 +71,8 @@ def _full_name(
     ours = [pattern for pattern, _ in sections if pattern.rpartition('/')[2] in (node, '*', '**')]
     named = [pattern for pattern in ours if '*' not in pattern]
     in_namespace = [pattern for pattern in ours if pattern.rpartition('/')[0].strip('/*')]
-    known = [f'{namespace.rstrip("/")}/{node}' for namespace in (namespaces() if len(ours) > 1 else ())]
     # A section for all nodes beside one for a certain node does not make the file one for two nodes.
-    meant = [name for name in known if parameters_of(sections, name)] or [
+    meant = [f'{namespace.rstrip("/")}/{node}' for namespace in namespaces()] or [
         _example(pattern, node) for pattern in named or in_namespace or ours
     ]
     meant = list(dict.fromkeys(meant)) or [f'/{node}']

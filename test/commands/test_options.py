@@ -10,6 +10,8 @@ from click.testing import CliRunner
 from socialcircle_ros.commands.main import socialcircle
 from socialcircle_ros.commands.options import Number, parameter_options, parameter_values, size_in_bytes
 from socialcircle_ros.errors import SettingError
+from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
+from socialcircle_ros.recording import RecordingWriter, ros_topic
 
 FILE = """\
 /cell1/social_circle: {ros__parameters: {circle.window: 5, fixed_frame: map}}
@@ -93,3 +95,11 @@ def test_no_command_takes_a_number_that_is_not_finite():
 def test_a_size_of_hundreds_of_digits_is_refused():
     with pytest.raises(click.BadParameter, match='is no size'):
         size_in_bytes(None, None, '9' * 400)
+
+
+def test_the_cloud_of_a_stack_is_in_the_namespace_of_its_cell(tmp_path):
+    with RecordingWriter(tmp_path / 'a.mcap') as writer:
+        for name in ('/cell1/stack/points', '/cell1/stack/image', '/cell1/outlier_mask'):
+            writer.add_topic(ros_topic(name, CLOUD))
+    (tmp_path / 'cells.yaml').write_text(FILE)
+    assert parameter_values(tmp_path / 'cells.yaml', (), tmp_path / 'a.mcap') == {'circle.window': 5}

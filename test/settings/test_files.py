@@ -74,6 +74,16 @@ def test_the_namespaces_of_a_recording_choose_among_the_sections(file, namespace
 
 
 @pytest.mark.parametrize(
+    ('section', 'namespace'), [('social_circle', '/cellx'), ('/other/social_circle', '/cellx'), ('/cell1/*', '')]
+)
+def test_a_section_that_does_not_fit_the_namespace_of_the_recording_is_told_not_applied(file, section, namespace):
+    file.write_text(f'{section}: {{ros__parameters: {{circle.window: 9}}}}\n')
+    told = f'no parameters for {namespace}/social_circle, only for /.*: name one of these with --node'
+    with pytest.raises(SettingError, match=told):
+        read_parameter_file(file, NODE, lambda: [namespace])
+
+
+@pytest.mark.parametrize(
     'section',
     ['/**', '/*', '*', '**', '/cell1/*', '/*/social_circle', '/**/social_circle', 'cell1/social_circle', NODE],
 )
@@ -97,7 +107,7 @@ def test_sections_with_the_same_parameters_need_no_name(file):
         (b'/**: {parameters: {}}', 'holds no ros__parameters'),
         (b'/**: {ros__parameters: {}}', 'holds no ros__parameters'),
         (b'a: &x {ros__parameters: {circle.window: 5}}\nb: *x\n', 'an alias in line 2'),
-        (b'rviz: {ros__parameters: {a: 1}}', r'no parameters for social_circle, only for /rviz: .* --node'),
+        (b'rviz: {ros__parameters: {a: 1}}', r'no parameters for /social_circle, only for /rviz: .* --node'),
         (b'/**: {ros__parameters: {circle.vote_region: []}}', r'no value for circle\.vote_region'),
         pytest.param(b'#' * (16 * 2**20 + 1), 'too large', id='too large'),
     ],
