@@ -61,8 +61,13 @@ class LiveParameters:
         return [name for name in self._missing() if not name.startswith(_QOS)]
 
     def unknown_overrides(self) -> list[str]:
-        """The same for qos_overrides; the node has those of a topic once it publishes or subscribes there."""
-        return [name for name in self._missing() if name.startswith(_QOS)]
+        """The same for qos_overrides; the node has those of a topic once it publishes or subscribes there.
+
+        A file for several cells has overrides for topics of the same names in other namespaces.
+        """
+        own = {_in_namespace(name) for name in self._node.get_parameters_by_prefix(_QOS.rstrip('.'))}
+        given = (name for name in self._missing() if name.startswith(_QOS))
+        return [name for name in given if _in_namespace(name) not in own]
 
     def _missing(self) -> list[str]:
         return sorted(name for name in self._given() if not self._node.has_parameter(name))
@@ -98,6 +103,11 @@ class LiveParameters:
         if any(change.name in PARAMETERS for change in changes):
             before, self.configuration = self.configuration, self._next
             self._changed(before)
+
+
+def _in_namespace(override: str) -> str:
+    """What an override says of a topic, without the namespace of the topic: `points.subscription.depth`."""
+    return override.rpartition('/')[2]
 
 
 def _plain(parameter: RosParameter) -> RosValue | None:

@@ -199,7 +199,7 @@ def test_a_refusal_is_shown_with_its_reason_until_the_next_valid_value(tuning):
     visitor = tuning.visitor
     visitor.field('vote region [points]').fill('0, 0, 5, 0')
     assert visitor.sees('circle.vote_region [0, 0, 5, 0] is empty; give a height')
-    assert visitor.wait_until('vote region [points]', '0, 0, 0, 0')
+    assert visitor.wait_until('vote region [points]', 'automatic')
     visitor.field('vote region [points]').fill('0, 0, 60, 60')
     visitor.page.locator('.sc [role=alert]:visible').wait_for(state='hidden')
     assert tuning.link.snapshot.values['circle.vote_region'] == [0, 0, 60, 60]
