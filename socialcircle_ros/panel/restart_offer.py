@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """After a restart of the node: the offer to restore the settings that it had."""
 
+import re
 from typing import TYPE_CHECKING
 
 from . import markup
@@ -52,6 +53,7 @@ class RestartOffer:
         """Restore the settings together; those that the refusal names, such as a lesson that is gone, are left."""
         lost = {name: value for name, (value, _) in self._current.now.lost.items()}
         reason = self._changes.apply(lost)
-        others = {name: value for name, value in lost.items() if name not in reason}
+        named = set(re.findall(r'[\w.]+\w', reason))
+        others = {name: value for name, value in lost.items() if name not in named}
         if reason and len(others) < len(lost):
             self._changes.apply(others)

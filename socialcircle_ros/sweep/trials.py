@@ -76,8 +76,9 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
     for cloud in clouds(FocusSettings.from_ros(parameters)):
         xyz = cloud.xyz
         try:
-            _load_kernels(xyz, circle)
-            result = remove_outliers(xyz, circle.of_a_stack(cloud.depth_of_field))
+            of_cloud = circle.of_a_stack(cloud.depth_of_field)
+            _load_kernels(xyz, of_cloud)
+            result = remove_outliers(xyz, of_cloud)
         except CloudError:
             refused += 1
             scores.append(score(np.zeros_like(cloud.outlier), cloud.outlier, cloud.counted))
@@ -107,7 +108,7 @@ def run_trial(base: Mapping[str, RosValue], values: Mapping[str, RosValue], clou
 
 def _load_kernels(xyz: Cloud, circle: CircleSettings) -> None:
     """Filter a cloud once, before the filter is timed, if its kernels may not have been loaded by this process."""
-    kind = circle.mode, circle.judge, circle.window, xyz.dtype.str
+    kind = circle.mode, circle.finds_by, circle.window, xyz.dtype.str
     if kind not in _loaded:
         remove_outliers(xyz, circle)
         _loaded.add(kind)

@@ -501,27 +501,21 @@ def cover(parts):
     return sum(len(part) for part in parts)
 
 
-def lonely_outliers(heights):
-    """The lonely points that stand beyond the heights of all others, see `circle.adaptive.lonely`."""
-    height, width = heights.shape
-    slopes = []
-    for plane in (heights, heights.T):
-        rows = plane[:: max(1, len(plane) // 16)]
-        steps = [b - a for row in rows for a, b in itertools.pairwise(row) if np.isfinite(b - a)]
-        slopes.append(np.median(steps) if steps else 0.0)
-    levelled = {
-        (row, column): heights[row, column] - slopes[0] * column - slopes[1] * row
-        for row, column in places((height, width))
-        if np.isfinite(heights[row, column])
-    }
-    lonely = [
-        place for place in levelled if sum(near in levelled for near in neighbours(*place, heights.shape)) < 3
-    ]
-    others = [levelled[place] for place in levelled if place not in lonely]
-    found = np.zeros(heights.shape, bool)
-    if others and len(lonely) <= 0.1 * len(levelled):
+def lonely_distances(heights):
+    """How far lonely points stand beyond the others, less half of their range: see `circle.adaptive.lonely`.
+
+    Returns:
+        (H, W), above 0 for outliers; -Inf for other points.
+    """
+    known = {place: heights[place] for place in places(heights.shape) if np.isfinite(heights[place])}
+    found = np.full(heights.shape, -np.inf)
+    numbers = np.array([(column, row, 1.0) for row, column in known]).reshape(-1, 3)
+    slope, row_slope, _ = np.linalg.pinv(numbers) @ np.array(list(known.values()))
+    level = {(row, column): z - slope * column - row_slope * row for (row, column), z in known.items()}
+    lonely = [place for place in level if sum(near in level for near in neighbours(*place, heights.shape)) < 3]
+    others = [level[place] for place in level if place not in lonely]
+    if others and len(lonely) <= 0.1 * len(level):
         low, high = min(others), max(others)
         for place in lonely:
-            beyond = max(low - levelled[place], levelled[place] - high)
-            found[place] = high > low and beyond > 0.1 * (high - low)
+            found[place] = max(low - level[place], level[place] - high) - 0.5 * (high - low)
     return found

@@ -2,8 +2,7 @@
 """Lonely points: they have hardly a neighbour that could be in touch, and stand beyond all other heights.
 
 What is measured alone, where nothing else is, is often glare. The network and the rules compare neighbours, and so
-keep such a point, however far off it is. Heights count from a plane with the median slopes, so that a tilt changes
-nothing.
+keep such a point, however far off it is. Heights count from a plane, so that a tilt changes nothing.
 """
 
 from typing import NamedTuple
@@ -16,11 +15,12 @@ from socialcircle_ros.kernels.compiled import kernel
 
 LEAST_NEIGHBOURS = 3
 """A point with fewer measured neighbours, of eight, is lonely."""
-BEYOND = 0.1
+BEYOND = 0.5
 """Lonely points further beyond the heights of the others than this share of their range are outliers."""
 MOST = 0.1
 """Share of the measured points above which lonely points are how the surface was sampled."""
-_SAMPLED_ROWS = 16
+_SAMPLE = 4096  # points that tell the plane
+_ROUNDINGS = 8
 
 
 class _Others(NamedTuple):
@@ -35,13 +35,13 @@ def lonely_outliers(heights: HeightMap) -> Mask:
     """Find the lonely points that stand beyond the heights of all others.
 
     Args:
-        heights: (H, W), NaN where not measured.
+        heights: (H, W), NaN where not measured; the unit plays no part.
 
     Returns:
         (H, W) bool.
     """
     lonely: Mask = np.zeros(heights.shape, np.bool_)
-    slopes = _median_slope(heights), _median_slope(heights.T)
+    slopes = _plane(heights)
     bands = in_bands(lambda rows: _Others(*_find(heights, slopes, rows.start, rows.stop, lonely)), *heights.shape)
     others = sum(band.number for band in bands)
     found = np.flatnonzero(lonely)
@@ -50,18 +50,28 @@ def lonely_outliers(heights: HeightMap) -> Mask:
         return lonely
     low, high = min(band.low for band in bands), max(band.high for band in bands)
     rows, columns = np.divmod(found, heights.shape[1])
-    values = heights[rows, columns].astype(np.float64) - slopes[0] * columns - slopes[1] * rows
-    distances = np.maximum(low - values, values - high)
-    lonely.flat[found] = (distances > BEYOND * (high - low)) & (high > low)
+    own = heights[rows, columns].astype(np.float64)
+    values = own - slopes[0] * columns - slopes[1] * rows
+    largest = max(float(np.abs(own).max()), abs(low), abs(high))
+    rounding = (
+        _ROUNDINGS * float(np.finfo(heights.dtype).eps) * largest
+    )  # all that a noiseless plane has as a range
+    lonely.flat[found] = np.maximum(low - values, values - high) > BEYOND * (high - low) + rounding
     return lonely
 
 
-def _median_slope(heights: HeightMap) -> float:
-    """The median difference of neighbours in a row, of some rows; 0 where there are none."""
-    sample = heights[:: max(1, len(heights) // _SAMPLED_ROWS)].astype(np.float64)
-    differences = np.diff(sample, axis=1)
-    known = differences[np.isfinite(differences)]
-    return float(np.median(known)) if known.size else 0.0
+def _plane(heights: HeightMap) -> tuple[float, float]:
+    """The slopes of the least squares plane of some points, from a column to the next and from a row to the next.
+
+    Medians of the differences would be 0 on a tilt of less than a step of quantised heights.
+    """
+    at = np.flatnonzero(np.isfinite(heights))
+    if len(at) > _SAMPLE:
+        at = np.random.default_rng(0).choice(at, _SAMPLE)  # equal steps could lie in one column
+    rows, columns = np.divmod(at, heights.shape[1])
+    numbers = np.column_stack([columns, rows, np.ones(len(at))]).astype(np.float64)
+    column, row, _ = np.linalg.lstsq(numbers, heights[rows, columns].astype(np.float64), rcond=None)[0]
+    return float(column), float(row)
 
 
 @kernel
