@@ -5,8 +5,6 @@ import io
 import threading
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from socialcircle_ros.errors import SocialCircleError, install_command
 
 if TYPE_CHECKING:
@@ -49,8 +47,8 @@ def differences() -> 'Colormap':
     import matplotlib as mpl  # noqa: PLC0415 - an extra
     from matplotlib.colors import ListedColormap  # noqa: PLC0415
 
-    places = np.concatenate([np.linspace(0, 0.5 - _PALE, 128), np.linspace(0.5 + _PALE, 1, 128)])
-    return ListedColormap(mpl.colormaps['RdBu_r'](places))
+    below = [(0.5 - _PALE) * place / 127 for place in range(128)]
+    return ListedColormap(mpl.colormaps['RdBu_r']([*below, *(1 - place for place in reversed(below))]))
 
 
 def new_figure(width: float, height: float) -> 'Figure':

@@ -62,14 +62,13 @@ def environment() -> 'Environment':
     """
     try:
         from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - an extra
-        from markupsafe import Markup  # noqa: PLC0415 - comes with Jinja2
     except ImportError:
         raise SocialCircleError(f'Pages need Jinja2: {install_command("pictures")}.') from None
     found = Environment(
         loader=PackageLoader(__package__), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    found.filters['sentence'] = lambda text: Markup(sentence_in_html(text))  # noqa: S704 - it is escaped
+    found.filters['sentence'] = sentence_in_html
     return found
 
 
