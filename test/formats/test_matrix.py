@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 
 from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import read_file
-from socialcircle_ros.formats.matrix import check_labels
+from socialcircle_ros.formats.matrix import check_labels, check_rows
 
 HEIGHTS = np.random.default_rng(0).normal(size=(9, 8)).round(3)
 SEPARATORS = {'.csv': ',', '.txt': ' '}
@@ -76,6 +76,41 @@ def test_planes_and_measured_heights_have_no_labels(heights):
     check_labels(Path('a.csv'), heights)
 
 
+Y, X = np.mgrid[:60, :80].astype(float)
+BUMP = np.maximum(0, 15**2 - (Y - 30) ** 2 - (X - 40) ** 2) / 100
+
+
+@pytest.mark.parametrize(
+    'heights',
+    [
+        0.25 * X + 0.5 * Y + BUMP, 0.1 * X + 0.2 * Y + BUMP, np.hypot(X, Y), X + np.hypot(X, Y) / 9, X + X**2 * Y,
+        X + X**2 * np.sqrt(Y), X + X * Y**2, np.floor(X + BUMP), X + BUMP.round(), np.floor(X + Y / 3 + BUMP),
+        [[0, 1, 2, 3], [4, 4, 6, 6], [1, 5, 2, 2], [9, 9, 9, 8]],
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize('digits', ['%.17g', '%.6g'])
+def test_continuous_heights_with_even_edges_have_no_labels(tmp_path, heights, digits):
+    np.savetxt(tmp_path / 'a.csv', heights, digits, ',')
+    assert read(tmp_path / 'a.csv').shape == np.shape(heights)
+
+
+ROUGH = np.random.default_rng(1).normal(size=(60, 80))
+
+
+@pytest.mark.parametrize(
+    'heights',
+    [
+        BUMP, 0.25 * X + BUMP, np.hypot(X, Y) / 9, np.sin(X / 9 + Y / 7), ROUGH, 0.01 * ROUGH, 20 * ROUGH,
+        BUMP.round(), 0.3 * X + 0.1 * ROUGH, np.where(ROUGH > 0.5, np.nan, BUMP + ROUGH),
+        np.where(Y < 9, np.nan, BUMP + ROUGH),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize('unit', [1, 0.001, 0.00137])
+def test_labels_beside_heights_of_any_form_are_found(heights, unit):
+    with pytest.raises(ImportFileError, match=r'row and the first column, .* or as \.npy if they are heights'):
+        check_labels(Path('a.csv'), labelled(heights, unit * X[0], unit * Y[:, 0]))
+
+
 @given(hnp.arrays(np.float64, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.floats()))
 def test_any_heights_are_taken_or_refused(heights):
     try:
@@ -104,6 +139,37 @@ def test_a_word_among_the_heights_is_told(tmp_path, suffix):
     told = 'among the heights of line 5' if suffix == '.txt' else 'is no matrix of numbers'
     with pytest.raises(ImportFileError, match=told):
         read(tmp_path / f'a{suffix}')
+
+
+ROWS = '\n'.join(' '.join(map(str, row)) for row in HEIGHTS[:, :3].tolist())
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        f'3 5 1\nLength 1.0 um\n{ROWS}', f'Width 3 um\n{ROWS}', f'Size 3 9\n{ROWS}', f'{ROWS}\nRMS = 3\n',
+        f'{ROWS}\nSq 0.5 0.7\n', f'{ROWS}\n\n# 1 x 3\n', ROWS.replace('0.126', 'BAD'), '', 'no numbers at all',
+    ],
+)  # fmt: skip
+def test_entries_before_and_behind_a_matrix_are_no_rows(tmp_path, text):
+    (tmp_path / 'a.txt').write_text(text)
+    check_rows(tmp_path / 'a.txt')
+
+
+@pytest.mark.parametrize('row', ['1 --- 3', '--- --- 3', 'NA 2 3', 'NA NA 3', '1 1D+3 2D+3', '1,5 2,5 3', '1 - *'])
+def test_a_row_with_words_is_told(tmp_path, row):
+    (tmp_path / 'a.txt').write_text(f'3 5 1\nLength 1.0 um\n{ROWS}\n{row}\n{ROWS}\n')
+    with pytest.raises(ImportFileError, match='among the heights of line 12: write nan'):
+        check_rows(tmp_path / 'a.txt')
+
+
+@pytest.mark.parametrize('place', [0, 9])
+def test_a_first_or_last_row_with_a_word_is_told(tmp_path, place):
+    lines = ROWS.splitlines()
+    lines.insert(place, '1 --- 3')
+    (tmp_path / 'a.txt').write_text('\n'.join(lines))
+    with pytest.raises(ImportFileError, match=f'line {place + 1}:'):
+        check_rows(tmp_path / 'a.txt')
 
 
 def test_words_before_and_between_matrices_are_no_heights(tmp_path):
