@@ -10,6 +10,7 @@ LEAST_DIGITS = 2
 """Significant digits of a value for which the decimals of its series are too few."""
 
 _PLAIN = range(-5, 6)  # exponents of numbers that are written without a power of ten
+_MOST_DECIMALS = LEAST_DIGITS - 1 - min(_PLAIN)  # of numbers that would become 0 with those of their series
 _SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
@@ -22,10 +23,13 @@ def fixed_text(value: float, decimals: int) -> str:
 
 
 def decimal_text(value: float, decimals: int) -> str:
-    """A number with decimals, and more of them where it would become 0; – for NaN."""
+    """A number with decimals, and more of them or a power of ten where it would become 0; – for NaN."""
     if not math.isfinite(value):
         return _not_finite(value)
-    return fixed_text(value, decimals if value == 0 else max(decimals, _least_decimals(value)))
+    least = _least_decimals(value) if value else 0
+    if least > max(decimals, _MOST_DECIMALS):
+        return number_text(value, LEAST_DIGITS)
+    return fixed_text(value, max(decimals, least))
 
 
 def number_text(value: float, digits: int = 3, *, padded: bool = True) -> str:
@@ -58,7 +62,8 @@ def without_zeros(text: str) -> str:
 def share_text(share: float, decimals: int = 2, *, signed: bool = False) -> str:
     """A share of a whole as percent, such as 4.96 %; – for NaN.
 
-    Only nothing is 0 %, and only all is 100 %: a share that would round to them has more decimals.
+    Only nothing is 0 %, and only all is 100 %: a share that would round to them has more decimals or a power of
+    ten.
 
     Args:
         share: such as 0.0496.
@@ -70,12 +75,12 @@ def share_text(share: float, decimals: int = 2, *, signed: bool = False) -> str:
         return _not_finite(percent)
     if percent == 0 or abs(percent) == 100:
         decimals = 0
-    for end in (0, 100):
-        gap = abs(abs(percent) - end)
-        if gap and float(f'{gap:.{decimals}f}') == 0:
-            decimals = _least_decimals(gap)
+    gap = abs(abs(percent) - 100)
+    if gap and float(f'{gap:.{decimals}f}') == 0:
+        decimals = _least_decimals(gap)
+    rounds_to_0 = float(f'{percent:.{decimals}f}') == 0
     sign = '+' if signed and percent > 0 else ''
-    return f'{sign}{fixed_text(percent, decimals)} %'
+    return f'{sign}{decimal_text(percent, decimals) if rounds_to_0 else fixed_text(percent, decimals)} %'
 
 
 def size_text(rows: int, columns: int) -> str:

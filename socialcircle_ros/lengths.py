@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .digits import decimal_text, exponent_of, fixed_text, power_of_ten, without_zeros
+from .digits import decimal_text, exponent_of, fixed_text, number_text, power_of_ten, without_zeros
 from .errors import SettingError
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ _PREFIXES = {0: 'm', -3: 'mm', -6: 'µm', -9: 'nm', -12: 'pm'}
 _DIGITS = 4  # of the largest length of a series
 _DIGITS_OF_A_RANGE = 6
 _SAME = 6  # digits: values closer than that to the next prefix take it
+_MOST_ZEROS = 2  # before the digits of the largest length of a series
 _WHOLE = 1e-9  # relative deviation of a whole number of units in a metre
 
 
@@ -109,14 +110,14 @@ class LengthScale:
     decimals: int
 
     def number(self, value: float) -> str:
-        """A length without its unit; – for NaN. A small value has more decimals, so that it does not become 0."""
+        """A length without its unit; – for NaN. A small value does not become 0: it has more decimals."""
         return decimal_text(float(value) * self.factor, self.decimals)
 
     def decimals_of(self, values: ArrayLike) -> int:
         """The decimals that show some lengths of the series, such as those of one column, with four digits."""
         lengths = np.abs(np.asarray(values, np.float64)) * self.factor
         largest = float(lengths.max(where=np.isfinite(lengths), initial=0.0))
-        return max(0, _DIGITS - 1 - exponent_of(largest, _SAME)) if largest else self.decimals
+        return _decimals(_DIGITS, exponent_of(largest, _SAME)) if largest else self.decimals
 
     def text(self, value: float) -> str:
         """A length with its unit, such as 12.4 µm."""
@@ -161,7 +162,7 @@ def length_scale(values: ArrayLike, unit: str | None, *, digits: int = _DIGITS) 
         ten = '' if power == 0 else power_of_ten(power)
         name = f'{ten} {unit}'.strip() if unit else '; '.join(filter(None, (ten, NOT_KNOWN)))
     factor = (METRES[known] if known else 1.0) * 10.0**-power
-    return LengthScale(factor, name, max(0, digits - 1 - (exponent - power)))
+    return LengthScale(factor, name, _decimals(digits, exponent - power))
 
 
 def length_text(value: float, unit: str | None, *, digits: int = 3) -> str:
@@ -173,7 +174,7 @@ def length_text(value: float, unit: str | None, *, digits: int = 3) -> str:
         digits: significant digits.
     """
     if known_unit(unit) is None:
-        return f'{value:.{digits}g} {_after_number(unit or NOT_KNOWN)}'.replace('-', '−')
+        return f'{number_text(value, digits, padded=False)} {_after_number(unit or NOT_KNOWN)}'
     scale = length_scale(_rounded(value, digits), unit, digits=digits)
     return f'{without_zeros(scale.number(value))} {_after_number(scale.name)}'
 
@@ -193,6 +194,11 @@ def _after_number(name: str) -> str:
 def _power_of(unit: str) -> int:
     """The prefix for 0: the unit itself, or the next larger prefix."""
     return next(power for power in sorted(_PREFIXES) if 10.0**power >= METRES[unit] * (1 - 1e-9) or power == 0)
+
+
+def _decimals(digits: int, exponent: int) -> int:
+    """The decimals of numbers up to a power of ten; few enough for a table where no unit is as small."""
+    return min(max(0, digits - 1 - exponent), digits + _MOST_ZEROS)
 
 
 def _rounded(value: float, digits: int) -> float:

@@ -16,7 +16,10 @@ from socialcircle_ros.digits import decimal_text, number_text, share_text, size_
         (1.0, '100 %'),
         (3 / 307_084, '0.00098 %'),
         (307_199 / 307_200, '99.99967 %'),
-        (1e-9, '0.00000010 %'),
+        (1e-7, '0.000010 %'),
+        (1e-9, '1.0 × 10⁻⁷ %'),
+        (-1e-30, '−1.0 × 10⁻²⁸ %'),
+        (1 - 2**-53, '99.999999999999986 %'),
         (-1.04, '−104.00 %'),
         (math.nan, '–'),
     ],
@@ -63,6 +66,15 @@ def test_a_small_number_does_not_become_0():
         '0.00',
         '−0.0010',
     ]
+
+
+def test_a_very_small_number_has_a_power_of_ten_and_widens_no_table():
+    assert [decimal_text(each, 2) for each in (1.2e-5, 1.2e-6, -1e-300)] == [
+        '0.000012',
+        '1.2 × 10⁻⁶',
+        '−1.0 × 10⁻³⁰⁰',
+    ]
+    assert decimal_text(1.25e-7, 8) == '0.00000012'
 
 
 def test_a_size_says_which_number_is_that_of_the_rows():

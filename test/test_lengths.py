@@ -17,6 +17,11 @@ def test_a_person_reads_the_sign_of_the_micrometre():
 WORTH = {'m': 1.0, 'mm': 1e-3, 'µm': 1e-6, 'nm': 1e-9, 'pm': 1e-12}
 
 
+def as_number(text):
+    """The number that a text shows, with or without a power of ten."""
+    return float(text.replace(' × 10', 'e').translate(str.maketrans('−⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '--0123456789')))
+
+
 @pytest.mark.parametrize(
     ('value', 'unit', 'text'),
     [
@@ -32,6 +37,10 @@ WORTH = {'m': 1.0, 'mm': 1e-3, 'µm': 1e-6, 'nm': 1e-9, 'pm': 1e-12}
         (-0.0, 'cm', '0 m'),
         (float('nan'), 'm', '– m'),
         (12.5, None, '12.5 (unit not known)'),
+        (13_117.0, None, '13,117 (unit not known)'),
+        (-0.0, None, '0 (unit not known)'),
+        (2.5e-7, 'furlong', '2.5 × 10⁻⁷ furlong'),
+        (1e-20, 'm', '1.0 × 10⁻⁸ pm'),
         (-3.2, 'px', '−3.2 px'),
     ],
 )
@@ -57,7 +66,7 @@ def test_a_series_has_the_prefix_of_its_largest_value_and_no_value_becomes_zero(
     scale = length_scale([*values, *[np.nan] * has_nan], unit)
     for value in values:
         if abs(value) * METRES[unit] > 1e-15:
-            shown = float(scale.number(value).replace('−', '-')) * WORTH[scale.name]
+            shown = as_number(scale.number(value)) * WORTH[scale.name]
             assert shown == pytest.approx(value * METRES[unit], rel=0.051)
     largest = max(map(abs, values)) * METRES[unit]
     if largest >= 1e-12:
@@ -114,3 +123,9 @@ def test_ticks_of_an_axis_have_one_prefix_and_the_decimals_that_tell_them_apart(
     length_scale([low, high], 'm').label_axis(axis, 'x')
     assert axis.get_major_formatter().format_ticks(axis.get_majorticklocs()) == texts
     assert axis.get_label_text() == label
+
+
+def test_lengths_below_every_unit_widen_no_table():
+    scale = length_scale([1e-6, 1e-20], 'm')
+    assert (scale.number(1e-20), scale.decimals_of([1e-20])) == ('1.0 × 10⁻¹⁴', 6)
+    assert length_scale([1e-20], 'm').text(1e-20) == '1.0 × 10⁻⁸ pm'
