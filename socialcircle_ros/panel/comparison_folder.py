@@ -70,7 +70,7 @@ class ComparisonFolder:
             text = 'There is no cloud to compare on yet.' if state.shown is None else problem or waiting
             self._table.content = markup.note(text, bad=text != waiting)
         if comparison is not None and comparison is not self._shown:
-            self._table.content = markup.comparison(comparison)
+            self._table.content = markup.comparison(comparison, state.unit)
             self._picture.image = comparison.picture()
         self._shown = comparison
 

@@ -283,13 +283,18 @@ def log(entries: Iterable[LogEntry]) -> str:
     return _box(lines or '<span class="sc-dim">No entries yet.</span>', 'sc-log')
 
 
-def comparison(compared: Comparison) -> str:
-    """Both settings in numbers."""
+def comparison(compared: Comparison, unit: str | None) -> str:
+    """Both settings in numbers.
+
+    Args:
+        compared: the results with both.
+        unit: of the cloud; None: not known.
+    """
     a, b = compared.a, compared.b
     both, only_a, only_b = compared.counts
     rows = (
         ('outliers', f'{a.measurement.values.outliers:,}', f'{b.measurement.values.outliers:,}'),
-        ('radius', f'{a.measurement.values.radius:.4g}', f'{b.measurement.values.radius:.4g}'),
+        ('radius', *(length_text(each.measurement.values.radius, unit) for each in (a, b))),
         ('time', f'{a.measurement.times_ms["total"]:.1f} ms', f'{b.measurement.times_ms["total"]:.1f} ms'),
         *((name, str(one), str(other)) for name, one, other in compared.differing),
     )

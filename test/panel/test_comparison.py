@@ -6,7 +6,7 @@ import pytest
 from examples import cloud
 
 from socialcircle_ros.errors import SocialCircleError
-from socialcircle_ros.panel import colours
+from socialcircle_ros.panel import colours, markup
 from socialcircle_ros.panel.comparison import compare
 from socialcircle_ros.settings import PARAMETERS
 
@@ -22,6 +22,13 @@ def test_the_two_results_and_their_difference():
     assert found.differing == (('circle.radius_scale', 1.0, 100.0),)
     picture = found.picture()
     assert np.count_nonzero((picture == colours.ONLY_A).all(axis=2)) == 26
+
+
+@pytest.mark.parametrize(('unit', 'text'), [('um', '500 nm'), (None, '0.5 (unit not known)')])
+def test_the_radii_have_the_unit_of_the_cloud(unit, text):
+    paper = DEFAULTS | {'circle.mode': 'paper', 'circle.radius': 0.5}
+    table = markup.comparison(compare(cloud(), ('a', paper), ('b', DEFAULTS)), unit)
+    assert f'<td>radius</td><td class="sc-num">{text}<' in table
 
 
 def test_the_depth_of_field_of_a_stack_applies_to_both():

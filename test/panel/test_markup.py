@@ -42,7 +42,7 @@ def test_the_stage_times_are_shown_in_their_order_with_the_total_last():
 
 
 @pytest.mark.parametrize(
-    ('unit', 'text'), [('m', '149 nm'), ('um', '0.149 pm'), (None, '1.49e−07 (unit not known)')]
+    ('unit', 'text'), [('m', '149 nm'), ('um', '0.149 pm'), (None, '1.49 × 10⁻⁷ (unit not known)')]
 )
 def test_the_radius_has_the_unit_of_the_cloud(unit, text):
     assert f'>{text}<' in markup.details(shown(VALUES | {'radius': '1.49e-07'}), unit)
