@@ -5,12 +5,14 @@ Lengths, which have units, are those of `lengths`.
 """
 
 import math
+from collections.abc import Callable
 
 LEAST_DIGITS = 2
 """Significant digits of a value for which the decimals of its series are too few."""
 
 _PLAIN = range(-5, 6)  # exponents of numbers that are written without a power of ten
 _MOST_DECIMALS = LEAST_DIGITS - 1 - min(_PLAIN)  # of numbers that would become 0 with those of their series
+_DIGITS_OF_A_DOUBLE = 17  # tell any two apart
 _SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
@@ -56,10 +58,11 @@ def number_text(value: float, digits: int = 3, *, padded: bool = True) -> str:
 
 def without_zeros(text: str) -> str:
     """A number without zeros at the end of its decimals."""
-    return text.rstrip('0').rstrip('.') if '.' in text else text
+    number, times, power = text.partition(' × ')
+    return f'{number.rstrip("0").rstrip(".")}{times}{power}' if '.' in number else text
 
 
-def share_text(share: float, decimals: int = 2, *, signed: bool = False) -> str:
+def share_text(share: float, decimals: int = 2, *, signed: bool = False, padded: bool = True) -> str:
     """A share of a whole as percent, such as 4.96 %; – for NaN.
 
     Only nothing is 0 %, and only all is 100 %: a share that would round to them has more decimals or a power of
@@ -69,6 +72,7 @@ def share_text(share: float, decimals: int = 2, *, signed: bool = False) -> str:
         share: such as 0.0496.
         decimals: of the percent, where they suffice.
         signed: whether a positive share has a sign, as a change has.
+        padded: whether zeros at the end of the decimals stay, as of a measured value.
     """
     percent = 100 * share
     if not math.isfinite(percent):
@@ -80,7 +84,24 @@ def share_text(share: float, decimals: int = 2, *, signed: bool = False) -> str:
         decimals = _least_decimals(gap)
     rounds_to_0 = float(f'{percent:.{decimals}f}') == 0
     sign = '+' if signed and percent > 0 else ''
-    return f'{sign}{decimal_text(percent, decimals) if rounds_to_0 else fixed_text(percent, decimals)} %'
+    text = decimal_text(percent, decimals) if rounds_to_0 else fixed_text(percent, decimals)
+    return f'{sign}{text if padded else without_zeros(text)} %'
+
+
+def unlike_texts(one: float, other: float, text: Callable[[float, int], str], digits: int) -> tuple[str, str]:
+    """Two numbers that a sentence compares: alike only if they are equal.
+
+    Args:
+        one: the number.
+        other: what it is compared with.
+        text: writes a number with some digits or decimals.
+        digits: where they suffice; more are taken where both texts would be one.
+    """
+    for more in range(_DIGITS_OF_A_DOUBLE):
+        texts = text(one, digits + more), text(other, digits + more)
+        if one == other or texts[0] != texts[1]:
+            break
+    return texts
 
 
 def size_text(rows: int, columns: int) -> str:

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from socialcircle_ros.digits import decimal_text, number_text, share_text, size_text
+from socialcircle_ros.digits import decimal_text, number_text, share_text, size_text, unlike_texts
 
 
 @pytest.mark.parametrize(
@@ -79,3 +79,17 @@ def test_a_very_small_number_has_a_power_of_ten_and_widens_no_table():
 
 def test_a_size_says_which_number_is_that_of_the_rows():
     assert size_text(480, 640) == '480 rows × 640 columns'
+
+
+@pytest.mark.parametrize(
+    ('one', 'other', 'texts'),
+    [
+        (0.1, 0.05, ('10.00 %', '5.00 %')),
+        (0.99999, 1.0, ('99.99900 %', '100 %')),
+        (0.123456, 0.123457, ('12.3456 %', '12.3457 %')),
+        (1.01e-9, 1.02e-9, ('0.000000101 %', '0.000000102 %')),
+        (0.5, 0.5, ('50.00 %', '50.00 %')),
+    ],
+)
+def test_two_numbers_that_a_sentence_compares_are_alike_only_if_equal(one, other, texts):
+    assert unlike_texts(one, other, share_text, 2) == texts

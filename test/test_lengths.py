@@ -40,7 +40,7 @@ def as_number(text):
         (13_117.0, None, '13,117 (unit not known)'),
         (-0.0, None, '0 (unit not known)'),
         (2.5e-7, 'furlong', '2.5 × 10⁻⁷ furlong'),
-        (1e-20, 'm', '1.0 × 10⁻⁸ pm'),
+        (1e-20, 'm', '1 × 10⁻⁸ pm'),
         (-3.2, 'px', '−3.2 px'),
     ],
 )

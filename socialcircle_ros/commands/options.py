@@ -271,15 +271,16 @@ def tell_failures(
 
 def _limits_text(limits: 'LimitSettings', units: Iterable[str | None]) -> str:
     """The limits with their unit, as a sentence."""
+    from socialcircle_ros.digits import share_text
     from socialcircle_ros.lengths import length_text
 
     known = set(units)
     unit = known.pop() if len(known) == 1 else None
     texts = []
     if limits.outlier_share_max is not None:
-        texts.append(f'at most {100 * limits.outlier_share_max:.4g} % outliers')
+        texts.append(f'at most {share_text(limits.outlier_share_max, padded=False)} outliers')
     if limits.measured_share_min is not None:
-        texts.append(f'at least {100 * limits.measured_share_min:.4g} % measured')
+        texts.append(f'at least {share_text(limits.measured_share_min, padded=False)} measured')
     for name, low, high in limits.of_texture:
         for bound, value in (('at least', low), ('at most', high)):
             if value is not None:

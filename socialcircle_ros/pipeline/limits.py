@@ -5,8 +5,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.digits import number_text, share_text, unlike_texts
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.settings import LimitSettings
+
+IN_UNIT_OF_CLOUD = 'in the unit of the cloud'
+"""Ends the reasons that have lengths."""
+
+_DIGITS = 6  # of a length
 
 
 @dataclass(frozen=True)
@@ -43,9 +49,11 @@ def verdict(limits: LimitSettings, xyz: Cloud, kept: Mask, measured: int) -> Ver
 def _share_reasons(limits: LimitSettings, outliers: float, measured: float) -> Iterator[str]:
     most, least = limits.outlier_share_max, limits.measured_share_min
     if most is not None and outliers > most:
-        yield f'{100 * outliers:.4g} % of the measured points are outliers, more than {100 * most:.4g} %.'
+        share, limit = unlike_texts(outliers, most, _share_text, 2)
+        yield f'{share} of the measured points are outliers, more than {limit}.'
     if least is not None and measured < least:
-        yield f'{100 * measured:.4g} % of the points are measured, fewer than {100 * least:.4g} %.'
+        share, limit = unlike_texts(measured, least, _share_text, 2)
+        yield f'{share} of the points are measured, fewer than {limit}.'
 
 
 def _texture_reasons(limits: LimitSettings, xyz: Cloud, kept: Mask) -> Iterator[str]:
@@ -57,8 +65,21 @@ def _texture_reasons(limits: LimitSettings, xyz: Cloud, kept: Mask) -> Iterator[
     for name, low, high in limited:
         value = values[name]
         if low is not None and value < low:
-            yield f'{name} is {value:.6g}, below {low:.6g}, in the unit of the cloud.'
+            yield _texture_reason(name, value, 'below', low)
         if high is not None and value > high:
-            yield f'{name} is {value:.6g}, above {high:.6g}, in the unit of the cloud.'
+            yield _texture_reason(name, value, 'above', high)
         if value != value:  # noqa: PLR0124 - NaN: fewer than three kept points have no texture
             yield f'{name} is not known: fewer than three points are kept.'
+
+
+def _texture_reason(name: str, value: float, comparison: str, limit: float) -> str:
+    shown, than = unlike_texts(value, limit, _length_text, _DIGITS)
+    return f'{name} is {shown}, {comparison} {than}, {IN_UNIT_OF_CLOUD}.'
+
+
+def _share_text(share: float, decimals: int) -> str:
+    return share_text(share, decimals, padded=False)
+
+
+def _length_text(length: float, digits: int) -> str:
+    return number_text(length, digits, padded=False)

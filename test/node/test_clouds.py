@@ -259,7 +259,7 @@ def test_the_last_cloud_is_given_again_on_request_with_its_answer(cell):
 def test_a_cloud_that_fails_its_limits_is_told_in_the_measurement_and_in_diagnostics(cell):
     cell.set(limits__outlier_share_max=0.001)
     _, _, measurement = cell.clean(cloud())
-    reason = '0.4648 % of the measured points are outliers, more than 0.1 %.'
+    reason = '0.46 % of the measured points are outliers, more than 0.1 %.'
     assert (measurement.values['verdict'], measurement.values['verdict_reason']) == ('failed', reason)
     told = cell.diagnosis(lambda found: found.values['limits_failed'] == '1')
     assert told.status.message == f'The last measurement failed its limits: {reason}'

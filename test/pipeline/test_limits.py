@@ -55,6 +55,34 @@ def test_shares_are_held_to_their_limits(limits, reasons):
     assert all(text.startswith(start) for text, start in zip(found.reasons, reasons, strict=True))
 
 
+@pytest.mark.parametrize(
+    ('limits', 'counts', 'reason'),
+    [
+        ({'measured_share_min': 1.0}, (99_999, 99_999), '99.999 % of the points are measured, fewer than 100 %.'),
+        (
+            {'outlier_share_max': 1e-8}, (100_000, 99_999),
+            '0.001 % of the measured points are outliers, more than 1 × 10⁻⁶ %.',
+        ),
+        (
+            {'outlier_share_max': 0.123456}, (100_000, 87_654),
+            '12.346 % of the measured points are outliers, more than 12.3456 %.',
+        ),
+    ],
+)  # fmt: skip
+def test_a_share_and_its_limit_are_never_written_alike(limits, counts, reason):
+    measured, kept = counts
+    found = verdict(LimitSettings(**limits), None, np.arange(100_000).reshape(100, 1000) < kept, measured)
+    assert found.reasons == (reason,)
+
+
+def test_a_texture_and_its_limit_are_never_written_alike():
+    value = texture(HEIGHTS).sq
+    (reason,) = judge(sq_max=float(np.nextafter(value, 0))).reasons
+    shown, limit = reason.removeprefix('Sq is ').removesuffix(', in the unit of the cloud.').split(', above ')
+    assert shown != limit
+    assert float(shown) == pytest.approx(value)
+
+
 @given(
     name=st.sampled_from(['sa', 'sq', 'sz']), factor=st.floats(0.1, 10), scale=st.sampled_from([1e-7, 1.0, 1e5])
 )
@@ -83,7 +111,7 @@ def test_a_cloud_without_a_texture_fails_limits_of_the_texture():
 def test_a_measurement_says_whether_it_passed_and_why_not():
     failed = filter_cloud(cloud(), PipelineSettings(limits=LimitSettings(outlier_share_max=0.001))).measurement
     assert (failed.level, failed.values.verdict) == (2, 'failed')
-    assert failed.values.verdict_reason == '0.4648 % of the measured points are outliers, more than 0.1 %.'
+    assert failed.values.verdict_reason == '0.46 % of the measured points are outliers, more than 0.1 %.'
     assert failed.message.startswith(f'Failed: {failed.values.verdict_reason} 26 of 5594')
     assert 'time_limits_ms' in failed.status(timed=True).values
     passed = filter_cloud(cloud(), PipelineSettings(limits=LimitSettings(sz_max=5.0, sz_min=1.0))).measurement

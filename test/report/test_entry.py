@@ -97,7 +97,7 @@ def test_a_verdict_stands_at_the_top():
     assert failed.failed
     banner = failed.section().items[0]
     assert (banner.state, banner.title) == (
-        'failed', 'Failed: 0.4648 % of the measured points are outliers, more than 0.1 %.',
+        'failed', 'Failed: 0.46 % of the measured points are outliers, more than 0.1 %.',
     )  # fmt: skip
     assert not entry().failed
     assert not any(isinstance(item, Banner) for item in entry().section().items)
