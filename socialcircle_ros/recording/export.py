@@ -21,6 +21,7 @@ from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import stamp_of, stamp_text
 from socialcircle_ros.messages.image import NOT_MEASURED, decode_mono8
 from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud
+from socialcircle_ros.pipeline.limits import IN_UNIT_OF_CLOUD
 from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.storage import check_folder_name, check_place, folder_of_results, kind_of_target, write_file
 
@@ -259,7 +260,8 @@ def _in_unit(metadata: Mapping[str, str], unit: str) -> dict[str, str]:
     """Metadata with lengths in m, with those that are in the unit of the cloud in its new one."""
     keys = {key.name for key in _KEYS if key.unit == 'cloud'}
     keys |= {name for name, parameter in PARAMETERS.items() if parameter.unit == 'cloud'}
-    converted = dict(metadata)
+    # The sentences keep their numbers, which are in m.
+    converted = {name: text.replace(IN_UNIT_OF_CLOUD, 'in m') for name, text in metadata.items()}
     for name in keys & metadata.keys():
         length = from_metres(np.array(float(metadata[name])), unit)
         converted[name] = f'{float(length):.9g}'

@@ -17,7 +17,7 @@ from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.recording.export import export_recording, filter_to_file
 from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.recording.units import unit_of
-from socialcircle_ros.settings import CircleSettings, OutputSettings, PipelineSettings
+from socialcircle_ros.settings import CircleSettings, LimitSettings, OutputSettings, PipelineSettings
 
 Image = pytest.importorskip('PIL.Image', reason='needs Pillow: pip install Pillow')
 
@@ -87,6 +87,17 @@ def test_lengths_of_the_filter_are_in_the_unit_of_the_file(tmp_path):
     assert 'comment unit um' in header
     assert float(metadata['radius']) == pytest.approx(0.5)
     assert float(metadata['circle.radius']) == pytest.approx(0.5)
+
+
+def test_the_reason_of_a_verdict_names_the_unit_of_its_numbers(tmp_path):
+    limited = replace(SETTINGS, limits=LimitSettings(sq_max=1e-16))
+    filter_recording(recorded(tmp_path, measured_surface('um')), tmp_path / 'c.mcap', limited)
+    export_recording(tmp_path / 'c.mcap', tmp_path / 'out', '.ply')
+    header = (tmp_path / 'out/points_filtered_0000.ply').read_bytes().partition(b'end_header')[0].decode()
+    metadata = json.loads(header.partition('comment metadata ')[2].partition('\n')[0])
+    assert metadata['unit of file'].startswith('µm')
+    for name in ('verdict_reason', 'result'):
+        assert ', above 1 × 10⁻¹⁶, in m.' in metadata[name]
 
 
 def test_progress_counts_the_clouds_that_are_exported(tmp_path):
