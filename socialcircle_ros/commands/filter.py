@@ -183,7 +183,7 @@ def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, not
         click.echo(f'Note: {note}', err=True)
     for warning in sorted(found.warnings | summary.warnings.keys()):
         click.echo(f'Warning: {warning}', err=True)
-    if summary.replaced:
+    if summary.clouds and summary.replaced:
         click.echo(f'Replaced the results of an earlier run on: {", ".join(summary.replaced)}.', err=True)
     refused = {with_found_parameters(reason, recording): count for reason, count in summary.refused.items()}
     tell_refusals(refused, summary.damage, summary.first_refused)

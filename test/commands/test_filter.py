@@ -111,6 +111,15 @@ def test_a_recording_without_a_usable_cloud_is_an_error_and_leaves_what_was_ther
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [(BAGS / 'parts.mcap').read_bytes()]
 
 
+def test_results_of_an_earlier_run_are_replaced_only_by_new_ones(run):
+    parameters = ('--params-file', BAGS / 'stack.yaml')
+    assert run('filter', BAGS / 'stack.mcap', '-o', 'once.mcap', *parameters).code == 0
+    assert 'Replaced' in run('filter', 'once.mcap', '-o', 'again.mcap', *parameters).err
+    done = run('filter', 'once.mcap', '-o', 'twice.mcap')
+    assert 'so nothing was written' in done.out
+    assert 'Replaced' not in done.err
+
+
 def test_more_than_half_outliers_is_a_warning(run):
     done = run(
         'filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.mode:=paper', '-p', 'circle.radius_scale:=0.4'
