@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.storage import check_place
 
 from .options import Number, require_ros
@@ -99,7 +100,7 @@ def _ratios(repeats: int, path: Path | None) -> None:
     with console.status('simulating ...') as status, all_candidates() as candidates:
         figures = benchmark(candidates, repeats, status.update)
     found = ratios(figures)
-    cloud = f'simulated metal groove, {COLUMNS}×{ROWS} float32, {100 * SHARE:g} % outliers'
+    cloud = f'simulated metal groove, {size_text(ROWS, COLUMNS)}, float32, {100 * SHARE:g} % outliers'
     times = _table(f'{cloud}; medians in ms', '', 'threads', 'ms', 'repeats')
     for figure in figures:
         threads = str(figure.threads or 'its own choice')
@@ -166,7 +167,7 @@ def _sizes(repeats: int, path: Path | None) -> None:
     keep_freed_memory()  # as the node and the other commands do
     console = Console()
     title = 'Simulated metal groove, float32, 9.55 % outliers; medians in ms'
-    headings = ('points', 'vote', 'circle', 'ns/point', 'of bound', 'whole', 'copy')
+    headings = ('rows × columns', 'vote', 'circle', 'ns/point', 'of bound', 'whole', 'copy')
     table = _table(title, *headings, left=0)
     table.caption = (
         'circle: radius and expansion; of bound: circle relative to 5 ms + 25 ns per point; whole: from a message'
@@ -178,7 +179,7 @@ def _sizes(repeats: int, path: Path | None) -> None:
             times.append(each)
             status.update(f'measured {len(times)} of {len(SIZES)} sizes ...')
             table.add_row(
-                f'{each.columns}×{each.rows}',
+                f'{each.rows} × {each.columns}',
                 f'{each.vote_ms:.1f}',
                 f'{each.circle_ms:.2f}',
                 f'{1e6 * each.circle_ms / each.points:.1f}',
@@ -255,7 +256,7 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
         status.update(f'{live.CLOUD_RATE:.0f} clouds a second for {seconds:.0f} s ...')
         endurance = live.endure(folder, seconds)
     headings = ('from publish() to the bytes at a subscriber', 'median', 'least', 'most')
-    table = _table(f'The live node at {columns}×{rows}, in ms', *headings)
+    table = _table(f'The live node at {size_text(rows, columns)}, in ms', *headings)
     for trip, times in (
         (f'last of {live.FRAMES} frames to stack/points', stacks),
         (f'the same, {live.SIDE_RATE:.0f} clouds a second beside them', beside),
@@ -305,7 +306,7 @@ def _network(clouds: int, path: Path | None) -> None:
 
     console = Console()
     rows, columns = SHAPE
-    title = f'{columns}×{rows} points, 16 bytes per point, every {INTERVAL_S:g} s, between two hosts'
+    title = f'{size_text(rows, columns)}, 16 bytes per point, every {INTERVAL_S:g} s, between two hosts'
     headings = ('', 'loss, %', 'arrived', 'median, ms', 'most, ms', 'told lost')
     table = _table(title, *headings)
     table.columns[0].min_width = 24
@@ -426,12 +427,12 @@ def _frame_costs(console: 'Console') -> None:
 
     table = _table(
         'Cost of a frame, 8 bits, default settings',
-        'frame', 'register', 'cores', 'processor ms', 'frames/s', 'fit, s', 'bytes/pixel', 'at the end',
+        'rows × columns', 'register', 'cores', 'processor ms', 'frames/s', 'fit, s', 'bytes/pixel', 'at the end',
     )  # fmt: skip
     with console.status('timing frames of a stack (20 s) ...'):
         for cost in frame_costs():
             table.add_row(
-                f'{cost.shape[1]}×{cost.shape[0]}',
+                f'{cost.shape[0]} × {cost.shape[1]}',
                 'yes' if cost.register else 'no',
                 str(cost.cores),
                 f'{cost.processor_ms:.1f}',

@@ -6,6 +6,7 @@ from typing import TextIO
 
 import numpy as np
 
+from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import ImportFileError
 
 from .surface import SOURCE_FORMAT, MeasuredSurface
@@ -54,7 +55,8 @@ def read_esri_grid(path: Path) -> MeasuredSurface:
         raise ImportFileError(f'{path} is an ASCII grid without rows and columns, or without a cell size above 0.')
     if heights.size != rows * columns:
         raise ImportFileError(
-            f'{path} has {heights.size} heights, not {rows} × {columns}: it is damaged or cut off; save it again.'
+            f'{path} has {heights.size} heights, not {size_text(rows, columns)}: it is damaged or cut off;'
+            ' save it again.'
         )
     heights[np.abs(heights) > _NO_HEIGHT if abs(no_data) > _NO_HEIGHT else heights == no_data] = np.nan
     metadata = {SOURCE_FORMAT: GRID} | {name: entries[name] for name in _CORNERS if name in entries}

@@ -27,7 +27,7 @@ def test_sizes_are_printed_and_written(run, tmp_path):
     assert [(figure['rows'], figure['columns']) for figure in figures] == [
         (240, 320), (480, 640), (960, 1280), (1920, 2560),
     ]  # fmt: skip
-    assert '1280×960' in done.out
+    assert '960 × 1280' in done.out
     assert all(figure['radius_and_expansion'] > 0 for figure in figures)
 
 

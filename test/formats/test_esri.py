@@ -75,7 +75,7 @@ def test_every_grid_is_read_with_its_numbers(data):
 @pytest.mark.parametrize(
     ('text', 'sentence'),
     [
-        (HEADER + '1 2 3\n4 5\n', 'has 5 heights, not 2 × 3: it is damaged or cut off'),
+        (HEADER + '1 2 3\n4 5\n', 'has 5 heights, not 2 rows × 3 columns: it is damaged or cut off'),
         (HEADER + '1 2 3\n4 five 6\n', 'with a word that is no number'),
         (HEADER + 'zunits um\n' + ROWS, 'with a word that is no number'),
         (HEADER.replace('cellsize 0.5\n', '') + ROWS, 'without a cell size'),
