@@ -81,8 +81,7 @@ def command(
         write_file(output, taught.lesson.to_text())
     click.echo(f'F1 of the outliers put in: {taught.before.f1:.3f} before, {taught.after.f1:.3f} with the lesson.')
     click.echo(
-        f'Good points removed: {100 * taught.before.removed:.3f} % before, {100 * taught.after.removed:.3f} % with'
-        ' the lesson.'
+        f'Good points removed: {taught.before.removed_text} before, {taught.after.removed_text} with the lesson.'
     )
     click.echo(f'Next: open {shell_words(page)}, then set circle.lesson to {output}')
 

@@ -155,6 +155,6 @@ def _figures(taught: Teaching) -> str:
     before, after = taught.before, taught.after
     text = (
         f'F1 of the outliers put in: {before.f1:.3f} before, {after.f1:.3f} with the lesson. Good points removed:'
-        f' {100 * before.removed:.3f} % before, {100 * after.removed:.3f} % with it.'
+        f' {before.removed_text} before, {after.removed_text} with it.'
     )
     return ' '.join([text, *taught.warnings])

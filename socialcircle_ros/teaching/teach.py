@@ -10,6 +10,7 @@ import numpy as np
 from socialcircle_ros.circle.adaptive import UNDECIDED, CommunityJudge, LessonJudge, Likelihood, Rules
 from socialcircle_ros.circle.network import packaged_network
 from socialcircle_ros.cloud import Mask
+from socialcircle_ros.digits import share_text
 from socialcircle_ros.metrics.scores import Scores, Tally, tally
 from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.settings.lessons import Lesson
@@ -56,6 +57,11 @@ class LessonCheck:
     def f1(self) -> float:
         """Mean F1 over the kinds."""
         return mean(each.f1 for each in self.inserted)
+
+    @property
+    def removed_text(self) -> str:
+        """The share of the untouched points that are removed, for a person."""
+        return share_text(self.removed, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,9 +227,7 @@ def _refusal(before: LessonCheck, after: LessonCheck) -> str:
     """Why a lesson does not help; '' where it does."""
     gain, saved = after.f1 - before.f1, before.removed - after.removed
     f1 = f'F1 would be {after.f1:.3f} instead of {before.f1:.3f}'
-    removed = (
-        f'{100 * after.removed:.3f} instead of {100 * before.removed:.3f} % of the good points would be removed'
-    )
+    removed = f'{after.removed_text} instead of {before.removed_text} of the good points would be removed'
     worse = [text for text, is_worse in ((f1, gain < -_WORSE_F1), (removed, saved < -_WORSE_REMOVED)) if is_worse]
     if not worse and (gain > _BETTER_F1 or saved > _BETTER_REMOVED):
         return ''

@@ -77,13 +77,18 @@ def test_a_lesson_that_does_not_help_is_refused():
 @pytest.mark.parametrize(
     ('f1', 'removed', 'reason'),
     [
-        (0.620, 0.00091, 'do harm: in the fields kept back 0.091 instead of 0.010 % of the good points would be'),
+        (
+            0.620,
+            0.00091,
+            'do harm: in the fields kept back 0.091 % instead of 0.010 % of the good points would be',
+        ),
+        (0.5, 1e-9, 'F1 would be 0.500 instead of 0.615. '),
         (0.600, 0.0, 'do harm: in the fields kept back F1 would be 0.600 instead of 0.615. '),
-        (0.5, 0.01, 'F1 would be 0.500 instead of 0.615 and 1.000 instead of 0.010 % of the good points would'),
+        (0.5, 0.01, 'F1 would be 0.500 instead of 0.615 and 1.000 % instead of 0.010 % of the good points would'),
         (
             0.616,
             0.0001,
-            'change little: in the fields kept back F1 would be 0.616 instead of 0.615 and 0.010 instead',
+            'change little: in the fields kept back F1 would be 0.616 instead of 0.615 and 0.010 % instead',
         ),
     ],
 )
