@@ -143,7 +143,7 @@ def test_the_verdict_counts_what_failed_and_names_it():
     assert verdict_banner([passed], 0).title == 'Passed: 1 of 1 measurements are within the limits.'
     banner = verdict_banner([passed, failed], 0)
     assert banner.title == 'Failed: 1 of 2 measurements are within the limits.'
-    assert banner.reasons[0].startswith('bad: 0.4648 % of the measured points')
+    assert banner.reasons[0].startswith('bad: 0.46 % of the measured points')
     assert verdict_banner([passed], 2).state == 'failed'
 
 
