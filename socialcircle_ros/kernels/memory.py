@@ -34,6 +34,18 @@ def keep_freed_memory() -> None:
         _kept = True
 
 
+def new_memory(size: int) -> bytearray:
+    """Memory of `size` bytes that is not set to zero.
+
+    NumPy asks for pages of 2 MB for an array of this size. The system may have to move other memory to make each
+    of them, which took up to 15 ms here.
+    """
+    make = ctypes.pythonapi.PyByteArray_FromStringAndSize
+    make.restype, make.argtypes = ctypes.py_object, (ctypes.c_char_p, ctypes.c_ssize_t)
+    memory: bytearray = make(None, size)
+    return memory
+
+
 def reserve_memory(large: int, small: int = 0) -> None:
     """Make the system provide memory now, which it otherwise does page by page on the first write.
 

@@ -2,10 +2,10 @@
 """sensor_msgs/PointCloud2: organized clouds looked at in place, and written with outliers taken out."""
 
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ DATATYPES = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: '
 
 _NAMES = {1: 'INT8', 2: 'UINT8', 3: 'INT16', 4: 'UINT16', 5: 'INT32', 6: 'UINT32', 7: 'FLOAT32', 8: 'FLOAT64'}
 Bits = npt.NDArray[np.uint32] | npt.NDArray[np.uint64]
+BitsOfOne = np.uint32 | np.uint64
 
 _LEAST_FIELD = 17  # bytes of a PointField with an empty name
 
@@ -196,62 +197,37 @@ class PointCloud:
         Returns:
             The serialized message.
         """
+        return _written(bytes(len(self.message)), lambda target: self.write_without(outliers, target, dense=dense))
 
-        def fill(message: memoryview) -> None:
-            source, target = (np.frombuffer(each, np.uint8) for each in (self.message, message))
+    def write_without(self, outliers: Mask, target: memoryview, *, dense: bool) -> None:
+        """Write what `without` returns into memory that the caller reuses.
 
-            def copy(band: slice) -> None:
-                target[band] = source[band]
-
-            in_bands(copy, len(source), 1)
-            self._exchange(message, outliers, self._nan_coordinates(outliers))
-            message[self.data_start + self.data_length] = dense
-
-        return _written(bytes(len(self.message)), fill)
-
-    @contextmanager
-    def altered_without(self, outliers: Mask, *, dense: bool) -> Iterator[memoryview]:
-        """This message in its own memory, which holds what `without` returns until the block ends.
-
-        So a large message needs no copy. At the end of the block it is as it came, bit for bit.
+        Rows are copied and their outliers overwritten in one pass, on all cores: 20 MB take about 1 ms.
 
         Args:
             outliers: (height, width) mask.
+            target: writable, as long as the message, and not the message itself.
             dense: whether every point of the result is measured: the value of is_dense.
-
-        Returns:
-            The message, which must be writable, and which nothing else may read meanwhile.
         """
-        message = memoryview(self.message)
-        taken, place = self._nan_coordinates(outliers), self.data_start + self.data_length
-        was_dense = message[place]
-        self._exchange(message, outliers, taken)
-        message[place] = dense
-        try:
-            yield message
-        finally:
-            self._exchange(message, outliers, taken)
-            message[place] = was_dense
+        source = np.frombuffer(self.message, np.uint8)
+        source.flags.writeable = False  # as of a message in bytes: one type for the kernel, compiled once
+        copy = np.frombuffer(target, np.uint8)
+        first, last = self.data_start, self.data_start + self.height * self.row_step
+        copy[:first] = source[:first]
+        copy[last:] = source[last:]
+        source_rows, rows = (memory[first:last].reshape(self.height, self.row_step) for memory in (source, copy))
+        # As whole numbers: the byte order plays no part for the kernel, and NaN keeps its bits.
+        fields = [(values, f'=u{values.itemsize}') for values in self._coordinates(target)]
+        xyz = [values.view(bits) for values, bits in fields]
+        nan_x, nan_y, nan_z = (np.full(1, np.nan, values.dtype).view(bits)[0] for values, bits in fields)
 
-    def _nan_coordinates(self, outliers: Mask) -> list[Bits]:
-        """NaN as x, y and z of each outlier, (n,) each, in the bits of their fields."""
-        count = int(np.count_nonzero(outliers))
-        kinds = [self._kind(self.field(name)) for name in 'xyz']
-        return [np.full(count, np.nan, kind).view(f'=u{kind.itemsize}') for kind in kinds]
+        def write(band: slice) -> None:
+            x, y, z = (values[band] for values in xyz)
+            coordinates = _CoordinateBits(x, y, z, nan_x, nan_y, nan_z)
+            _copy_without(source_rows[band], outliers[band], rows[band], coordinates)
 
-    def _exchange(self, message: memoryview, outliers: Mask, others: list[Bits]) -> None:
-        """Exchange x, y and z of the outliers in a message of this layout with others, in row order, on all cores.
-
-        As whole numbers: the byte order plays no part for the kernel, and each NaN keeps its bits.
-        """
-        x, y, z = (values.view(f'=u{values.itemsize}') for values in self._coordinates(message))
-
-        def exchange(band: slice) -> None:
-            begin = int(np.count_nonzero(outliers[: band.start]))
-            other_x, other_y, other_z = (each[begin:] for each in others)
-            _exchange_coordinates(outliers[band], x[band], y[band], z[band], other_x, other_y, other_z)
-
-        in_bands(exchange, self.height, self.width)
+        in_bands(write, self.height, self.width)
+        copy[self.data_start + self.data_length] = dense
 
     def replaced(self, where: Mask, xyz: Cloud, *, dense: bool) -> bytes:
         """This message with other x, y and z for some points; every other byte stays as it came.
@@ -291,19 +267,35 @@ class PointCloud:
         )
 
 
+class _CoordinateBits(NamedTuple):
+    """x, y and z of a cloud as whole numbers of their width, (H, W) views of a message, and the bits of NaN."""
+
+    x: Bits
+    y: Bits
+    z: Bits
+    nan_x: BitsOfOne
+    nan_y: BitsOfOne
+    nan_z: BitsOfOne
+
+
 @kernel
-def _exchange_coordinates(
-    outliers: Mask, x: Bits, y: Bits, z: Bits, other_x: Bits, other_y: Bits, other_z: Bits
+def _copy_without(
+    source: npt.NDArray[np.uint8], outliers: Mask, target: npt.NDArray[np.uint8], coordinates: _CoordinateBits
 ) -> None:
-    """Exchange x, y and z of the outliers, (H, W) views of a message, with the first of `other_x` and so on."""
-    place = 0
+    """Copy rows of a message, (H, row_step), and set x, y and z of the outliers in the copy to NaN.
+
+    The bytes are copied in a loop of our own: an assignment of whole rows takes five times as long in Numba.
+    """
+    x, y, z, nan_x, nan_y, nan_z = coordinates
     for row in range(outliers.shape[0]):
+        row_of_source, row_of_target = source[row], target[row]
+        for i in range(row_of_source.size):
+            row_of_target[i] = row_of_source[i]
         for column in range(outliers.shape[1]):
             if outliers[row, column]:
-                x[row, column], other_x[place] = other_x[place], x[row, column]
-                y[row, column], other_y[place] = other_y[place], y[row, column]
-                z[row, column], other_z[place] = other_z[place], z[row, column]
-                place += 1
+                x[row, column] = nan_x
+                y[row, column] = nan_y
+                z[row, column] = nan_z
 
 
 def encode_point_cloud(

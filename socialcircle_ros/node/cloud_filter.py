@@ -2,11 +2,9 @@
 """Clouds in the node: the newest one is filtered on a worker's thread, and its outputs are published.
 
 A cloud goes one way: it arrives or is made from a stack, waits, is filtered, and its outputs are published. Its
-message lacks its outliers only while the filtered cloud is published from it. Then it is as it came: it can be
-filtered again, and published as it came.
+message is never altered, so that it can be filtered again and published as it came.
 """
 
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -100,7 +98,6 @@ class CloudFilter:
         self._health = health
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
-        self._reading = threading.Lock()  # held while the last message is published, or altered by the worker
         self._is_first = True
         self._spare = SpareMemory()
         self._rows = LiveRows(node, configuration().measurements)
@@ -169,8 +166,7 @@ class CloudFilter:
         last = self._last
         if last is None:
             return False
-        with self._reading:
-            self._publishers.publish(LAST_POINTS, last.message)
+        self._publishers.publish(LAST_POINTS, last.message)
         self._worker.put_again()
         return True
 
@@ -219,7 +215,7 @@ class CloudFilter:
                 self._publishers.publish,
                 settings,
                 cloud.depth_of_field,
-                alone=None if cloud.again else self._reading,  # rows of the first time may still be computed
+                lend=True,
                 take_kept=self._rows.take_kept,
             )
             self._publishers.publish(MEASUREMENT, measurement.status(timed=True).encode())

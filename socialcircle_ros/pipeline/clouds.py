@@ -6,7 +6,6 @@ Both emit the same bytes, so that a replay shows what the line did.
 
 import re
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +27,7 @@ from socialcircle_ros.interface import (
     NodeTopic,
     outputs_of,
 )
+from socialcircle_ros.kernels.memory import new_memory
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.image import encode_image, mask_pixels
@@ -137,7 +137,7 @@ def process_cloud(
     settings: PipelineSettings | None = None,
     depth_of_field: float | None = None,
     *,
-    alone: AbstractContextManager[object] | None = None,
+    lend: bool = False,
     take_kept: TakeKept = lambda xyz, kept: None,
 ) -> Measurement:
     """Filter one serialized PointCloud2, and emit each output as soon as it is made: the filtered cloud first.
@@ -145,13 +145,12 @@ def process_cloud(
     An output that fails takes no other with it: the measurement names it.
 
     Args:
-        message: the cloud in CDR; it is as it came at the end.
+        message: the cloud in CDR; it is never altered.
         emit: takes each output but the measurement, which is returned.
         settings: how to filter and repair, and which outputs are wanted.
         depth_of_field: of a cloud that was a stack, in the unit of the cloud; `circle.depth_of_field` takes
             precedence.
-        alone: entered while nothing else may read the message. Then the outliers are taken out of the message
-            itself, which is emitted, and put back. None, or a message that is not writable: out of a copy.
+        lend: whether the filtered cloud is emitted as a memoryview, whose memory is free after the call.
         take_kept: called once with the kept points, after all outputs are emitted.
 
     Raises:
@@ -169,16 +168,22 @@ def process_cloud(
     stopwatch.times_ms |= result.times_ms
     stopwatch.restart()
     outputs = _Outputs(cloud, xyz, result, settings.repair, emit)
-    outputs.attempt(FILTERED, lambda: outputs.emit_filtered(alone, lambda: stopwatch.lap('cloud')))
+
+    def filtered() -> bytes | memoryview:
+        output = outputs.filtered(lend=lend)
+        stopwatch.lap('cloud')  # emitting it is not part of the filter
+        return output
+
+    outputs.attempt(FILTERED, filtered)
     stopwatch.restart()
     if MASK in wanted:
-        outputs.attempt(MASK, lambda: emit(MASK, outputs.mask()))
+        outputs.attempt(MASK, outputs.mask)
     score = result.score
     if SCORE in wanted and score is not None:
-        outputs.attempt(SCORE, lambda: emit(SCORE, encode_image(cloud.header, score)))
+        outputs.attempt(SCORE, lambda: encode_image(cloud.header, score))
     stopwatch.lap('mask')
     if REPAIRED in wanted:
-        outputs.attempt(REPAIRED, lambda: emit(REPAIRED, outputs.repaired()))
+        outputs.attempt(REPAIRED, outputs.repaired)
         stopwatch.lap('repair')
 
     judged = _judged(settings.limits, result, xyz, outputs.measured, stopwatch)
@@ -233,24 +238,21 @@ class _Outputs:
             **judged,
         )
 
-    def attempt(self, topic: NodeTopic, emit: Callable[[], None]) -> None:
+    def attempt(self, topic: NodeTopic, make: Callable[[], bytes | memoryview]) -> None:
         """Make and emit an output, or note why it is missing."""
         try:
-            emit()
+            self._emit(topic, make())
         except Exception as error:  # noqa: BLE001 - whatever it is, the other outputs must be emitted
             self.failures[topic] = error
 
-    def emit_filtered(self, alone: AbstractContextManager[object] | None, made: Callable[[], None]) -> None:
-        """Emit the filtered cloud; `made` is called before, since that is not part of the filter."""
+    def filtered(self, *, lend: bool) -> bytes | memoryview:
+        """The filtered cloud; `lend`: in memory that ends with the call."""
         outliers, dense = self._result.outliers, self.outliers == 0 and self.measured == self.points
-        if alone is None or memoryview(self._cloud.message).readonly:
-            output = self._cloud.without(outliers, dense=dense)
-            made()
-            self._emit(FILTERED, output)
-            return
-        with alone, self._cloud.altered_without(outliers, dense=dense) as message:
-            made()
-            self._emit(FILTERED, message)
+        if not lend:
+            return self._cloud.without(outliers, dense=dense)
+        memory = memoryview(new_memory(len(self._cloud.message)))
+        self._cloud.write_without(outliers, memory, dense=dense)
+        return memory
 
     def mask(self) -> bytes:
         """The mask as an image."""

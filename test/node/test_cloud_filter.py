@@ -8,7 +8,6 @@ import rclpy
 from examples import cloud
 from rclpy.lifecycle import LifecycleNode
 
-from socialcircle_ros.interface import FILTERED, LAST_POINTS
 from socialcircle_ros.node.cloud_filter import CloudFilter
 from socialcircle_ros.node.health import Health
 from socialcircle_ros.node.parameters import Configuration
@@ -76,76 +75,6 @@ def test_a_cloud_that_passes_again_does_not_end_the_trouble_with_frames(clouds):
     clouds.health.frame_refused('The frame is cut off.')
     clouds.again(SOMEWHERE)
     assert clouds.health.in_trouble()
-
-
-class Emitted:
-    """Stands for the publishers: keeps what is published, and waits before the filtered cloud is copied."""
-
-    def __init__(self):
-        self.messages, self.publishing, self.go_on = [], threading.Event(), threading.Event()
-
-    def publish(self, topic, message):
-        if topic == FILTERED:
-            self.publishing.set()
-            self.go_on.wait(60)
-        self.messages.append((topic, bytes(message)))
-
-    def destroy(self):
-        pass
-
-
-@pytest.fixture
-def emitted(clouds, monkeypatch):
-    emitted = Emitted()
-    monkeypatch.setattr(clouds, '_publishers', emitted)
-    return emitted
-
-
-def test_the_last_cloud_is_published_as_it_came_while_its_filtered_cloud_is_made_of_its_memory(
-    clouds, emitted, monkeypatch
-):
-    message = bytearray(cloud())
-    clouds.filter(memoryview(message))
-    assert emitted.publishing.wait(60)
-    assert message != cloud()
-    asked = threading.Event()
-
-    class Reading:
-        """Tells that the lock, which the worker has, is asked for."""
-
-        def __enter__(self):
-            asked.set()
-            self.lock.acquire()
-
-        def __exit__(self, *raised):
-            self.lock.release()
-
-    Reading.lock = clouds._reading
-    monkeypatch.setattr(clouds, '_reading', Reading())
-    reader = threading.Thread(target=clouds.publish_last)
-    reader.start()
-    assert asked.wait(60)
-    emitted.go_on.set()
-    reader.join()
-    clouds._worker.drain()
-    assert [message for topic, message in emitted.messages if topic == LAST_POINTS] == [cloud()]
-    assert message == cloud()
-
-
-def test_a_cloud_that_is_filtered_again_is_not_altered_since_its_rows_may_be_computed(clouds, emitted):
-    message = bytearray(cloud())
-    emitted.go_on.set()
-    clouds.filter(memoryview(message))
-    clouds._worker.drain()
-    emitted.go_on.clear()
-    emitted.publishing.clear()
-    clouds.filter_again()
-    assert emitted.publishing.wait(60)
-    assert message == cloud()
-    emitted.go_on.set()
-    clouds._worker.drain()
-    first, again = (message for topic, message in emitted.messages if topic == FILTERED)
-    assert first == again != cloud()
 
 
 def test_a_cloud_that_a_newer_one_replaces_is_told(clouds):

@@ -37,7 +37,6 @@ for kernel in (compiled._nothing, gray.gray_of_mosaic):
 
 NODE_PATH = """
 import sys
-from contextlib import nullcontext
 
 import numpy as np
 
@@ -69,7 +68,7 @@ for mode, judge in ((CircleSettings().mode, 'rules'), ('paper', 'rules'), ('adap
     for kind in (np.float32, np.float64):
         for cloud in (warm_up._cloud(kind), far_off(kind)):
             message = memoryview(bytearray(cloud))  # writable, as the node takes it from the middleware
-            process_cloud(message, lambda topic, output: None, settings, alone=nullcontext())
+            process_cloud(message, lambda topic, output: None, settings, lend=True)
     print({name: count for name, count in signatures().items() if count != before.get(name, 0)})
 """
 
