@@ -75,5 +75,9 @@ class UnitWarning(UserWarning):
     """A measurement file does not state its unit; the message says what is taken."""
 
 
+class ParameterFileWarning(UserWarning):
+    """A parameter file is for a node in another namespace; the message says whose parameters are taken."""
+
+
 class StackError(SocialCircleError, ValueError):
     """A frame does not fit the focus stack, or the stack has too few frames to be measured."""

@@ -12,11 +12,13 @@ from typing import TextIO
 
 import click
 
-from socialcircle_ros.errors import SocialCircleError, UnitWarning
+from socialcircle_ros.errors import ParameterFileWarning, SocialCircleError, UnitWarning
 from socialcircle_ros.kernels import compiling
 from socialcircle_ros.storage import NotedSignal, SignalExit, lasting_interruption
 
 from .spelling import nearest_name
+
+_TOLD = UnitWarning, ParameterFileWarning
 
 GROUPS = {
     'Run': {'demo': 'demo', 'node': 'node', 'tune': 'tune', 'warm-up': 'warm_up'},
@@ -112,8 +114,8 @@ def _told_compilation() -> Iterator[None]:
 
 
 @contextmanager
-def _told_units() -> Iterator[None]:
-    """Print each warning on a unit once, as a sentence on stderr."""
+def _told_warnings() -> Iterator[None]:
+    """Print each warning of our own once, as a sentence on stderr."""
     told: set[str] = set()
     with warnings.catch_warnings():
         others = warnings.showwarning
@@ -126,13 +128,14 @@ def _told_units() -> Iterator[None]:
             file: TextIO | None = None,
             line: str | None = None,
         ) -> None:
-            if not isinstance(message, UnitWarning):
+            if not isinstance(message, _TOLD):
                 others(message, category, filename, lineno, file, line)
             elif str(message) not in told:
                 told.add(str(message))
                 click.echo(f'Warning: {message}', err=True)
 
-        warnings.simplefilter('always', UnitWarning)
+        for kind in _TOLD:
+            warnings.simplefilter('always', kind)
         warnings.showwarning = show
         yield
 
@@ -150,7 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
     # The last collection of a process would visit all objects of all libraries: 0.4 s at the end of a batch.
     atexit.register(gc.freeze)
     try:
-        with _told_units(), lasting_interruption() as interrupted:
+        with _told_warnings(), lasting_interruption() as interrupted:
             return _run(arguments, interrupted)
     except click.ClickException as error:
         error.show()

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads ROS parameter files for one node, by the rules of ROS (`rcl_rules`)."""
 
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import cast
 
-from socialcircle_ros.errors import SettingError, SocialCircleError
+from socialcircle_ros.errors import ParameterFileWarning, SettingError, SocialCircleError
 
 from .groups import OF_CELL, PARAMETERS
 from .rcl_rules import ParameterSection, RclError, parameters_of, read_sections
@@ -20,8 +21,8 @@ def read_parameter_file(
     """Read the parameters that a node would get from a file.
 
     Sections of other nodes are passed over, and of the matching ones the last has the last word, as in ROS. A name
-    without a namespace stands for the node in `namespaces`; where there are none, in whichever namespace the file
-    has it.
+    without a namespace stands for the node in `namespaces`. Where there are none, or the file has nothing for this
+    node, it stands for the one in whichever namespace the file has it; a `ParameterFileWarning` tells the latter.
 
     Args:
         path: A ROS parameter file.
@@ -71,15 +72,22 @@ def _full_name(
     ours = [pattern for pattern, _ in sections if pattern.rpartition('/')[2] in (node, '*', '**')]
     named = [pattern for pattern in ours if '*' not in pattern]
     in_namespace = [pattern for pattern in ours if pattern.rpartition('/')[0].strip('/*')]
+    wanted = [f'{namespace.rstrip("/")}/{node}' for namespace in namespaces()]
     # A section for all nodes beside one for a certain node does not make the file one for two nodes.
-    meant = [f'{namespace.rstrip("/")}/{node}' for namespace in namespaces()] or [
-        _example(pattern, node) for pattern in named or in_namespace or ours
-    ]
-    meant = list(dict.fromkeys(meant)) or [f'/{node}']
+    there = [_example(pattern, node) for pattern in named or in_namespace or ours]
+    fits = not there or any(parameters_of(sections, name) for name in wanted)
+    meant = list(dict.fromkeys(wanted if wanted and fits else there)) or [f'/{node}']
     if any(_measuring(sections, name) != _measuring(sections, meant[0]) for name in meant):
         raise SettingError(
             f'{path} has different parameters for {" and ".join(meant)}: choose with --node, such as'
             f' --node {meant[0]}.'
+        )
+    if wanted and not fits:
+        warnings.warn(
+            f'{path} holds no parameters for {wanted[0]}, the node in the recorded namespace: those for {meant[0]}'
+            ' are taken.',
+            ParameterFileWarning,
+            stacklevel=2,
         )
     return meant[0]
 

@@ -3,7 +3,7 @@
 
 import pytest
 
-from socialcircle_ros.errors import SettingError, SocialCircleError
+from socialcircle_ros.errors import ParameterFileWarning, SettingError, SocialCircleError
 from socialcircle_ros.settings import PARAMETERS, yaml_text
 from socialcircle_ros.settings.files import read_parameter_file
 
@@ -76,11 +76,12 @@ def test_the_namespaces_of_a_recording_choose_among_the_sections(file, namespace
 @pytest.mark.parametrize(
     ('section', 'namespace'), [('social_circle', '/cellx'), ('/other/social_circle', '/cellx'), ('/cell1/*', '')]
 )
-def test_a_section_that_does_not_fit_the_namespace_of_the_recording_is_told_not_applied(file, section, namespace):
+def test_the_only_section_is_taken_if_it_is_for_another_namespace_than_the_recording_and_that_is_told(
+    file, section, namespace
+):
     file.write_text(f'{section}: {{ros__parameters: {{circle.window: 9}}}}\n')
-    told = f'no parameters for {namespace}/social_circle, only for /.*: name one of these with --node'
-    with pytest.raises(SettingError, match=told):
-        read_parameter_file(file, NODE, lambda: [namespace])
+    with pytest.warns(ParameterFileWarning, match=f'no parameters for {namespace}/social_circle, .* are taken'):
+        assert read_parameter_file(file, NODE, lambda: [namespace]) == {'circle.window': 9}
 
 
 @pytest.mark.parametrize(
