@@ -114,7 +114,7 @@ def parameter_text(values: Mapping[str, RosValue], node_name: str, own: Mapping[
         values: all parameters by their full names.
         node_name: with its namespace.
         own: what the node has beside them, also for the node of this name alone: `use_sim_time`, which is of its
-            surroundings, and `qos_overrides`, whose names hold whole topics.
+            surroundings, and `qos_overrides`: their names hold whole topics.
 
     Raises:
         SettingError: a value is text that cannot be written to a file.

@@ -14,7 +14,7 @@ _PERIOD_S = 0.1  # between two questions whether the work at hand is still waite
 
 
 def always() -> bool:
-    """The patience of those who wait however long it takes."""
+    """Patience without an end: the wait lasts as long as the work at hand."""
     return True
 
 
