@@ -141,16 +141,13 @@ class _Counts:
     def add(self, measurement: 'Measurement') -> None:
         """Count a measurement."""
         from socialcircle_ros.interface import FAILED
-        from socialcircle_ros.messages.diagnostics import WARN
 
         values = measurement.values
         self.measured += values.measured
         self.outliers += values.outliers
         self.judged += values.verdict is not None
-        if measurement.level == WARN:
-            self.warnings.add(measurement.message)  # it holds the notes
-        else:
-            self.set_aside.update(measurement.notes)
+        self.warnings.update(measurement.warnings)
+        self.set_aside.update(measurement.notes)
         if values.verdict == FAILED:
             self.failures.append(f'the cloud with the stamp {values.stamp} s: {values.verdict_reason}')
 

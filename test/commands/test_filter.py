@@ -128,6 +128,14 @@ def test_more_than_half_outliers_is_a_warning(run):
     assert 'more than half of the points' in done.err
 
 
+@pytest.mark.parametrize('limit', [(), ('-p', 'limits.sq_max:=1e-9')])
+def test_a_warning_of_many_clouds_is_told_once_also_where_limits_fail(run, limit):
+    done = run('filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.radius_scale:=2.0', *limit)
+    assert done.code == (3 if limit else 0), done.err
+    assert done.err.count('Warning: ') == 1
+    assert 'Warning: circle.radius_scale has no effect in the adaptive mode' in done.err
+
+
 def test_a_number_may_have_an_exponent(run):
     done = run(
         'filter', BAGS / 'parts.mcap', '-o', 'x.mcap', '-p', 'circle.mode:=paper', '-p', 'circle.radius:=1e2'
