@@ -76,7 +76,7 @@ class UnitWarning(UserWarning):
 
 
 class ParameterFileWarning(UserWarning):
-    """A parameter file is for a node in another namespace; the message says whose parameters are taken."""
+    """A parameter file is for a node in another namespace; the message names the node that the values are for."""
 
 
 class StackError(SocialCircleError, ValueError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Announce that kernels are compiled, which takes seconds; without Numba, whose import takes half a second."""
+"""Announce that kernels are compiled, which takes seconds. Numba is not imported: that takes half a second."""
 
 from collections.abc import Callable
 

@@ -92,7 +92,7 @@ class RecordingReader:
             )
 
     def count(self, topics: Collection[str]) -> int:
-        """The number of messages on some topics; all messages of a file whose index does not tell topics apart."""
+        """The number of messages on some topics; all those of a file if its index does not tell topics apart."""
         count = 0
         for file in self._files:
             if file.message_counts:

@@ -177,7 +177,7 @@ class ReportEntry:
 def shown_name(recording: Path, name: str) -> str:
     """The name of a cloud on a page: that of its file, or its topic and number in a recording.
 
-    A measurement file is read through a recording with one topic, whose name says nothing.
+    A measurement file is read through a recording with one topic, and the name of this topic says nothing.
     """
     return recording.name if is_measurement_file(recording) else name
 

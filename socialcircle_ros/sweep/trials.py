@@ -19,7 +19,7 @@ from .clouds import CloudSource, SweepCloud
 from .search_space import ParameterValues
 
 _loaded: set[tuple[str, str, int, str]] = set()
-"""Kinds of filters whose kernels this process has loaded, or compiled: that takes up to seconds, once."""
+"""Kinds of filters that this process has loaded or compiled the kernels of: that takes up to seconds, once."""
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ sys.exit(main.main(['filter']))
         ("raise RuntimeError('no compiled object yet')", 130, 'Stopped.\n'),
         ("raise click.ClickException('no output')", 130, 'Stopped.\n'),
         ('pass', 130, 'Stopped.\n'),
-        ('sys.exit(0)', 0, ''),  # as the node, whose normal end it is
+        ('sys.exit(0)', 0, ''),  # as the node ends normally
     ],
 )
 def test_ctrl_c_stops_a_command_whatever_a_library_makes_of_it(handled, code, err):
