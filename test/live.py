@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
+from forked import ForkedNode
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
@@ -23,7 +24,6 @@ from std_srvs.srv import Trigger
 
 from socialcircle_ros import interface
 from socialcircle_ros.clients.message_types import message_class
-from socialcircle_ros.clients.process import NodeProcess
 from socialcircle_ros.clients.qos import reliable
 from socialcircle_ros.messages.diagnostics import Status
 from socialcircle_ros.messages.image import decode_mono8
@@ -37,13 +37,16 @@ RESULTS = tuple(topic.within('').removeprefix('/') for topic in TOPICS)
 
 
 class Cell:
-    """A node in a namespace of its own, and a peer."""
+    """A node in a namespace of its own, and a peer.
 
-    def __init__(self, folder, parameters=None, arguments=(), *, active=True):
+    The node is forked, unless `begin` is `NodeProcess`, as for tests of how it ends.
+    """
+
+    def __init__(self, folder, parameters=None, arguments=(), *, active=True, begin=ForkedNode):
         number = next(NUMBERS)
         self.namespace = f'/cell{os.getpid()}_{number}'
         self.name = f'{self.namespace}/{interface.NODE_NAME}'
-        self.node_process = NodeProcess(self.namespace, folder / f'node{number}.log', parameters, arguments)
+        self.node_process = begin(self.namespace, folder / f'node{number}.log', parameters, arguments)
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.peer = Node('peer', namespace=self.namespace, context=self.context)

@@ -34,10 +34,18 @@ class NodeProcess:
         module: str = 'socialcircle_ros.node.main',
     ) -> None:
         given = [item for name, value in (parameters or {}).items() for item in ('-p', f'{name}:={value}')]
-        command = [sys.executable, '-m', module, '--ros-args', '-r', f'__ns:={namespace}']
         self.log = log
-        with open_in_place(log) as output:
-            self.process = subprocess.Popen([*command, *given, *arguments], stdout=output, stderr=output)  # noqa: S603
+        self.process = self.begin(module, ['--ros-args', '-r', f'__ns:={namespace}', *given, *arguments])
+
+    def begin(self, module: str, arguments: list[str]) -> subprocess.Popen[bytes]:
+        """Begin the process, whose output goes to the log.
+
+        Args:
+            module: the Python module to run.
+            arguments: its arguments.
+        """
+        with open_in_place(self.log) as output:
+            return subprocess.Popen([sys.executable, '-m', module, *arguments], stdout=output, stderr=output)  # noqa: S603
 
     def stop(self, timeout_s: float = 10.0) -> int:
         """End the node as Ctrl-C does. It is killed if it does not end in time.

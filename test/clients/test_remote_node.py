@@ -5,6 +5,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from examples import cloud
+from forked import ForkedNode
 from live import RELIABLE
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
@@ -13,7 +14,6 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from socialcircle_ros import interface
-from socialcircle_ros.clients.process import NodeProcess
 from socialcircle_ros.clients.remote_node import RemoteNode
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.interface import MeasurementValues
@@ -45,7 +45,7 @@ class Pair:
         return self.until(self.is_active)
 
     def start_again(self, folder, parameters):
-        self.cell.node_process = NodeProcess(self.cell.namespace, folder / 'again.log', parameters)
+        self.cell.node_process = ForkedNode(self.cell.namespace, folder / 'again.log', parameters)
 
 
 @pytest.fixture

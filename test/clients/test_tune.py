@@ -12,10 +12,10 @@ from urllib.request import urlopen
 
 import pytest
 from browser import Visitor, browser
+from forked import ForkedNode
 from launching.stand_in import commands
 
 from socialcircle_ros import interface
-from socialcircle_ros.clients.process import NodeProcess
 from socialcircle_ros.clients.remote_node import RemoteNode
 from socialcircle_ros.messages.image import OUTLIER, decode_mono8
 
@@ -112,7 +112,7 @@ def test_an_operator_tunes_a_node_that_is_killed_and_started_again(start_cell, s
         # The page shows that the node is killed, and recovers when it is started again.
         cell.kill()
         assert visitor.sees('the node has stopped answering')
-        cell.node_process = NodeProcess(
+        cell.node_process = ForkedNode(
             cell.namespace, tmp_path / 'again.log', {SCALE: '2.5', 'circle.mode': 'paper'}
         )
         assert visitor.wait_until('radius scale', '2.5')

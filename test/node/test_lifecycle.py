@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import rclpy
 from examples import cloud
+from forked import ForkedNode
 from lifecycle_msgs.msg import Transition
 from live import RESULTS, mapped_by
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -74,7 +75,7 @@ def test_inactive_it_takes_no_cloud_and_says_so(start_cell):
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_cleanly_and_leaves_no_shared_memory(start_cell, number):
     """A second for the node to end (the issue's bound), five here: a loaded machine is no fault."""
-    cell = start_cell()
+    cell = start_cell(begin=NodeProcess)
     cell.clean(cloud())
     process = cell.node_process.process
     # fastrtps_… with Jazzy, fastdds_… with Kilted
@@ -88,7 +89,7 @@ def test_a_signal_ends_it_cleanly_and_leaves_no_shared_memory(start_cell, number
 
 
 def test_a_signal_while_it_filters_lets_no_traceback_out(start_cell):
-    cell = start_cell()
+    cell = start_cell(begin=NodeProcess)
     cell.set(circle__vote_region=[0, 0, 200, 200])
     cell.publish(cloud(400, 500))
     cell.diagnosis(lambda found: found.values['clouds_received'] == '1')
@@ -154,7 +155,7 @@ def test_what_a_failed_activation_began_is_undone(start_cell):
 
 def test_a_signal_while_it_compiles_ends_it_without_waiting(tmp_path, monkeypatch, start_cell):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cold'))
-    cell = start_cell(active=False)
+    cell = start_cell(begin=NodeProcess, active=False)
     cell.wait_for(lambda: ('social_circle', cell.namespace) in cell.peer.get_node_names_and_namespaces())
     cell.node_process.process.send_signal(signal.SIGTERM)
     assert cell.node_process.process.wait(5) == 0
@@ -187,7 +188,7 @@ def test_a_clock_before_zero_does_not_end_the_node(start_cell):
 
 def test_two_nodes_of_one_name_are_reported(start_cell, tmp_path):
     cell = start_cell()
-    with NodeProcess(cell.namespace, tmp_path / 'second.log'):
+    with ForkedNode(cell.namespace, tmp_path / 'second.log'):
         found = cell.diagnosis(lambda found: 'nodes are named' in found.status.message)
     assert found.status.level == b'\1'
     assert f'2 nodes are named {cell.name}' in found.status.message
