@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executable `social_circle_node`."""
 
-import itertools
 import os
 import signal
 import sys
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
-
+from .parameter_files import fault_of_a_file, files_for_other_nodes
 from .transport import prepare_process
 
 if TYPE_CHECKING:
@@ -53,7 +49,8 @@ def _run(arguments: list[str] | None) -> int:
     from .social_circle_node import SocialCircleNode  # noqa: PLC0415
     from .start import start_ros  # noqa: PLC0415
 
-    fault = _fault_of_a_file(sys.argv[1:] if arguments is None else arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    fault = fault_of_a_file(given)
     if fault is not None:
         sys.stderr.write(f'The node cannot start: {fault}\n')
         return 1
@@ -62,6 +59,8 @@ def _run(arguments: list[str] | None) -> int:
         start_ros(arguments)
         began = True
         node = SocialCircleNode()
+        for sentence in files_for_other_nodes(given, node.get_fully_qualified_name()):
+            node.get_logger().warning(sentence)
         node.start()
         if not rclpy.ok():
             return 0
@@ -99,25 +98,6 @@ def _spin(executor: 'SingleThreadedExecutor', node: 'SocialCircleNode') -> None:
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the node goes on
         node.executor_failed(error)
-
-
-def _fault_of_a_file(arguments: Sequence[str]) -> str | None:
-    """Why the first faulty parameter file cannot be used, as a sentence; None: rcl is left to read the files.
-
-    rcl shows its source code for a file that it cannot open, and takes a file with another text for one without
-    parameters. An empty file may be intended. Other faults are told by rcl.
-    """
-    for option, path in itertools.pairwise(arguments):
-        if option == '--params-file':
-            try:
-                content = load_plain_yaml(Path(path).read_bytes())
-            except OSError as error:
-                return f'{path} cannot be read: {error.strerror}.'
-            except PlainYamlError:
-                continue
-            if content is not None and not isinstance(content, dict):
-                return f'{path} holds no parameters; see config/social_circle.yaml for the form.'
-    return None
 
 
 def _end(node: 'SocialCircleNode | None') -> None:

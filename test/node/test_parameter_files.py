@@ -10,6 +10,7 @@ from rclpy.exceptions import InvalidParameterTypeException, ParameterException
 from socialcircle_ros.commands.options import parameter_values
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.interface import NODE_NAME
+from socialcircle_ros.node.parameter_files import files_for_other_nodes
 from socialcircle_ros.node.parameters import LiveParameters
 from socialcircle_ros.settings import PipelineSettings
 
@@ -86,3 +87,29 @@ def test_a_running_node_and_the_commands_take_the_same_file(start_cell, tmp_path
     )
     assert start_cell(arguments=('--params-file', str(path))).get('circle.radius_scale') == 1.5
     assert settings_offline(path)['circle.radius_scale'] == 1.5
+
+
+def test_a_file_for_other_nodes_only_is_told(start_cell, tmp_path):
+    path = tmp_path / 'other.yaml'
+    path.write_text('/cell7/social_circle: {ros__parameters: {circle.mode: paper}}\n')
+    cell = start_cell(arguments=('--params-file', str(path)))
+    assert cell.get('circle.mode') == 'adaptive'
+    log = cell.node_process.log.read_text()
+    assert f'{path} has no effect: it holds no parameters for {cell.name}, only for /cell7/social_circle.' in log
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        '',
+        '/**: {ros__parameters: {circle.mode: paper}}\n',
+        '/cell7/social_circle: {ros__parameters: {circle.mode: paper}}\n/*/*: {ros__parameters: {a: 1}}\n',
+        '/cell1/social_circle: {ros__parameters: {circle.mode: paper}}\n',
+        '/cell7/social_circle: {ros__parameters: {}}\n',
+        'no: [yaml',
+    ],
+)
+def test_no_other_file_is(tmp_path, text):
+    path = tmp_path / 'own.yaml'
+    path.write_text(text)
+    assert files_for_other_nodes(['--ros-args', '--params-file', str(path)], '/cell1/social_circle') == []
