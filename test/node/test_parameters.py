@@ -209,7 +209,7 @@ def test_the_shipped_parameter_file_starts_the_node(start_cell, request):
 def test_a_node_that_is_started_with_what_cannot_be_says_so_and_ends(start_cell, parameters, sentence):
     cell = start_cell(parameters, active=False)
     cell.wait_for(lambda: cell.node_process.process.poll() is not None)
-    assert cell.node_process.process.returncode == 1
+    assert cell.node_process.process.poll() == 1
     log = cell.node_process.log.read_text()
     assert 'The node cannot start' in log
     assert sentence in log
