@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import HeightMap
+from socialcircle_ros.cloud import HeightMap, Mask
 from socialcircle_ros.settings import CircleSettings
 
 _TOO_MANY = 0.3
@@ -17,6 +17,9 @@ _RICH_TEXTURE = 0.04
 lose more than 0.5 % of their good points; 14 of these are above, and no other."""
 _MANY_UNDECIDED = 0.005
 """Share of the points that the network is undecided about above which it warns, if fewer surely are outliers."""
+_ONE_STEP, _OFF_A_STEP, _FEWEST_STEPS, _SHARE_OF_STEPS = 0.7, 0.01, 30, 2e-3
+"""Single outliers may be noise of stored steps if this share of them differ from their neighbours by one height,
+within this share of it. Fewer than so many, or than this share of the points, do no harm."""
 _FAR_TOO_LARGE = 10.0
 """A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
 about 5 of them."""
@@ -149,6 +152,30 @@ def unknown_texture(undecided: float, certain: float, removed: int) -> list[str]
     points = f'the network is undecided about {100 * undecided:.1f} % of the points, {sure}'
     risk = 'outliers may have stayed' + (', and good points may be among the removed ones' if removed else '')
     return [f'{points}: {risk}; teach this texture with `socialcircle teach`.']
+
+
+def single_steps(heights: HeightMap, outliers: Mask) -> list[str]:
+    """Warn where the outliers differ from their neighbours by one height: stored steps with little noise do.
+
+    Args:
+        heights: (H, W), NaN where not measured.
+        outliers: (H, W) bool.
+    """
+    rows, columns = np.nonzero(outliers[:, 1:-1])
+    alone = ~(outliers[rows, columns] | outliers[rows, columns + 2])
+    rows, columns = rows[alone], columns[alone]
+    left, here, right = (heights[rows, columns + shift].astype(np.float64) for shift in range(3))
+    rises = np.abs(here - (left + right) / 2)
+    rises = rises[np.isfinite(rises)]
+    if rises.size < max(_FEWEST_STEPS, _SHARE_OF_STEPS * heights.size):
+        return []
+    step = float(np.partition(rises, rises.size // 2)[rises.size // 2])
+    same = int(np.count_nonzero(np.abs(rises - step) <= _OFF_A_STEP * step))
+    if same < _ONE_STEP * rises.size:
+        return []
+    differ = f'{same} removed points differ from their neighbours by one height, {step:.3g}'
+    risk = 'if heights are stored in such steps, they may be noise'
+    return [f'{differ}: {risk}; then teach this surface with `socialcircle teach`.']
 
 
 def _too_large(found: _LargeCircle) -> str:

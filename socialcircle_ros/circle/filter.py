@@ -14,7 +14,7 @@ from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
 
 from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, lonely_outliers, unlike
-from .doubts import doubts_of, texture_doubts, unknown_texture
+from .doubts import doubts_of, single_steps, texture_doubts, unknown_texture
 from .expansion import divide
 from .not_measured import recognise
 from .radius import circle_limit
@@ -173,6 +173,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         )
     stopwatch.lap('lonely points')
     inliers = measured & ~found.outliers
+    warnings += single_steps(heights, found.outliers)
     if found.islands_kept:
         kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
         warnings.append(f'{kept}; this mode cannot tell such islands from outliers.')

@@ -182,3 +182,23 @@ def test_outliers_on_a_plain_surface_are_no_texture():
     result = remove_outliers(heights, pitch=(1.0, 2.0))
     assert result.outliers.mean() > 0.01
     assert result.warnings == ()
+
+
+def test_single_points_of_one_height_are_told_as_noise_of_stored_steps():
+    noise = np.random.default_rng(1).normal(size=(150, 200))
+    stored = np.round(0.25 * noise) * 3e-6 + 1e-6 * np.arange(200)
+    (warning,) = remove_outliers(stored, pitch=(1.0, 2.0)).warnings
+    assert 'removed points differ from their neighbours by one height, 3e-06' in warning
+    spikes = np.random.default_rng(2).random(noise.shape) < 0.02
+    heights = noise + np.random.default_rng(3).uniform(20, 60, noise.shape) * spikes
+    assert remove_outliers(heights, pitch=(1.0, 2.0)).warnings == ()
+
+
+@pytest.mark.parametrize('tilt', [(0.37, 0.11), (0.05, 0.0), (0.003, 0.0)])
+@pytest.mark.parametrize('noise', [0.3, 0.35, 0.5, 0.7, 1.0])
+@pytest.mark.parametrize('judge', ['network', 'rules'])
+def test_heights_that_were_stored_in_steps_and_then_levelled_lose_no_good_points(tilt, noise, judge):
+    y, x = np.indices((150, 200))
+    heights = np.round(np.random.default_rng(1).normal(0, noise, x.shape)) + tilt[0] * x + tilt[1] * y
+    result = remove_outliers(heights, CircleSettings(judge=judge), pitch=(1.0, 2.0))
+    assert result.outliers.mean() < 1e-3

@@ -147,6 +147,39 @@ def quantum(known, same):
     return float(np.median(np.diff(levels))) if stored else 0.0
 
 
+def quantisation_step(heights):
+    """The step that explains the second differences along lines; of at most 8192 points, all of them."""
+    return max(step_of([line for line in lines if len(line) > 2]) for lines in (heights, heights.T))
+
+
+def step_of(lines):
+    """The least candidate of which the second differences, less their median, are multiples."""
+    curves = [
+        (c - b) - (b - a)
+        for line in lines
+        for a, b, c in zip(line[:-2].astype(float), line[1:-1].astype(float), line[2:].astype(float), strict=True)
+    ]
+    curves = sorted(each for each in curves if np.isfinite(each))
+    if len(curves) < 50:
+        return 0.0
+    sizes = sorted(abs(each - curves[len(curves) // 2]) for each in curves)
+    known = [abs(each) for line in lines for each in line if np.isfinite(each)]
+    rounding = 4 * float(np.spacing(np.float32(np.quantile(np.array(known, np.float32), 0.9))))
+    above = [each for each in sizes if each > rounding]
+    steps = []
+    for quantile in (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95) if above else ():
+        step = above[int(quantile * (len(above) - 1))]
+        large = [each / step for each in sizes if each >= step / 2]
+        small = [each for each in sizes if each < step / 2]
+        off = 1 / 256 + rounding / step
+        multiples = [each for each in large if abs(each - round(each)) <= off]
+        zeros = [each for each in small if each <= off * step]
+        is_step = len(multiples) >= 0.8 * len(large) > 0.8 * 0.23 * len(sizes) and len(zeros) >= 0.9 * len(small)
+        if step > 10 * rounding and is_step:
+            steps.append(step)
+    return min(steps, default=0.0)
+
+
 def estimate_spread(heights, tile, may_predict):
     """The spread of a cloud of less than 120,000 points, of which every row is sampled."""
     slopes = block_slopes(heights)

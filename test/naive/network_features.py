@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .adaptive import quantisation_step
+
 CHANNELS = 6
 """Residuals to the median of 5×5, the mean of 17×17 and of 65×65; second differences along x, y; measured."""
 _SAMPLES = 65536
@@ -48,12 +50,11 @@ def features_of(heights: NDArray[np.float32]) -> Features:
     residual = filled - smooth
     along, down = _second_difference(filled, 1), _second_difference(filled, 0)
     fine = float(np.median(np.abs(along.ravel()[sampled])))
-    varying = [each - np.median(each) for each in steps if each.size]
     middle = heights.ravel()[sample]
     middle = middle[np.isfinite(middle)] if np.isfinite(middle).any() else heights[measured]
     offset = float(np.median(middle.astype(np.float64)))
     rounding = float(np.spacing(np.float32(abs(offset)))) if offset else 0.0
-    least = max(0.65 * _storage_step(np.concatenate(varying)) if varying else 0.0, fine / 4, rounding)
+    least = max(0.65 * quantisation_step(heights), fine / 4, rounding)
     scale = _scale(np.abs(residual.ravel()[sampled]), least)
     grain = float(np.clip(np.log2(fine / scale), -10, 2)) if fine > 0 else -10.0
     narrow, wide = (_mean_of_measured(smooth, measured, radius) for radius in (_NARROW, _WIDE))
@@ -90,19 +91,6 @@ def _steps(heights: NDArray[np.float32], sample: NDArray[np.int64]) -> list[NDAr
         steps = wide[rows[inside] + down, columns[inside] + right] - wide[rows[inside], columns[inside]]
         found.append(steps[np.isfinite(steps)])
     return found
-
-
-def _storage_step(differences: NDArray[np.float64]) -> float:
-    """A low size of the differing neighbours that half of them have within 1 %; 0 if few differ."""
-    sizes = sorted(abs(each) for each in differences.tolist() if each != 0)
-    if len(sizes) <= 0.15 * differences.size:
-        return 0.0
-    for quantile, least in ((0.05, 0), (0.5, 0.3)):
-        step = float(np.quantile(sizes, quantile))
-        alike = sum(abs(each - step) <= 0.01 * step for each in sizes)
-        if 2 * alike >= len(sizes) and alike >= least * differences.size:
-            return step
-    return 0.0
 
 
 def _without_tilt(

@@ -21,6 +21,7 @@ from .lesson import CommunityJudge
 from .likelihood import ONE, UNDECIDED, Likelihood, probable_outliers
 from .optics import beside_walls, beyond_tolerance
 from .pyramid import halved, mark_expanded, raise_expanded
+from .quantisation import quantisation_step
 from .relief import relief_of
 from .spread import estimate_spread
 from .texture import islands_of_one_height
@@ -164,7 +165,7 @@ def find_probable_outliers(
     stopwatch = Stopwatch()
     relative = relative_heights(heights)
     stopwatch.lap('heights')
-    spread = estimate_spread(relative, _TILE_SIDE, may_predict=False)
+    spread = estimate_spread(relative, _TILE_SIDE, may_predict=False, step=quantisation_step(relative))
     stopwatch.lap('spread')
     probabilities = likelihood(relative)
     stopwatch.lap('network')
@@ -213,6 +214,7 @@ class _IslandSearch:
     def __init__(self, heights: RelativeHeights) -> None:
         self.heights = heights
         self._given = heights
+        self._step = quantisation_step(heights)
         self.measured: Mask = np.isfinite(heights)
         self.found: Mask = np.zeros(heights.shape, np.bool_)
         self.steepness = np.zeros(heights.shape, np.float32)
@@ -253,7 +255,9 @@ class _IslandSearch:
             heights = halved(heights)
             if min(heights.shape) < _SMALLEST_REDUCED:
                 break
-            spread = estimate_spread(heights, _TILE_SIDE_REDUCED, may_predict=False)
+            # A coarse point is a mean of two heights.
+            step = self._step / reduction
+            spread = estimate_spread(heights, _TILE_SIDE_REDUCED, may_predict=False, step=step)
             differences = normalised_differences(heights, spread)
             islands, steepness = find_islands(
                 relief_of(differences), differences, np.isfinite(heights), clip, steep[reduction], reduction
@@ -270,7 +274,7 @@ class _IslandSearch:
         return islands_of_one_height(self._given, self.found, label_communities(self.found))
 
     def _normalised_differences(self, *, may_predict: bool) -> tuple[Spread, Differences]:
-        spread = estimate_spread(self.heights, _TILE_SIDE, may_predict=may_predict)
+        spread = estimate_spread(self.heights, _TILE_SIDE, may_predict=may_predict, step=self._step)
         return spread, normalised_differences(self.heights, spread)
 
     def _remove(self, outliers: Mask) -> None:

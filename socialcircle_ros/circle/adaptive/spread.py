@@ -49,7 +49,7 @@ _ROW_STRIDE = 3
 """Every third row of a tile is enough."""
 
 
-def estimate_spread(heights: RelativeHeights, tile_side: int, *, may_predict: bool) -> Spread:
+def estimate_spread(heights: RelativeHeights, tile_side: int, *, may_predict: bool, step: float = 0.0) -> Spread:
     """Estimate the spread of the differences between neighbours.
 
     Args:
@@ -57,6 +57,7 @@ def estimate_spread(heights: RelativeHeights, tile_side: int, *, may_predict: bo
         tile_side: side of the tiles in points.
         may_predict: whether differences may be predicted from those around them. Where they may, the choice is
             made once for the whole cloud.
+        step: the spread is at least this, such as the `quantisation_step`.
     """
     slopes = block_slopes(heights)
     stride = max(1, heights.size // _SAMPLES)
@@ -68,7 +69,7 @@ def estimate_spread(heights: RelativeHeights, tile_side: int, *, may_predict: bo
         if _mean_median(predicted_sizes) < _MUCH_BETTER * _mean_median(sizes):
             # A difference that is the median of the five predicts itself: that says nothing of the spread.
             surface, sizes = with_prediction, [_above_zero(each) for each in predicted_sizes]
-    least = _least_spread(heights.ravel()[::stride])
+    least = max(_least_spread(heights.ravel()[::stride]), step)
     by_direction = np.array([max(_core(each) if each.size else 0.0, least) for each in sizes])
     by_tile = _spread_by_tile(surface, by_direction, tile_side, max(_CALMEST, least / by_direction.min()))
     return Spread(slopes, by_direction, by_tile, tile_side, surface.predicted)

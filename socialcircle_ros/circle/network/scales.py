@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.circle.adaptive.heights import RelativeHeights
+from socialcircle_ros.circle.adaptive.quantisation import quantisation_step
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA, median_of_five
@@ -19,12 +20,6 @@ _LEAST_SPREAD = float(np.finfo(np.float32).tiny)
 _OF_A_STEP = 0.65
 """Where heights are stored in steps, the spread is at least so much of one: less noise than that makes single
 points differ by a step, and these are no outliers."""
-_MOST, _SAME, _FEW = 0.5, 0.01, 0.15
-"""Heights are stored in steps if more than 15 % of the differences are not 0, and at least half of these are the
-same within a hundredth. Where fewer differ, the step may be the height of a few outliers."""
-_QUANTILES = ((0.05, 0.0), (0.5, 0.3))
-"""That step is the first of these quantiles of the differences that are not 0, if at least this share of all
-differences are of that size. The least differences are a step, or the trace of a form that came after it."""
 _LEAST_GRAIN, _MOST_GRAIN = -10.0, 2.0
 """The grain is not below the first. It would be above the second where slopes hide the noise, on small clouds of a
 steep form: there the spread is larger, so that it is not."""
@@ -69,7 +64,7 @@ def scales_of(heights: RelativeHeights) -> Scales:
     robust, mean = MAD_TO_SIGMA * float(np.median(residuals)), float(residuals.mean(dtype=np.float64))
     spread = robust if robust > _MOSTLY_ALIKE * mean else mean
     fine = float(np.median(second))
-    step = _storage_step(np.concatenate([right - along, below - down]))
+    step = quantisation_step(heights)
     rounding = float(np.spacing(np.float32(abs(offset)))) if offset else 0.0
     least = max(_OF_A_STEP * step, fine / 2**_MOST_GRAIN, rounding)
     spread = max(spread, least, _LEAST_SPREAD) if spread > 0 or least > 0 else 1.0
@@ -86,23 +81,6 @@ def _stride(height: int, width: int) -> int:
     while math.gcd(stride, width) > 1:
         stride += 2
     return stride
-
-
-def _storage_step(differences: npt.NDArray[np.float64]) -> float:
-    """The step in which heights are stored, 0 if there is none, from differences of neighbours less their median.
-
-    Where the tilt is less than half of a step from point to point, that median is 0; on a steeper one the rest of
-    the differences are whole steps, too.
-    """
-    sizes = np.abs(differences[differences != 0])
-    if sizes.size <= _FEW * differences.size:
-        return 0.0
-    for quantile, least in _QUANTILES:
-        step = float(np.quantile(sizes, quantile))
-        alike = np.count_nonzero(np.abs(sizes - step) <= _SAME * step)
-        if alike >= _MOST * sizes.size and alike >= least * differences.size:
-            return step
-    return 0.0
 
 
 @kernel
