@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Organized clouds: their check, their memory as the kernels read it, their measured points and their grid."""
 
-from collections.abc import Iterable
-from typing import NamedTuple, cast
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +39,9 @@ _ROUNDINGS = 8  # that coordinates may be off a regular grid, in steps of their 
 Pitch = tuple[float, float]
 """Distance of two points along x and along y, in the unit of the heights."""
 
+PitchLike: TypeAlias = Sequence[float | np.floating | np.integer] | npt.NDArray[np.floating | np.integer]
+"""What a caller may give for a pitch: two numbers in a tuple, a list or an array. `checked_pitch` makes it one."""
+
 
 def organized(xyz: npt.ArrayLike) -> Cloud:
     """Check that `xyz` is an organized cloud, and make it readable for the kernels.
@@ -58,7 +62,7 @@ def organized(xyz: npt.ArrayLike) -> Cloud:
     return _native(cloud)
 
 
-def organized_from(values: npt.ArrayLike, pitch: Pitch | None) -> Cloud:
+def organized_from(values: npt.ArrayLike, pitch: PitchLike | None) -> Cloud:
     """An organized cloud from what users have: a cloud, or a height map.
 
     Args:
@@ -73,23 +77,37 @@ def organized_from(values: npt.ArrayLike, pitch: Pitch | None) -> Cloud:
         if pitch is not None:
             raise CloudError('A pitch belongs to heights (rows, columns); a cloud has x and y of its own.')
         return organized(values)
-    pitch = _pitch_of_coordinates(values) if pitch is None else checked_pitch(pitch)
-    return _from_heights(_floats(values), pitch)
+    return _from_heights(_floats(values), _pitch_of_coordinates(values) if pitch is None else checked_pitch(pitch))
 
 
-def checked_pitch(pitch: Iterable[float]) -> Pitch:
+def checked_pitch(pitch: PitchLike) -> Pitch:
     """The pitch as two numbers.
 
     Raises:
-        CloudError: it is something else, or one is not above 0.
+        CloudError: it is something else, such as text or a set, which has no order; or one is not above 0.
     """
     try:
-        dx, dy = (float(distance) for distance in pitch)
+        if isinstance(pitch, (str, bytes, bytearray, memoryview, AbstractSet, Mapping)):
+            raise TypeError(pitch)  # noqa: TRY301 - reported below, as every other fault of the pitch
+        dx, dy = (_number(distance) for distance in pitch)
     except (TypeError, ValueError, OverflowError):
-        raise CloudError(f'The pitch is {pitch!r}; give two numbers: pitch=(dx, dy).') from None
+        given = ' '.join(repr(pitch).split())  # an array has several lines
+        raise CloudError(f'The pitch is {given}; give two numbers: pitch=(dx, dy).') from None
     if not (0 < dx < np.inf and 0 < dy < np.inf):
         raise CloudError(f'The pitch is ({dx:g}, {dy:g}); both distances must be above 0, and finite.')
     return dx, dy
+
+
+def _number(value: object) -> float:
+    """One number as float; Python's own `float` takes text, durations and arrays of one value, too.
+
+    Raises:
+        TypeError, ValueError: it is no number.
+    """
+    scalar = np.asarray(value)
+    if scalar.ndim or scalar.dtype.kind not in 'fiuO':  # O: such as Fraction
+        raise TypeError(value)
+    return float(value)  # type: ignore[arg-type]
 
 
 def _floats(values: npt.ArrayLike) -> Floats:
@@ -166,7 +184,7 @@ def _pitch_of_coordinates(heights: npt.ArrayLike) -> Pitch | None:
     """The pitch of an xarray DataArray with two coordinates; None: another object, or one without coordinates.
 
     Raises:
-        CloudError: the coordinates are not evenly spaced, or their unit is not that of the heights.
+        CloudError: the coordinates are no numbers or not evenly spaced, or their unit is not that of the heights.
     """
     names, coordinates = getattr(heights, 'dims', ()), getattr(heights, 'coords', None)
     if coordinates is None or len(names) != 2 or any(name not in coordinates for name in names):
@@ -179,8 +197,13 @@ def _pitch_of_coordinates(heights: npt.ArrayLike) -> Pitch | None:
         )
     distances = []
     for name in names:
-        steps = np.diff(np.asarray(coordinates[name], float))
-        if len(steps) == 0 or not np.allclose(steps, steps[0], rtol=1e-3, atol=0) or steps[0] == 0:
+        values = np.asarray(coordinates[name])
+        if values.dtype.kind not in 'fiu':  # dates would become nanoseconds
+            raise CloudError(f'The coordinate {name!r} has {values.dtype}, not numbers; give pitch=(dx, dy).')
+        if len(values) < 2:
+            raise CloudError(f'The coordinate {name!r} has one value, which tells no pitch; give pitch=(dx, dy).')
+        steps = np.diff(values.astype(np.float64))
+        if not np.allclose(steps, steps[0], rtol=1e-3, atol=0) or steps[0] == 0:
             raise CloudError(f'The coordinate {name!r} is not evenly spaced; give pitch=(dx, dy).')
         distances.append(abs(float(steps[0])))
     return distances[1], distances[0]

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is taken as an organized cloud."""
 
+from decimal import Decimal
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,6 +13,7 @@ from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
 from socialcircle_ros.cloud import nearest_grid, organized_from
 from socialcircle_ros.errors import CloudError
 
+DATES = np.arange('2026-01-01', 64, dtype='M8[D]')
 HEIGHTS = np.random.default_rng(0).normal(0, 1, (64, 70))
 
 
@@ -18,7 +22,7 @@ class Coordinate(np.ndarray):
 
 
 def coordinate(values, unit=None):
-    array = np.asarray(values, float).view(Coordinate)
+    array = np.asarray(values).view(Coordinate)
     array.attrs = {} if unit is None else {'units': unit}
     return array
 
@@ -82,6 +86,9 @@ def test_a_data_array_brings_its_pitch():
         (HEIGHTS, r'need the pitch: remove_outliers\(z, pitch=\(dx, dy\)\)'),
         (data_array(HEIGHTS, np.arange(64) ** 2, np.arange(70)), "'y' is not evenly spaced; give pitch"),
         (data_array(HEIGHTS, np.arange(64), np.arange(70), 'µm', 'mm'), "units: 'mm', 'µm'; convert them to one"),
+        (data_array(HEIGHTS[:1], [0], np.arange(70)), "'y' has one value, which tells no pitch; give pitch"),
+        (data_array(HEIGHTS, DATES, np.arange(70)), r"'y' has datetime64\[D\], not numbers; give pitch"),
+        (data_array(HEIGHTS, list(map(str, range(64))), np.arange(70)), "'y' has <U2, not numbers; give pitch"),
         (np.zeros((4, 5, 3), int), r'convert them with np.asarray\(xyz, dtype=np.float64\)'),
         ([[[1, 2, 3]]], 'must be float32 or float64, not int64'),
         (np.zeros((4, 5, 2)), r'not \(4, 5, 2\)'),
@@ -105,6 +112,16 @@ def test_what_is_no_cloud_is_refused_with_what_to_do(value, sentence):
         (0, 'give two numbers'),
         ((), 'give two numbers'),
         (np.zeros(2), 'both distances must be above 0'),
+        ('12', "The pitch is '12'; give two numbers"),
+        (b'12', 'give two numbers'),
+        (bytearray(b'12'), 'give two numbers'),
+        (('1', '2'), 'give two numbers'),
+        (np.array(['1', '2']), 'give two numbers'),
+        ({1.0, 2.0}, 'give two numbers'),
+        ({1.0: 'x', 2.0: 'y'}, 'give two numbers'),
+        ((True, True), 'give two numbers'),
+        ((np.timedelta64(5), 1), 'give two numbers'),
+        (np.ones((2, 1)), r'The pitch is array\(\[\[1.\], \[1.\]\]\); give two numbers'),
     ],
 )
 def test_another_pitch_is_refused(pitch, sentence):
@@ -112,7 +129,9 @@ def test_another_pitch_is_refused(pitch, sentence):
         remove_outliers(HEIGHTS, pitch=pitch)
 
 
-@pytest.mark.parametrize('pitch', [np.array([0.5, 2.0]), [0.5, 2], (np.float32(0.5), np.int64(2))])
+@pytest.mark.parametrize(
+    'pitch', [np.array([0.5, 2.0]), [0.5, 2], (np.float32(0.5), np.int64(2)), (Fraction(1, 2), Decimal(2))]
+)
 def test_the_pitch_may_be_any_two_numbers(pitch):
     found, expected = remove_outliers(HEIGHTS, pitch=pitch), remove_outliers(HEIGHTS, pitch=(0.5, 2.0))
     np.testing.assert_array_equal(found.outliers, expected.outliers)

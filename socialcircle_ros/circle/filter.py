@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_only, measured_points, organized_from
+from socialcircle_ros.cloud import Cloud, Mask, PitchLike, measured_only, measured_points, organized_from
 from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
@@ -81,7 +81,7 @@ class CircleResult:
 
 
 def remove_outliers(
-    xyz: npt.ArrayLike, settings: CircleSettings | None = None, *, pitch: Pitch | None = None
+    xyz: npt.ArrayLike, settings: CircleSettings | None = None, *, pitch: PitchLike | None = None
 ) -> CircleResult:
     """Separate the outliers of an organized cloud from its surface. The cloud is not changed.
 
