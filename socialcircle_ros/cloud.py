@@ -110,6 +110,61 @@ def _number(value: object) -> float:
     return float(value)  # type: ignore[arg-type]
 
 
+def unmasked(values: npt.ArrayLike) -> npt.NDArray[np.generic]:
+    """The values as an array without a mask, with NaN for what a masked array masks.
+
+    Whole numbers have no NaN. Where one of them is masked, they become float32 if it holds all of their type, else
+    float64.
+
+    Raises:
+        CloudError: there are masked whole numbers, and float64 does not hold the others.
+    """
+    if not np.ma.isMaskedArray(values):
+        return np.asarray(values)
+    array = np.ma.asanyarray(values)
+    plain: npt.NDArray[np.generic] = np.asarray(array)
+    if plain.dtype.kind not in 'biuf' or not np.ma.is_masked(array):
+        return plain
+    kept = np.where(array.mask, plain.dtype.type(0), plain)  # what is masked may be any number
+    floats = kept.astype(kept.dtype if kept.dtype.kind == 'f' else np.result_type(kept.dtype, np.float32))
+    if not is_exact(floats, kept):
+        raise CloudError('Masked whole numbers lose digits as float64, which marks what is masked: fill them.')
+    floats[array.mask] = np.nan
+    return floats
+
+
+def is_exact(floats: npt.NDArray[np.floating], values: npt.NDArray[np.generic]) -> bool:
+    """Whether floats that values were converted to hold all of them.
+
+    Args:
+        floats: of the shape of the values; float64 where these are whole numbers of more than 32 bits.
+        values: numbers or bool.
+    """
+    if values.dtype.kind == 'f':
+        return bool(np.array_equal(floats.astype(values.dtype), values, equal_nan=True))
+    if values.dtype.itemsize <= 4:
+        return True
+    # 2⁶³ and 2⁶⁴ are floats, but not whole numbers of 64 bits, and must not be converted back.
+    limits = np.iinfo(np.int64 if values.dtype.kind == 'i' else np.uint64)
+    inside = (floats >= float(limits.min)) & (floats < float(limits.max))
+    return bool(inside.all()) and bool(np.array_equal(floats.astype(values.dtype), values))
+
+
+def as_floats(values: npt.NDArray[np.generic]) -> Floats | None:
+    """Numbers as float32 if that holds every value of their type, as it does for half floats; else as float64.
+
+    Returns:
+        The values in native byte order; the same array where it has one of these types already. Floats of more
+        than 64 bits are rounded. None: these are no numbers, or whole numbers that float64 does not hold.
+    """
+    if values.dtype.kind not in 'fiu':
+        return None
+    if values.dtype.kind == 'f' and values.dtype.itemsize <= 4:
+        return _native(values.astype(np.float32, copy=False))
+    floats = values.astype(np.float64, copy=False)
+    return _native(floats) if values.dtype.kind == 'f' or is_exact(floats, values) else None
+
+
 def _floats(values: npt.ArrayLike) -> Floats:
     """The values with NaN for what is masked.
 
@@ -126,8 +181,7 @@ def _floats(values: npt.ArrayLike) -> Floats:
         )
     if array.size == 0:
         raise CloudError(f'The cloud has no point: its shape is {array.shape}.')
-    filled = array.filled(np.nan) if isinstance(array, np.ma.MaskedArray) else array
-    return cast('Floats', filled)
+    return cast('Floats', unmasked(array))
 
 
 def _native(array: Floats) -> Floats:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Mask
+from socialcircle_ros.cloud import Cloud, Mask, unmasked
 from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import MessageError
 from socialcircle_ros.kernels.bands import in_bands
@@ -299,14 +299,14 @@ def _copy_without(
 
 
 def encode_point_cloud(
-    header: Header, xyz: npt.NDArray[np.generic], extra: Mapping[str, npt.NDArray[np.generic]] | None = None
+    header: Header, xyz: npt.ArrayLike, extra: Mapping[str, npt.ArrayLike] | None = None
 ) -> bytes:
     """A serialized PointCloud2 of an organized cloud.
 
     Args:
         header: its header.
-        xyz: (H, W, 3) float32 or float64; NaN where nothing was measured.
-        extra: further fields by name, (H, W) each, of any type that PointField knows.
+        xyz: (H, W, 3) float32 or float64; NaN where nothing was measured. What a masked array masks becomes NaN.
+        extra: further fields by name, (H, W) each, of any type that PointField knows. What is masked becomes NaN.
 
     Returns:
         The message: fields x, y, z, then the extra ones, without padding; is_dense as it is.
@@ -314,12 +314,17 @@ def encode_point_cloud(
     Raises:
         MessageError: an array of another shape, or of a type that PointField does not know; or a name that no
             field beside x, y and z can have.
+        CloudError: a field has masked whole numbers of 64 bits and others that float64 does not hold.
     """
-    height, width = xyz.shape[:2]
+    points = unmasked(xyz)
+    if points.ndim != 3 or points.shape[2] != 3:
+        raise MessageError(f'An organized cloud has the shape (rows, columns, 3), not {points.shape}.')
+    height, width = points.shape[:2]
     for name in extra or ():
         if not name or '\0' in name or name in ('x', 'y', 'z'):
             raise MessageError(f'Field {name!r} has no name of its own: give it one beside x, y and z.')
-    values = {name: xyz[..., axis] for axis, name in enumerate('xyz')} | dict(extra or {})
+    values = {name: points[..., axis] for axis, name in enumerate('xyz')}
+    values |= {name: unmasked(each) for name, each in (extra or {}).items()}
     codes = {code: number for number, code in DATATYPES.items()}
     for name, array in values.items():
         if array.shape != (height, width) or array.dtype.str[1:] not in codes:
@@ -328,10 +333,10 @@ def encode_point_cloud(
                 f' {(height, width)} of {", ".join(codes)}.'
             )
     layout = np.dtype([(name, '<' + array.dtype.str[1:]) for name, array in values.items()])
-    points = np.empty((height, width), layout)
+    table = np.empty((height, width), layout)
     for name, array in values.items():
-        points[name] = array
-    return encode_layout(header, points, points.view(np.uint8), is_dense=bool(np.isfinite(xyz).all()))
+        table[name] = array
+    return encode_layout(header, table, table.view(np.uint8), is_dense=bool(np.isfinite(points).all()))
 
 
 def write_float_cloud(

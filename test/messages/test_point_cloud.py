@@ -278,6 +278,25 @@ def test_a_field_of_another_shape_cannot_be_encoded():
         encode_point_cloud(Header(), np.zeros((3, 5, 3)), {'q': np.zeros((2, 2), np.float32)})
 
 
+@pytest.mark.parametrize('kind', [np.float32, np.float64])
+def test_what_is_masked_is_encoded_as_not_measured(kind):
+    xyz = np.ma.masked_array(np.full((3, 5, 3), 7, kind), False)
+    xyz[1, 2, 2] = np.ma.masked
+    counts = np.ma.masked_array(np.ones((3, 5), np.uint8), False)
+    whole = PointCloud.decode(encode_point_cloud(Header(), xyz, {'n': counts}))
+    assert (whole.is_dense, whole.fields[3].datatype) == (False, 2)
+    assert np.argwhere(np.isnan(whole.xyz())).tolist() == [[1, 2, 2]]
+    counts[0, 4] = np.ma.masked
+    again = PointCloud.decode(encode_point_cloud(Header(), xyz, {'n': counts}))
+    assert np.argwhere(np.isnan(again.values('n'))).tolist() == [[0, 4]]
+
+
+@pytest.mark.parametrize('xyz', [np.zeros((3, 5)), np.zeros((3, 5, 2)), np.zeros(3)])
+def test_what_is_no_organized_cloud_cannot_be_encoded(xyz):
+    with pytest.raises(MessageError, match=r'has the shape \(rows, columns, 3\), not'):
+        encode_point_cloud(Header(), xyz)
+
+
 @pytest.mark.parametrize('name', ['', 'a\0b', 'x', 'z'])
 def test_a_field_without_a_name_of_its_own_cannot_be_encoded(name):
     with pytest.raises(MessageError, match='has no name of its own'):
