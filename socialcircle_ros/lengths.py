@@ -48,6 +48,17 @@ def known_unit(text: str | None) -> str | None:
     return None if text is None else _SPELLINGS.get(text.strip().lower())
 
 
+def checked_unit(unit: object) -> str | None:
+    """The unit that a caller gives.
+
+    Raises:
+        SettingError: it is no text of one line, and not None.
+    """
+    if unit is not None and not (isinstance(unit, str) and unit.isprintable()):
+        raise SettingError(f"The unit is {unit!r}; give a text, such as 'um' or 'mm', or None if it is not known.")
+    return unit
+
+
 def unit_name(unit: str) -> str:
     """A unit as a person reads it: µm for um."""
     return 'µm' if known_unit(unit) == 'um' else unit

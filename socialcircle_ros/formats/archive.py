@@ -3,7 +3,7 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,16 +11,19 @@ from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.lengths import metres_per
 
 from .damage import archive_damage_told
-from .surface import MeasuredSurface, PointValues, given_pitch
+from .surface import MeasuredSurface, given_pitch
 
 if TYPE_CHECKING:
-    from socialcircle_ros.cloud import HeightMap
+    from socialcircle_ros.cloud import PitchLike
 
-_RESERVED = ('z', 'dx', 'dy', 'x', 'y', 'unit', 'frames', 'metadata', 'file', 'allow_pickle')  # the last: of NumPy
+    from .fields import PointValues
+
+RESERVED = ('z', 'dx', 'dy', 'x', 'y', 'unit', 'frames', 'metadata', 'file', 'allow_pickle')  # the last: of NumPy
+"""Names that no field of an archive can have."""
 
 
 def write_npz(path: Path, surface: MeasuredSurface) -> None:
-    """Write z, dx, dy, unit and metadata, and each field under its name.
+    """Write z, dx, dy, unit and metadata, and each field under its name, which is none of `RESERVED`.
 
     Raises:
         SettingError: the unit is not known; without a unit, the import would take µm.
@@ -36,15 +39,12 @@ def write_npz(path: Path, surface: MeasuredSurface) -> None:
     if surface.metadata:
         arrays['metadata'] = np.array(json.dumps(dict(surface.metadata), ensure_ascii=True))
     for name, values in surface.fields.items():
-        free = f'{name}_' if name in _RESERVED or not name else name
-        while free in arrays:
-            free += '_'
-        arrays[free] = np.ascontiguousarray(values)
+        arrays[name] = np.ascontiguousarray(values)
     with path.open('wb') as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-def read_npy(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> MeasuredSurface:
+def read_npy(path: Path, pitch: 'PitchLike | None', unit: str | None) -> MeasuredSurface:
     """Read heights (rows, columns), to which the caller adds pitch and unit.
 
     Raises:
@@ -54,6 +54,4 @@ def read_npy(path: Path, pitch: tuple[float, float] | None, unit: str | None) ->
         values = np.load(path, allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.ndim != 2 or not values.size or values.dtype.kind not in 'fiu':
         raise ImportFileError(f'{path} holds no array of numbers in rows and columns.')
-    single = values.dtype.kind == 'f' and values.dtype.itemsize <= 4
-    heights = values.astype(np.float32 if single else np.float64)
-    return MeasuredSurface(cast('HeightMap', heights), given_pitch(path, pitch), unit)
+    return MeasuredSurface(values, given_pitch(path, pitch), unit)

@@ -5,23 +5,24 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from socialcircle_ros.errors import ImportFileError, SocialCircleError
-from socialcircle_ros.lengths import known_unit, metres_per, unit_name
+from socialcircle_ros.errors import CloudError, ImportFileError, SettingError, SocialCircleError
+from socialcircle_ros.lengths import checked_unit, known_unit, metres_per, unit_name
 from socialcircle_ros.storage import check_place, kind_of_target, write_file
 
 from . import archive, esri, lists, points, sdf, tiff, x3p
 from .damage import unreadable
+from .fields import FileFields, fields_for_file
 from .surface import MeasuredSurface, OrganizedCloud, given_pitch, surface_of
 from .table import BASE, Format, format_of, suffixes
 from .text import check_text
 from .vendor import read_vendor_file
 
 if TYPE_CHECKING:
-    from socialcircle_ros.cloud import HeightMap
+    from socialcircle_ros.cloud import Pitch, PitchLike
 
 _CLOUD_WRITERS: dict[str, Callable[[Path, OrganizedCloud], None]] = {
     '.ply': points.write_ply,
@@ -42,7 +43,7 @@ _LISTS = ('.csv', '.xyz', '.txt', '.asc', '.dat')
 
 
 def read_file(
-    path: Path, *, pitch: tuple[float, float] | None = None, unit: str | None = None
+    path: Path, *, pitch: 'PitchLike | None' = None, unit: str | None = None
 ) -> MeasuredSurface | OrganizedCloud:
     """Read a file of a format other than .npz, .ply and .pcd, which `recording.importers` reads.
 
@@ -53,26 +54,30 @@ def read_file(
 
     Raises:
         ImportFileError: the file cannot be used, or its library is not installed; the message says what to do.
+        SettingError: the unit is no text.
     """
+    unit = checked_unit(unit)
     known = format_of(path)
     if known is None or not known.reads:
         raise ImportFileError(
             f'{path} has an unknown file type: give one of {", ".join(suffixes(written=False))}.'
         )
-    pitch = pitch if pitch is None else given_pitch(path, pitch)
+    distances = None if pitch is None else given_pitch(path, pitch)
     try:
         path.open('rb').close()  # a file that is missing or may not be read is told here, not by a library
-        found = _read(path, known, pitch, unit)
+        found = _read(path, known, distances, unit)
     except OSError as error:
         raise unreadable(path, error) from None
+    except (CloudError, SettingError) as error:  # such as a pitch of 0 or a unit with control characters
+        raise ImportFileError(f'{path} cannot be used: {error}') from None
     if unit is not None and found.unit is None:
         found = replace(found, unit=unit)
-    check_given(path, found, pitch, unit)
+    check_given(path, found, distances, unit)
     return found
 
 
 def check_given(
-    path: Path, found: MeasuredSurface | OrganizedCloud, pitch: tuple[float, float] | None, unit: str | None
+    path: Path, found: MeasuredSurface | OrganizedCloud, pitch: 'PitchLike | None', unit: str | None
 ) -> None:
     """See that what the caller says of a file does not contradict the file.
 
@@ -86,9 +91,7 @@ def check_given(
         raise ImportFileError(f'{path} {stated}, not in {unit_name(unit)}: leave the unit out.')
 
 
-def _read(
-    path: Path, known: Format, pitch: tuple[float, float] | None, unit: str | None
-) -> MeasuredSurface | OrganizedCloud:
+def _read(path: Path, known: Format, pitch: 'Pitch | None', unit: str | None) -> MeasuredSurface | OrganizedCloud:
     suffix = path.suffix.lower()
     if suffix == '.x3p':
         return x3p.read_x3p(path)
@@ -128,14 +131,16 @@ def write_surface(path: str | Path, surface: MeasuredSurface, *, overwrite: bool
         One sentence for each thing that the format cannot hold; none if it holds all.
 
     Raises:
+        CloudError: this is no surface, or the data type of its heights does not hold its coordinates.
         SettingError: the format is always in m, and the unit of the surface is not known.
         SocialCircleError: the format is not known, or the file exists already or cannot be written.
     """
     path = Path(path)
     form = _writable(path)
+    if not isinstance(surface, MeasuredSurface):
+        raise CloudError(f'A surface is MeasuredSurface(heights, pitch, unit), not {type(surface).__name__}.')
     if form.any_points:
-        _written(path, overwrite, lambda partial: _CLOUD_WRITERS[path.suffix.lower()](partial, surface.cloud()))
-        return ()
+        return write_cloud_file(path, surface.cloud(), overwrite=overwrite)
     fitted, notes = _fitted(form, path.suffix.lower(), surface)
     _written(path, overwrite, lambda partial: _SURFACE_WRITERS[path.suffix.lower()](partial, fitted))
     return notes
@@ -148,13 +153,18 @@ def write_cloud_file(path: str | Path, cloud: OrganizedCloud, *, overwrite: bool
         One sentence for each thing that the format cannot hold.
 
     Raises:
-        CloudError: the format holds height maps only, and the points are not on a regular grid.
+        CloudError: this is no cloud; or the format holds height maps only, and the points are not on a regular
+            grid.
         SettingError, SocialCircleError: as `write_surface`.
     """
     path = Path(path)
+    if not isinstance(cloud, OrganizedCloud):
+        raise CloudError(f'A cloud for a file is OrganizedCloud(points, unit), not {type(cloud).__name__}.')
     if _writable(path).any_points:
-        _written(path, overwrite, lambda partial: _CLOUD_WRITERS[path.suffix.lower()](partial, cloud))
-        return ()
+        fields = _fields(path.suffix.lower(), cloud)
+        fitted = replace(cloud, fields=fields.by_name)
+        _written(path, overwrite, lambda partial: _CLOUD_WRITERS[path.suffix.lower()](partial, fitted))
+        return fields.notes
     flat = surface_of(cloud)
     return flat.notes + write_surface(path, flat.surface, overwrite=overwrite)
 
@@ -173,7 +183,7 @@ def _fitted(form: Format, suffix: str, surface: MeasuredSurface) -> tuple[Measur
     notes = []
     if form.metres and known_unit(surface.unit) != 'm':
         factor = metres_per(surface.unit)
-        heights = cast('HeightMap', surface.heights.astype(np.float64) * factor)
+        heights = surface.heights.astype(np.float64) * factor
         pitch = (surface.pitch[0] * factor, surface.pitch[1] * factor)
         stated = unit_name(surface.unit or '')
         notes.append(f'{suffix} is always in m: the lengths are converted from {stated}, in float64.')
@@ -183,11 +193,19 @@ def _fitted(form: Format, suffix: str, surface: MeasuredSurface) -> tuple[Measur
             single = surface.heights.astype(np.float32)
         if not np.array_equal(single.astype(surface.heights.dtype), surface.heights, equal_nan=True):
             notes.append(f'{suffix} holds float32: the heights are rounded from {surface.heights.dtype}.')
-        surface = replace(surface, heights=cast('HeightMap', single))
+        surface = replace(surface, heights=single)
     if surface.fields and not form.fields:
         notes.append(f'{suffix} holds heights only: {", ".join(surface.fields)} is left out.')
         surface = replace(surface, fields={})
-    return surface, tuple(notes)
+    fields = _fields(suffix, surface)
+    return replace(surface, fields=fields.by_name), (*notes, *fields.notes)
+
+
+def _fields(suffix: str, surface: MeasuredSurface | OrganizedCloud) -> FileFields:
+    """The fields as the format holds them."""
+    if suffix == '.npz':
+        return fields_for_file(surface.fields, archive.RESERVED, str.isprintable)
+    return fields_for_file(surface.fields, points.RESERVED, points.is_allowed)
 
 
 def _written(path: Path, overwrite: bool, write: Callable[[Path], None]) -> None:

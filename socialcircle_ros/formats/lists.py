@@ -7,7 +7,7 @@ Many programs leave points out that were not measured. Where the grid is certain
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TextIO, cast
+from typing import NamedTuple, TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from socialcircle_ros.errors import ImportFileError
 
 from .surface import SOURCE_FORMAT, OrganizedCloud
 from .text import open_text
-
-if TYPE_CHECKING:
-    from socialcircle_ros.cloud import Cloud
 
 _MOST_HEADER_LINES = 100
 _LARGEST_DEVIATION = 1e-2  # of the pitch, from a regular grid
@@ -106,9 +103,7 @@ def _read_list(path: Path) -> OrganizedCloud | None:
     with np.errstate(over='ignore'):
         single = points.astype(np.float32)
     exact = np.array_equal(single.astype(np.float64), points, equal_nan=True)
-    return OrganizedCloud(
-        cast('Cloud', (single if exact else points).reshape(*shape, 3)), metadata={SOURCE_FORMAT: LIST}
-    )
+    return OrganizedCloud((single if exact else points).reshape(*shape, 3), metadata={SOURCE_FORMAT: LIST})
 
 
 def no_list(path: Path) -> ImportFileError:

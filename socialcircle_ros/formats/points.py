@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds into files that hold every coordinate: PLY, PCD, text with x, y and z; and the text back."""
+"""Clouds into files that hold every coordinate: PLY, PCD, text with x, y and z; and the text back.
+
+The fields that are written have names for which `is_allowed` holds, and types of PointCloud2: see `fields`.
+"""
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +15,16 @@ from numpy.typing import NDArray
 from socialcircle_ros.errors import ImportFileError
 
 from .matrix import check_labels
-from .surface import MATRIX, SOURCE_FORMAT, MeasuredSurface, OrganizedCloud, PointValues, given_pitch
+from .surface import MATRIX, SOURCE_FORMAT, MeasuredSurface, OrganizedCloud, given_pitch
 from .text import BYTE_ORDER_MARK, open_text
 
 if TYPE_CHECKING:
-    from socialcircle_ros.cloud import Cloud
+    from socialcircle_ros.cloud import PitchLike
+
+    from .fields import PointValues
+
+RESERVED = ('x', 'y', 'z')
+"""Names that no field of these files can have."""
 
 _PLY_TYPES = {
     'i1': 'char', 'u1': 'uchar', 'i2': 'short', 'u2': 'ushort', 'i4': 'int', 'u4': 'uint', 'f4': 'float',
@@ -25,6 +33,11 @@ _PLY_TYPES = {
 _SEPARATORS = {'.csv': ',', '.xyz': ' '}
 _SIGNATURE = '# socialcircle cloud'
 _LONGEST_HEADER = 1 << 16  # bytes
+
+
+def is_allowed(sign: str) -> bool:
+    """Whether a name of a field may have a character: PLY is ASCII, and spaces end a name in PCD and in text."""
+    return sign.isalnum() and sign.isascii()
 
 
 def write_ply(path: Path, cloud: OrganizedCloud) -> None:
@@ -99,7 +112,8 @@ def read_text(path: Path) -> OrganizedCloud:
         names = line.strip().split(separator)
         try:
             kinds = comments['types'].split()
-            if not all(names) or len(set(names)) < len(names):
+            unknown = any(np.dtype(kind).kind not in 'biuf' for kind in kinds)
+            if unknown or not all(names) or len(set(names)) < len(names):
                 raise ValueError(names)  # noqa: TRY301 - reported below, as every other fault of the header
             layout = np.dtype([(name, f'<{kind}') for name, kind in zip(names, kinds, strict=True)])
             shape = int(comments['rows']), int(comments['columns'])
@@ -111,7 +125,7 @@ def read_text(path: Path) -> OrganizedCloud:
                 ' with # to import it as text of another program.'
             ) from None
     fields = {name: np.ascontiguousarray(table[name]) for name in names if name not in ('x', 'y', 'z')}
-    return OrganizedCloud(cast('Cloud', points), comments.get('unit'), fields, _metadata(comments))
+    return OrganizedCloud(points, comments.get('unit'), fields, _metadata(comments))
 
 
 def is_matrix(path: Path, *, least: int = 4) -> bool:
@@ -121,7 +135,7 @@ def is_matrix(path: Path, *, least: int = 4) -> bool:
     return ';' not in first and first.count(',') >= least - 1
 
 
-def read_matrix(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> MeasuredSurface:
+def read_matrix(path: Path, pitch: 'PitchLike | None', unit: str | None) -> MeasuredSurface:
     """Read heights, one row per line, with commas between them; an empty place is not measured.
 
     Raises:
@@ -151,7 +165,7 @@ def comments_of(path: Path) -> dict[str, str]:
     for line in head.split(b'\n'):
         words = line.decode('utf-8', errors='replace').split(' ', 2)
         if len(words) == 3 and words[0] in ('#', 'comment'):
-            found.setdefault(words[1], words[2].strip())
+            found.setdefault(words[1], ''.join(filter(str.isprintable, words[2])).strip())
         elif line.startswith(b'DATA '):
             break
     return found
@@ -176,11 +190,7 @@ def _metadata(comments: Mapping[str, str]) -> dict[str, str]:
 def _table(cloud: OrganizedCloud) -> NDArray[np.void]:
     """The cloud as records, (rows, columns), little-endian, x, y and z first."""
     columns: dict[str, PointValues] = {axis: cloud.points[..., place] for place, axis in enumerate('xyz')}
-    for name, values in cloud.fields.items():
-        plain = ''.join(sign if sign.isalnum() and sign.isascii() else '_' for sign in name) or 'field'
-        while plain in columns:
-            plain += '_'
-        columns[plain] = values
+    columns |= cloud.fields
     layout = np.dtype([(name, f'<{values.dtype.str[1:]}') for name, values in columns.items()])
     table = np.empty(cloud.points.shape[:2], layout)
     for name, values in columns.items():

@@ -18,7 +18,7 @@ from .text import BYTE_ORDER_MARK
 from .times import date_of_sdf
 
 if TYPE_CHECKING:
-    from socialcircle_ros.cloud import HeightMap
+    from socialcircle_ros.cloud import HeightMap, Pitch
 
 _TYPES = {0: '<u1', 1: '<u2', 2: '<u4', 3: '<f4', 4: '<i1', 5: '<i2', 6: '<i4', 7: '<f8'}
 # What marks a point that was not measured: in ISO 25178-71 the smallest value of the type. It has no types
@@ -123,7 +123,7 @@ def _surface(
     path: Path,
     raw: NDArray[np.generic],
     kind: int,
-    pitch: tuple[float, float],
+    pitch: 'Pitch',
     scale: float,
     packed: int,
     metadata: dict[str, str],

@@ -4,17 +4,28 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from socialcircle_ros.cloud import Cloud, HeightMap, checked_pitch, grid_coordinates, measured_points
+from socialcircle_ros.cloud import (
+    Cloud,
+    Floats,
+    HeightMap,
+    Pitch,
+    PitchLike,
+    as_floats,
+    checked_pitch,
+    grid_coordinates,
+    measured_points,
+    unmasked,
+)
 from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, ImportFileError
+from socialcircle_ros.lengths import checked_unit
 
-PointValues = NDArray[np.generic]
-"""One value for each point, (rows, columns), of any type."""
+from .fields import PointValues, checked_fields
 
 _LARGEST_DEVIATION = 1e-3  # of the pitch, from a regular grid
 _ROUNDING = 8  # units in the last place, by which products that were rounded twice may differ
@@ -26,7 +37,7 @@ MATRIX = 'text file with a matrix of heights'
 """What a matrix of heights is, as `SOURCE_FORMAT`."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class OrganizedCloud:
     """An organized cloud from a file, or for one.
 
@@ -42,8 +53,32 @@ class OrganizedCloud:
     fields: Mapping[str, PointValues] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
 
+    def __init__(
+        self,
+        points: ArrayLike,
+        unit: str | None = None,
+        fields: Mapping[str, ArrayLike] | None = None,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
+        """Check the values, and convert them as `MeasuredSurface` does.
 
-@dataclass(frozen=True, eq=False)
+        Raises:
+            CloudError: the points or a field have another shape or are no numbers.
+            SettingError: the unit is no text.
+        """
+        values = _real('An organized cloud', '(rows, columns, 3)', points)
+        if values.ndim != 3 or values.shape[2] != 3:
+            raise CloudError(f'An organized cloud has the shape (rows, columns, 3), not {values.shape}.')
+        _set(
+            self,
+            points=values,
+            unit=checked_unit(unit),
+            fields=checked_fields(fields or {}, values.shape[:2]),
+            metadata=_texts(metadata or {}),
+        )
+
+
+@dataclass(frozen=True, eq=False, init=False)
 class MeasuredSurface:
     """Heights on a regular grid: x is column · dx, y is row · dy.
 
@@ -56,10 +91,44 @@ class MeasuredSurface:
     """
 
     heights: HeightMap
-    pitch: tuple[float, float]
+    pitch: Pitch
     unit: str | None = None
     fields: Mapping[str, PointValues] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
+
+    def __init__(
+        self,
+        heights: ArrayLike,
+        pitch: PitchLike,
+        unit: str | None = None,
+        fields: Mapping[str, ArrayLike] | None = None,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
+        """Check the values.
+
+        Args:
+            heights: (rows, columns) numbers. What a masked array masks becomes NaN, half floats become float32,
+                and whole numbers float64.
+            pitch: dx and dy, two numbers above 0.
+            unit: of the heights and the pitch; None if it is not known.
+            fields: numbers or bool by name, (rows, columns) each. What is masked becomes NaN.
+            metadata: texts by name.
+
+        Raises:
+            CloudError: the heights or a field have another shape or are no numbers, or the pitch is none.
+            SettingError: the unit is no text.
+        """
+        values = _real('A height map', '(rows, columns)', heights)
+        if values.ndim != 2:
+            raise CloudError(f'A height map has the shape (rows, columns), not {values.shape}.')
+        _set(
+            self,
+            heights=values,
+            pitch=checked_pitch(pitch),
+            unit=checked_unit(unit),
+            fields=checked_fields(fields or {}, values.shape),
+            metadata=_texts(metadata or {}),
+        )
 
     def __repr__(self) -> str:
         rows, columns = self.heights.shape
@@ -79,10 +148,49 @@ class MeasuredSurface:
         points = np.empty((*self.heights.shape, 3), self.heights.dtype)
         points[..., 0], points[..., 1] = grid_coordinates(self.heights.shape, self.pitch, points.dtype)
         points[..., 2] = self.heights
-        return OrganizedCloud(cast('Cloud', points), self.unit, self.fields, self.metadata)
+        return OrganizedCloud(points, self.unit, self.fields, self.metadata)
 
 
-def given_pitch(path: Path, pitch: tuple[float, float] | None) -> tuple[float, float]:
+def _set(checked: OrganizedCloud | MeasuredSurface, **values: object) -> None:
+    """Set the attributes of a frozen object that is made."""
+    for name, value in values.items():
+        object.__setattr__(checked, name, value)
+
+
+def _texts(metadata: Mapping[str, str]) -> dict[str, str]:
+    """The metadata as text by name, which is all that files hold.
+
+    Raises:
+        CloudError: they have no names.
+    """
+    if not isinstance(metadata, Mapping):
+        raise CloudError(f'The metadata are texts by name, as a dict, not {type(metadata).__name__}.')
+    return {str(name): str(text) for name, text in metadata.items()}
+
+
+def _real(what: str, shape: str, values: ArrayLike) -> Floats:
+    """The values as float32 or float64, with NaN for what is masked.
+
+    Raises:
+        CloudError: they are no numbers, there are none, or float64 does not hold them.
+    """
+    try:
+        array = unmasked(values)
+    except CloudError:
+        raise
+    except ValueError:
+        raise CloudError(f'{what} is an array {shape} of numbers; these rows differ in their lengths.') from None
+    floats = as_floats(array)
+    if floats is None:
+        whole = array.dtype.kind in 'iu'
+        advice = 'of more digits than float64 has: subtract an offset' if whole else f'not {array.dtype}'
+        raise CloudError(f'{what} holds numbers, {advice}.')
+    if not floats.size:
+        raise CloudError(f'{what} needs a point; this one has the shape {floats.shape}.')
+    return floats
+
+
+def given_pitch(path: Path, pitch: PitchLike | None) -> Pitch:
     """The pitch that the caller gives for a file that does not state it, as two numbers.
 
     Raises:
@@ -96,7 +204,8 @@ def given_pitch(path: Path, pitch: tuple[float, float] | None) -> tuple[float, f
     try:
         return checked_pitch(pitch)
     except CloudError:
-        raise ImportFileError(f'The pitch of {path} must be two numbers above 0, not {pitch}.') from None
+        given = ' '.join(repr(pitch).split())  # an array has several lines
+        raise ImportFileError(f'The pitch of {path} must be two numbers above 0, not {given}.') from None
 
 
 class Flattened(NamedTuple):
@@ -128,7 +237,7 @@ def surface_of(cloud: OrganizedCloud) -> Flattened:
         _axis_pitch(points[..., 1].T, measured.T, 'y', notes),
     )
     heights = np.where(measured, points[..., 2], points.dtype.type(np.nan))
-    surface = MeasuredSurface(cast('HeightMap', heights), pitch, cloud.unit, cloud.fields, cloud.metadata)
+    surface = MeasuredSurface(heights, pitch, cloud.unit, cloud.fields, cloud.metadata)
     return Flattened(surface, tuple(notes))
 
 

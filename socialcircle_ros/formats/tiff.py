@@ -4,7 +4,7 @@
 import json
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from .damage import picture_damage_told
 from .surface import MeasuredSurface, given_pitch
 
 if TYPE_CHECKING:
-    from socialcircle_ros.cloud import HeightMap
+    from socialcircle_ros.cloud import Pitch
 
 _BITS, _DESCRIPTION, _SAMPLE_FORMAT, _PIXEL_SCALE, _NO_DATA = 258, 270, 339, 33550, 42113
 _UNSIGNED = 1  # a sample format, and what a file without that tag has
@@ -47,7 +47,7 @@ def write_tiff(path: Path, surface: MeasuredSurface) -> None:
     Image.fromarray(heights).save(path, format='TIFF', tiffinfo=tags)
 
 
-def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -> MeasuredSurface:
+def read_tiff(path: Path, pitch: 'Pitch | None', unit: str | None) -> MeasuredSurface:
     """Read heights, and their pitch where the file has it.
 
     Args:
@@ -92,7 +92,7 @@ def read_tiff(path: Path, pitch: tuple[float, float] | None, unit: str | None) -
         heights[heights == float(no_data)] = np.nan
     named, metadata = described.get('unit'), described.get('metadata')
     return MeasuredSurface(
-        cast('HeightMap', heights),
+        heights,
         known,
         named if isinstance(named, str) else unit,
         {},

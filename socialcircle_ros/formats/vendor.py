@@ -7,12 +7,11 @@ from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.cloud import HeightMap
+from socialcircle_ros.cloud import HeightMap, Pitch
 from socialcircle_ros.errors import ImportFileError, install_command
 from socialcircle_ros.lengths import known_unit
 
@@ -22,7 +21,7 @@ from .text import without_mark
 
 
 def read_vendor_file(
-    path: Path, readers: tuple[str, ...], pitch: tuple[float, float] | None, unit: str | None
+    path: Path, readers: tuple[str, ...], pitch: Pitch | None, unit: str | None
 ) -> MeasuredSurface:
     """Read the first height map of a file.
 
@@ -59,7 +58,7 @@ def read_vendor_file(
 def _attempt(
     path: Path,
     opened: Callable[[], AbstractContextManager[object]],
-    pitch: tuple[float, float] | None,
+    pitch: Pitch | None,
     unit: str | None,
 ) -> MeasuredSurface | str:
     """The first height map, or why the library cannot read the file.
@@ -76,9 +75,7 @@ def _attempt(
         return (str(error).strip() or type(error).__name__).splitlines()[0].rstrip('.')
 
 
-def _first_surface(
-    path: Path, channels: list[object], pitch: tuple[float, float] | None, unit: str | None
-) -> MeasuredSurface:
+def _first_surface(path: Path, channels: list[object], pitch: Pitch | None, unit: str | None) -> MeasuredSurface:
     heights = [each for each in channels if getattr(each, 'dim', None) == 2 and _is_height(each)]
     if not heights:
         raise ImportFileError(f'{path} has no height map among its {len(channels)} channels.')
@@ -103,7 +100,7 @@ def _first_surface(
         metadata['date'] = measured.isoformat(timespec='seconds')
     if isinstance(instrument, dict):
         metadata |= {f'instrument {key}': str(value) for key, value in instrument.items()}
-    return MeasuredSurface(values, cast('tuple[float, float]', found), found_unit, {}, metadata)
+    return MeasuredSurface(values, found, found_unit, {}, metadata)
 
 
 def _stated_top(info: Mapping[str, object]) -> float:

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -21,7 +21,6 @@ from .surface import MeasuredSurface
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from socialcircle_ros.cloud import HeightMap
 
 _NAMESPACE = 'http://www.opengps.eu/2008/ISO5436_2'
 _TYPES = {'I': '<i2', 'L': '<i4', 'F': '<f4', 'D': '<f8'}
@@ -76,7 +75,7 @@ def write_x3p(path: Path, surface: MeasuredSurface) -> None:
         'main.xml': header,
         _POINTS: data,
         _CHECKSUMS: f'{_md5(header)} *main.xml\n'.encode(),
-        _METADATA: json.dumps(dict(surface.metadata), ensure_ascii=False, indent=1).encode(),
+        _METADATA: json.dumps(dict(surface.metadata), ensure_ascii=True, indent=1).encode(),
     }
     with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
@@ -134,7 +133,7 @@ def _read(path: Path, archive: zipfile.ZipFile) -> MeasuredSurface:
         valid = np.unpackbits(bits, count=raw.size, bitorder='little').astype(np.bool_).reshape(rows, columns)
         heights[~valid] = np.nan
     metadata = _metadata(archive, root)
-    return MeasuredSurface(cast('HeightMap', heights), cast('tuple[float, float]', pitch), 'm', {}, metadata)
+    return MeasuredSurface(heights, pitch, 'm', {}, metadata)
 
 
 def _member(path: Path, archive: zipfile.ZipFile, root: ET.Element, link: str, checksum: str) -> bytes:

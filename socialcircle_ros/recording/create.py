@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from socialcircle_ros.cloud import PitchLike
 from socialcircle_ros.errors import ImportFileError, SettingError
 from socialcircle_ros.lengths import known_unit, unit_name
 from socialcircle_ros.messages import point_cloud
@@ -74,7 +75,7 @@ def record_clouds(
     frame_id: str = 'microscope',
     period_s: float = 1.0,
     shape: tuple[int, int] | None = None,
-    pitch: tuple[float, float] | None = None,
+    pitch: PitchLike | None = None,
     unit: str | None = None,
     keep_unit: bool = False,
     keep_changed: bool = True,

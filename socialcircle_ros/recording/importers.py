@@ -10,14 +10,16 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.cloud import Cloud, Floats, grid_coordinates
+from socialcircle_ros.cloud import Cloud, Floats, PitchLike, as_floats, grid_coordinates
 from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, stated_time
 from socialcircle_ros.formats.damage import unreadable
+from socialcircle_ros.formats.fields import free_name, held_values
 from socialcircle_ros.formats.lists import LIST
 from socialcircle_ros.formats.points import comments_of
 from socialcircle_ros.formats.surface import SOURCE_FORMAT
+from socialcircle_ros.lengths import checked_unit
 from socialcircle_ros.messages.header import FIRST_DATE
 
 from .npz import Npz, open_npz
@@ -62,7 +64,7 @@ def import_cloud(
     path: str | Path,
     *,
     shape: tuple[int, int] | None = None,
-    pitch: tuple[float, float] | None = None,
+    pitch: PitchLike | None = None,
     unit: str | None = None,
 ) -> ImportedCloud:
     """Read an organized cloud from a file.
@@ -80,8 +82,9 @@ def import_cloud(
 
     Raises:
         ImportFileError: the file cannot be used; the message says why and what to do.
+        SettingError: the unit is no text.
     """
-    path = Path(path)
+    path, unit = Path(path), checked_unit(unit)
     readers = {'.npz': _read_height_map, '.ply': _read_points, '.pcd': _read_points}
     if not path.suffix and not path.exists():
         raise ImportFileError(f'{path} does not exist: check the name of the file or folder.')
@@ -156,7 +159,7 @@ def _text_of(archive: Npz, name: str) -> str | None:
     if name not in archive.headers or archive.headers[name].dtype.kind not in 'US':
         return None
     values = archive.load(name).astype(np.str_).ravel()
-    return (str(values[0]).strip() or None) if values.size == 1 else None
+    return (''.join(filter(str.isprintable, str(values[0]))).strip() or None) if values.size == 1 else None
 
 
 def _lateral(
@@ -216,7 +219,7 @@ def _pitch(path: Path, key: str, value: FieldValues) -> float:
 
 
 def _read_other(
-    path: Path, shape: tuple[int, int] | None, pitch: tuple[float, float] | None, unit: str | None
+    path: Path, shape: tuple[int, int] | None, pitch: PitchLike | None, unit: str | None
 ) -> ImportedCloud:
     """Read a file of another format, such as that of an instrument."""
     found = read_file(path, pitch=pitch, unit=unit)
@@ -230,7 +233,11 @@ def _read_other(
     taken = cloud.metadata.get(SOURCE_FORMAT, '')
     # Three numbers in a line may be a point or three heights, so that it is said which they are.
     notes = (f'it is taken as a {taken}',) if taken == LIST or (taken and columns == _OF_A_POINT) else ()
-    imported = ImportedCloud(path.stem, cloud.points, dict(cloud.fields), cloud.unit, notes, kind=taken)
+    fields = _Fields((rows, columns))
+    for name, values in cloud.fields.items():
+        fields.add(name, values)
+    all_notes = (*notes, *fields.notes)
+    imported = ImportedCloud(path.stem, cloud.points, fields.by_name, cloud.unit, all_notes, kind=taken)
     return _checked(path, replace(imported, measured_ns=_date(cloud.metadata)))
 
 
@@ -308,31 +315,15 @@ class _Fields:
 
     def add(self, name: str, values: FieldValues) -> None:
         """Add values (rows, columns)."""
-        kind, size = values.dtype.kind, values.dtype.itemsize
-        if kind == 'b':
-            self._add(name, values.astype(np.uint8))
-        elif kind in 'iu' and size <= 4:
-            self._add(name, values.astype(f'{kind}{size}'))
-        elif kind == 'f' and size <= 4:
-            self._add(name, values.astype(np.float32))
-        elif _is_exact(real := values.astype(np.float64), values):
-            self._add(name, real)
-        elif kind == 'f':
-            self._add(name, real)
-            self.notes.append(f'{name} has {8 * size} bits, of which 64 are kept')
-        else:
-            self._add(f'{name}_high', (values >> np.asarray(32, values.dtype)).astype(f'{kind}4'))
-            self._add(f'{name}_low', (values & np.asarray(0xFFFFFFFF, values.dtype)).astype(np.uint32))
-            self.notes.append(
-                f'{name} has 64-bit whole numbers, which no field holds: it becomes {name}_high · 2³² + {name}_low'
-            )
+        held = held_values(name, values)
+        for part, numbers in held.by_name.items():
+            self._add(part, numbers)
+        if held.note:
+            self.notes.append(held.note)
 
     def _add(self, name: str, values: FieldValues) -> None:
         plain = ''.join(filter(str.isprintable, name)) or 'field'
-        free, number = plain, 1
-        while free in self.by_name or free in ('x', 'y', 'z'):
-            number += 1
-            free = f'{plain}_{number}'
+        free = free_name(plain, {*self.by_name, 'x', 'y', 'z'})
         if plain != name:
             self.notes.append(f'the field {name!r} becomes {free}, because its name cannot be printed')
         elif free != name:
@@ -348,26 +339,12 @@ def _as_coordinates(path: Path, name: str, values: FieldValues) -> Floats:
     """
     if values.dtype.kind not in 'fiu':
         raise ImportFileError(f'{path} has {values.dtype} in {name!r}: it must hold numbers.')
-    if values.dtype.kind == 'f' and values.dtype.itemsize <= 4:
-        return values.astype(np.float32)
-    real = values.astype(np.float64)
-    if values.dtype.kind in 'iu' and not _is_exact(real, values):
+    floats = as_floats(values)
+    if floats is None:
         raise ImportFileError(
             f'{path} has 64-bit whole numbers in {name!r} that lose digits as coordinates: subtract an offset.'
         )
-    return real
-
-
-def _is_exact(real: NDArray[np.float64], values: FieldValues) -> bool:
-    """Whether float64 holds all values."""
-    if values.dtype.kind == 'f':
-        return bool(np.array_equal(real.astype(values.dtype), values, equal_nan=True))
-    if values.dtype.itemsize <= 4:
-        return True
-    # 2⁶³ and 2⁶⁴ are floats, but not whole numbers of 64 bits, and must not be converted back.
-    limits = np.iinfo(np.int64 if values.dtype.kind == 'i' else np.uint64)
-    inside = (real >= float(limits.min)) & (real < float(limits.max))
-    return bool(inside.all()) and bool(np.array_equal(real.astype(values.dtype), values))
+    return floats
 
 
 def _checked(path: Path, cloud: ImportedCloud) -> ImportedCloud:

@@ -4,6 +4,7 @@
 import warnings
 from pathlib import Path
 
+from socialcircle_ros.cloud import PitchLike
 from socialcircle_ros.errors import UnitWarning
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, read_file, surface_of
 
@@ -12,9 +13,7 @@ from .importers import import_cloud
 _OF_IMPORTERS = ('.npz', '.ply', '.pcd')
 
 
-def read_surface(
-    path: str | Path, *, pitch: tuple[float, float] | None = None, unit: str | None = None
-) -> MeasuredSurface:
+def read_surface(path: str | Path, *, pitch: PitchLike | None = None, unit: str | None = None) -> MeasuredSurface:
     """Read heights on a regular grid from a measurement file of any format in `docs/formats.md`.
 
     Args:
@@ -29,6 +28,7 @@ def read_surface(
     Raises:
         ImportFileError: the file cannot be used; the message says why and what to do.
         CloudError: the file holds a cloud that is not on a regular grid.
+        SettingError: the unit is no text.
     """
     path = Path(path)
     if path.suffix.lower() in _OF_IMPORTERS:

@@ -3,14 +3,17 @@
 
 import builtins
 import codecs
+import os
 import struct
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from surfaces import same_bits, surfaces
 
 from socialcircle_ros.errors import CloudError, ImportFileError, SettingError, SocialCircleError
@@ -24,7 +27,8 @@ from socialcircle_ros.formats import (
     write_cloud_file,
     write_surface,
 )
-from socialcircle_ros.recording import import_cloud
+from socialcircle_ros.recording import import_cloud, read_surface
+from socialcircle_ros.recording.create import record_clouds
 
 WRITTEN = suffixes(written=True)
 PLANE = MeasuredSurface(np.zeros((3, 4), np.float32), (1.0, 2.0), 'm')
@@ -62,6 +66,124 @@ def test_import_export_import_is_exact(suffix, data):
     assert all(same_bits(again.fields[name], expected[name]) for name in expected)
 
 
+KINDS = ('?', 'i1', 'u1', '>i2', 'u2', 'i4', '>u4', 'i8', 'u8', 'f2', 'f4', '>f8')
+NAMES = st.text(max_size=4) | st.sampled_from(('%', 'µ', '#', '_', '__', 'Höhe', 'x', 'z', 'dx', 'unit', 'a_high'))
+
+
+@st.composite
+def any_fields(draw, shape):
+    """Fields of any type of number with any names, some masked."""
+    fields = {}
+    for name, kind in draw(st.dictionaries(NAMES, st.sampled_from(KINDS), max_size=4)).items():
+        values = draw(hnp.arrays(kind, shape))
+        masked = kind not in ('i8', 'u8') and draw(st.booleans())
+        fields[name] = np.ma.masked_array(values, draw(hnp.arrays(bool, shape))) if masked else values
+    return fields
+
+
+def numbers(values):
+    """The numbers of a field as Python has them, with None for NaN and what is masked."""
+    mask = np.ma.getmaskarray(values) | np.isnan(np.ma.getdata(values))
+    return np.where(mask, None, np.ma.getdata(values).astype(object)).tolist()
+
+
+@pytest.mark.parametrize('suffix', WRITTEN)
+@settings(max_examples=60)
+@given(data=st.data())
+def test_any_heights_and_fields_come_back_or_what_changes_is_told(suffix, data):
+    form = format_of(Path(f'a{suffix}'))
+    shape = data.draw(st.tuples(st.integers(2, 4), st.integers(2, 4)))
+    kind = data.draw(st.sampled_from(('i1', '>u2', 'f2', 'f4', '>f4', *(('i4', 'f8') if form.double else ()))))
+    # The largest numbers of float32 mean "not measured" in SDF.
+    elements = hnp.from_dtype(np.dtype(kind)).filter(lambda each: abs(float(each)) < 1e30)
+    mask = data.draw(hnp.arrays(bool, shape))
+    mask[[0, -1], [0, -1]] = False
+    heights = np.ma.masked_array(data.draw(hnp.arrays(kind, shape, elements=elements)), mask)
+    fields = data.draw(any_fields(shape))
+    surface = MeasuredSurface(heights, [0.5, 2], 'm', fields)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f'a{suffix}'
+        notes = write_surface(path, surface)
+        found = read_surface(path)
+    np.testing.assert_array_equal(found.heights, heights.astype(float).filled(np.nan))
+    assert (found.pitch, found.unit) == (surface.pitch, 'm')
+    if not form.fields:
+        assert any('holds heights only' in note for note in notes) == bool(fields)
+        return
+    split = {name for name in fields if any(f'The field {name} has 64-bit' in note for note in notes)}
+    told = split | {name for name in fields if any(repr(name) in note for note in notes)}
+    for name in fields.keys() - told:
+        assert numbers(found.fields[name]) == numbers(fields[name])
+    assert len(found.fields) == len(fields) + len(split)
+    assert '_' not in found.fields
+
+
+@pytest.mark.parametrize('suffix', ['.npz', '.ply', '.pcd', '.csv', '.xyz'])
+def test_names_that_a_format_does_not_hold_are_told_and_their_fields_stay(tmp_path, suffix):
+    names = ['Höhe', 'H_he', '%', '_', 'x', 'a b']
+    fields = {name: np.full((3, 4), place) for place, name in enumerate(names)}
+    notes = write_surface(tmp_path / f'a{suffix}', replace(PLANE, fields=fields))
+    found = read_surface(tmp_path / f'a{suffix}').fields
+    assert [int(values[0, 0]) for values in found.values()] == list(range(6))
+    if suffix == '.npz':
+        assert list(found) == ['Höhe', 'H_he', '%', 'field', 'x_2', 'a b']
+        assert notes == ("The field '_' is named field in the file.", "The field 'x' is named x_2 in the file.")
+    else:
+        assert list(found) == ['H_he_2', 'H_he', 'field', 'field_2', 'x_2', 'a_b']
+        assert "The field 'Höhe' is named H_he_2 in the file." in notes
+        assert len(notes) == 5
+
+
+def test_labels_stay_whole_numbers_and_those_of_64_bits_are_split(tmp_path):
+    fields = {'label': np.arange(12).reshape(3, 4), 'id': np.full((3, 4), 2**60 + 1), 'id_low': PLANE.heights}
+    notes = write_surface(tmp_path / 'a.ply', replace(PLANE, fields=fields))
+    found = read_surface(tmp_path / 'a.ply').fields
+    assert found['label'].dtype == np.int32
+    assert int(found['id_high'][0, 0]) * 2**32 + int(found['id_low_2'][0, 0]) == 2**60 + 1
+    assert notes == (
+        'The field id has 64-bit whole numbers, which no field holds: it becomes id_high · 2³² + id_low.',
+        'The field id_low becomes id_low_2, because there is one with its name.',
+    )
+
+
+def test_what_is_no_surface_or_cloud_is_not_written(tmp_path):
+    with pytest.raises(CloudError, match=r'A surface is MeasuredSurface\(heights, pitch, unit\), not ndarray'):
+        write_surface(tmp_path / 'a.csv', PLANE.heights)
+    with pytest.raises(CloudError, match=r'is OrganizedCloud\(points, unit\), not MeasuredSurface'):
+        write_cloud_file(tmp_path / 'a.csv', PLANE)
+
+
+@pytest.mark.parametrize('suffix', ['.x3p', '.sdf', '.tiff', '.csv'])
+def test_metadata_with_the_name_of_a_file_that_is_no_utf_8_come_back(tmp_path, suffix):
+    metadata = {'source': os.fsdecode(b'part\xff.x3p')}
+    write_surface(tmp_path / f'a{suffix}', replace(PLANE, metadata=metadata))
+    assert read_surface(tmp_path / f'a{suffix}').metadata == metadata
+
+
+@pytest.mark.parametrize('kind', ['U4', 'M8', 'what'])
+def test_an_own_text_with_other_types_than_numbers_is_refused(tmp_path, kind):
+    path = tmp_path / 'a.csv'
+    write_surface(path, PLANE)
+    path.write_text(path.read_text().replace('# types f4', f'# types {kind}'))
+    with pytest.raises(ImportFileError, match='does not match its header'):
+        import_cloud(path)
+
+
+def test_an_own_text_with_a_type_that_a_message_does_not_hold_is_imported(tmp_path):
+    path = tmp_path / 'a.csv'
+    write_surface(path, replace(PLANE, fields={'n': np.ones((3, 4), np.int32)}))
+    path.write_text(path.read_text().replace('f4 i4', 'f4 i8'))
+    record_clouds([path], tmp_path / 'a.mcap')
+    assert import_cloud(path).fields['n'].dtype == np.float64
+
+
+def test_a_unit_with_control_characters_does_not_make_a_file_unreadable(tmp_path):
+    path = tmp_path / 'a.ply'
+    write_surface(path, PLANE)
+    path.write_bytes(path.read_bytes().replace(b'unit m', b'unit \x07m'))
+    assert read_surface(path).unit == 'm'
+
+
 @pytest.mark.parametrize('suffix', ['.x3p', '.sdf', '.tiff', '.csv'])
 @settings(max_examples=25)
 @given(data=st.data())
@@ -70,7 +192,7 @@ def test_the_metadata_come_back(suffix, data):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f'a{suffix}'
         write_surface(path, surface)
-        assert read_file(path).metadata == surface.metadata
+        assert read_surface(path).metadata == surface.metadata
 
 
 @pytest.mark.parametrize('suffix', ['.csv', '.xyz', '.sdf', '.ply', '.pcd'])

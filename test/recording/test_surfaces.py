@@ -6,7 +6,7 @@ import pytest
 from surfaces import same_bits
 
 import socialcircle_ros
-from socialcircle_ros.errors import CloudError, ImportFileError
+from socialcircle_ros.errors import CloudError, ImportFileError, SettingError
 from socialcircle_ros.formats import MeasuredSurface, suffixes, write_cloud_file
 from socialcircle_ros.panel.recorded import RecordedClouds
 from socialcircle_ros.recording import import_cloud
@@ -34,6 +34,21 @@ def test_a_pitch_or_unit_that_contradicts_the_file_is_refused(tmp_path, suffix):
         with pytest.raises(ImportFileError, match='is in m, not in µm'):
             read(tmp_path / f'a{suffix}', unit='um')
         read(tmp_path / f'a{suffix}', unit='m')
+
+
+@pytest.mark.parametrize('suffix', ['.npz', '.csv', '.x3p'])
+def test_a_unit_that_is_no_text_is_refused(tmp_path, suffix):
+    socialcircle_ros.write_surface(tmp_path / f'a{suffix}', SURFACE)
+    for read in (socialcircle_ros.read_surface, import_cloud):
+        with pytest.raises(SettingError, match='The unit is 3; give a text'):
+            read(tmp_path / f'a{suffix}', unit=3)
+
+
+@pytest.mark.parametrize('pitch', ['23', {2.0, 3.0}, (np.timedelta64(1), 1), np.eye(2)])
+def test_what_is_no_pitch_is_refused_in_one_sentence(tmp_path, pitch):
+    np.save(tmp_path / 'a.npy', SURFACE.heights)
+    with pytest.raises(ImportFileError, match=r'must be two numbers above 0, not [^\n]*\.$'):
+        socialcircle_ros.read_surface(tmp_path / 'a.npy', pitch=pitch)
 
 
 @pytest.mark.parametrize('pitch', [(0.0, 1.0), (1.0, -1.0), (np.nan, 1.0)])
