@@ -9,13 +9,13 @@ from socialcircle_ros.formats import MeasuredSurface
 
 
 @st.composite
-def surfaces(draw, dtypes=('f4', 'f8'), unit='m', *, marks=True):
-    """Surfaces of a few points with any finite heights and holes, and at least two measured rows and columns.
+def surfaces(draw, dtypes=('f4', 'f8'), unit='m', *, marks=True, least=2):
+    """Surfaces of a few points with any finite heights and holes, and at least `least` measured rows and columns.
 
     Without `marks`, no height is among the largest numbers of its type, some of which mean "not measured" in SDF.
     """
     dtype = np.dtype(draw(st.sampled_from(dtypes)))
-    shape = draw(st.tuples(st.integers(2, 7), st.integers(2, 7)))
+    shape = draw(st.tuples(st.integers(least, 7), st.integers(least, 7)))
     largest = float(np.finfo(dtype).max) / (1 if marks else 2)
     finite = st.floats(-largest, largest, width=dtype.itemsize * 8)
     heights = draw(hnp.arrays(dtype, shape, elements=finite | st.just(float('nan'))))

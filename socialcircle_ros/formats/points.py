@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.cloud import checked_pitch
 from socialcircle_ros.errors import ImportFileError
 
 from .matrix import check_labels
@@ -19,7 +20,7 @@ from .surface import MATRIX, SOURCE_FORMAT, MeasuredSurface, OrganizedCloud, giv
 from .text import BYTE_ORDER_MARK, open_text
 
 if TYPE_CHECKING:
-    from socialcircle_ros.cloud import PitchLike
+    from socialcircle_ros.cloud import Pitch, PitchLike
 
     from .fields import PointValues
 
@@ -32,7 +33,7 @@ _PLY_TYPES = {
 }  # fmt: skip
 _SEPARATORS = {'.csv': ',', '.xyz': ' '}
 _SIGNATURE = '# socialcircle cloud'
-_LONGEST_HEADER = 1 << 16  # bytes
+_LONGEST_LINE, _LONGEST_HEADER = 8 << 20, 16 << 20  # bytes
 
 
 def is_allowed(sign: str) -> bool:
@@ -56,14 +57,18 @@ def write_ply(path: Path, cloud: OrganizedCloud) -> None:
 
 
 def write_pcd(path: Path, cloud: OrganizedCloud) -> None:
-    """Write a binary PCD file; its WIDTH and HEIGHT are the columns and rows."""
+    """Write a binary PCD file; its WIDTH and HEIGHT are the columns and rows.
+
+    A cloud with the HEIGHT 1 has no rows for other programs, so that a comment tells a single row.
+    """
     table = _table(cloud)
     rows, columns = table.shape
     names = table.dtype.names or ()
     kinds = [table.dtype[name] for name in names]
+    single_row = '# rows 1\n' if rows == 1 else ''
     header = (
         '# .PCD v0.7 - Point Cloud Data file format\n'
-        f'{_comments(cloud, "#")}VERSION 0.7\nFIELDS {" ".join(names)}\n'
+        f'{_comments(cloud, "#")}{single_row}VERSION 0.7\nFIELDS {" ".join(names)}\n'
         f'SIZE {" ".join(str(kind.itemsize) for kind in kinds)}\n'
         f'TYPE {" ".join(kind.kind.upper() for kind in kinds)}\nCOUNT {" ".join("1" for _ in names)}\n'
         f'WIDTH {columns}\nHEIGHT {rows}\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {table.size}\nDATA binary\n'
@@ -125,7 +130,9 @@ def read_text(path: Path) -> OrganizedCloud:
                 ' with # to import it as text of another program.'
             ) from None
     fields = {name: np.ascontiguousarray(table[name]) for name in names if name not in ('x', 'y', 'z')}
-    return OrganizedCloud(points, comments.get('unit'), fields, _metadata(comments))
+    return OrganizedCloud(
+        points, comments.get('unit'), fields, metadata_of(comments.get('metadata')), pitch_of(comments)
+    )
 
 
 def is_matrix(path: Path, *, least: int = 4) -> bool:
@@ -159,29 +166,42 @@ def _height(text: str) -> float:
 
 def comments_of(path: Path) -> dict[str, str]:
     """The comments `unit`, `metadata` and so on in the header of a PLY, PCD or text file that was written here."""
-    with path.open('rb') as file:
-        head = file.read(_LONGEST_HEADER).removeprefix(BYTE_ORDER_MARK).partition(b'end_header')[0]
     found: dict[str, str] = {}
-    for line in head.split(b'\n'):
-        words = line.decode('utf-8', errors='replace').split(' ', 2)
-        if len(words) == 3 and words[0] in ('#', 'comment'):
-            found.setdefault(words[1], ''.join(filter(str.isprintable, words[2])).strip())
-        elif line.startswith(b'DATA '):
-            break
+    with path.open('rb') as file:
+        # The data of a damaged file may have no end of a line.
+        for line in iter(lambda: file.readline(_LONGEST_LINE), b''):
+            if file.tell() > _LONGEST_HEADER or line.startswith((b'end_header', b'DATA ')):
+                break
+            words = line.removeprefix(BYTE_ORDER_MARK).decode('utf-8', errors='replace').split(' ', 2)
+            if len(words) == 3 and words[0] in ('#', 'comment'):
+                found.setdefault(words[1], ''.join(filter(str.isprintable, words[2])).strip())
+            elif path.suffix.lower() in _SEPARATORS and not words[0].startswith('#'):
+                break
     return found
 
 
 def _comments(cloud: OrganizedCloud, mark: str) -> str:
-    """The lines of a header that hold the unit and the metadata."""
+    """The lines of a header that hold the unit, the pitch and the metadata."""
     lines = f'{mark} unit {cloud.unit}\n' if cloud.unit else ''
+    if cloud.pitch:
+        lines += f'{mark} pitch {cloud.pitch[0]!r} {cloud.pitch[1]!r}\n'
     if cloud.metadata:
         lines += f'{mark} metadata {json.dumps(dict(cloud.metadata), ensure_ascii=True)}\n'
     return lines
 
 
-def _metadata(comments: Mapping[str, str]) -> dict[str, str]:
+def pitch_of(comments: Mapping[str, str]) -> 'Pitch | None':
+    """The pitch in the comments of a header; None: it is not there, or is none."""
     try:
-        content = json.loads(comments.get('metadata', '{}'))
+        return checked_pitch([float(word) for word in comments.get('pitch', '').split()])
+    except ValueError:
+        return None
+
+
+def metadata_of(text: str | None) -> dict[str, str]:
+    """The metadata that a file which was written here has as JSON; none where that is missing or damaged."""
+    try:
+        content = json.loads(text or '{}')
     except ValueError:
         return {}
     return {str(key): str(value) for key, value in content.items()} if isinstance(content, dict) else {}

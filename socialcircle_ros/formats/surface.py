@@ -46,12 +46,14 @@ class OrganizedCloud:
         unit: of the coordinates; None if it is not known.
         fields: the other values of each point by name, (rows, columns) each.
         metadata: texts by name, such as the settings of the filter.
+        pitch: dx and dy, if they are known apart from the coordinates, as those of a single row; else None.
     """
 
     points: Cloud
     unit: str | None = None
     fields: Mapping[str, PointValues] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
+    pitch: Pitch | None = None
 
     def __init__(
         self,
@@ -59,11 +61,12 @@ class OrganizedCloud:
         unit: str | None = None,
         fields: Mapping[str, ArrayLike] | None = None,
         metadata: Mapping[str, str] | None = None,
+        pitch: PitchLike | None = None,
     ) -> None:
         """Check the values, and convert them as `MeasuredSurface` does.
 
         Raises:
-            CloudError: the points or a field have another shape or are no numbers.
+            CloudError: the points or a field have another shape or are no numbers, or the pitch is none.
             SettingError: the unit is no text.
         """
         values = _real('An organized cloud', '(rows, columns, 3)', points)
@@ -75,6 +78,7 @@ class OrganizedCloud:
             unit=checked_unit(unit),
             fields=checked_fields(fields or {}, values.shape[:2]),
             metadata=_texts(metadata or {}),
+            pitch=None if pitch is None else checked_pitch(pitch),
         )
 
 
@@ -148,7 +152,7 @@ class MeasuredSurface:
         points = np.empty((*self.heights.shape, 3), self.heights.dtype)
         points[..., 0], points[..., 1] = grid_coordinates(self.heights.shape, self.pitch, points.dtype)
         points[..., 2] = self.heights
-        return OrganizedCloud(points, self.unit, self.fields, self.metadata)
+        return OrganizedCloud(points, self.unit, self.fields, self.metadata, self.pitch)
 
 
 def _set(checked: OrganizedCloud | MeasuredSurface, **values: object) -> None:
@@ -224,7 +228,8 @@ def surface_of(cloud: OrganizedCloud) -> Flattened:
     """The heights and the pitch of a cloud that lies on a regular grid.
 
     The pitch is the number with the fewest decimal digits that gives the same coordinates, bit for bit, where
-    there is one. So the pitch of a file survives coordinates in float32.
+    there is one. So the pitch of a file survives coordinates in float32. If the cloud states its pitch, and the
+    coordinates are those that it gives, this is the pitch, even of a single row.
 
     Raises:
         CloudError: the points do not lie on a regular grid, or too few of them are measured to tell the pitch.
@@ -232,21 +237,29 @@ def surface_of(cloud: OrganizedCloud) -> Flattened:
     points = cloud.points
     measured = measured_points(points)
     notes: list[str] = []
+    stated = (None, None) if cloud.pitch is None else cloud.pitch
     pitch = (
-        _axis_pitch(points[..., 0], measured, 'x', notes),
-        _axis_pitch(points[..., 1].T, measured.T, 'y', notes),
+        _axis_pitch(points[..., 0], measured, 'x', stated[0], notes),
+        _axis_pitch(points[..., 1].T, measured.T, 'y', stated[1], notes),
     )
     heights = np.where(measured, points[..., 2], points.dtype.type(np.nan))
     surface = MeasuredSurface(heights, pitch, cloud.unit, cloud.fields, cloud.metadata)
     return Flattened(surface, tuple(notes))
 
 
-def _axis_pitch(values: NDArray[np.floating], measured: NDArray[np.bool_], axis: str, notes: list[str]) -> float:
+def _axis_pitch(
+    values: NDArray[np.floating], measured: NDArray[np.bool_], axis: str, stated: float | None, notes: list[str]
+) -> float:
     """The pitch of the coordinates of one axis, (other axis, this axis).
 
     Raises:
         CloudError: as `surface_of`.
     """
+    if stated is not None:
+        with np.errstate(over='ignore'):
+            line = (np.arange(values.shape[1]) * stated).astype(values.dtype)
+        if ((values == line) | ~measured).all():
+            return stated
     places = np.flatnonzero(measured.any(axis=0))
     if len(places) < 2:
         raise CloudError(

@@ -14,7 +14,7 @@ import numpy as np
 from socialcircle_ros.cloud import measured_points
 from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, SocialCircleError
-from socialcircle_ros.formats import OrganizedCloud, format_of, surface_of
+from socialcircle_ros.formats import format_of, surface_of
 from socialcircle_ros.interface import POINTS
 from socialcircle_ros.lengths import NOT_KNOWN, range_text, unit_name
 from socialcircle_ros.messages import image
@@ -160,7 +160,7 @@ def _measurement_file(path: Path) -> Description:
         'unit': _unit_text(cloud),
     }
     try:
-        dx, dy = surface_of(OrganizedCloud(cloud.points, cloud.unit)).surface.pitch
+        dx, dy = surface_of(cloud.organized()).surface.pitch
         facts['pitch'] = f'{range_text(dx, dy, cloud.unit, separator=" × ")} (x × y)'
     except CloudError as reason:
         facts['pitch'] = f'none: {reason}'

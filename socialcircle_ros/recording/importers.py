@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Organized clouds from measurement files: `.npz` height maps, PLY and PCD."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from socialcircle_ros.cloud import Cloud, Floats, PitchLike, as_floats, grid_coordinates
+from socialcircle_ros.cloud import Cloud, Floats, Pitch, PitchLike, as_floats, grid_coordinates
 from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, ImportFileError
 from socialcircle_ros.formats import MeasuredSurface, OrganizedCloud, check_given, read_file, stated_time
 from socialcircle_ros.formats.damage import unreadable
 from socialcircle_ros.formats.fields import free_name, held_values
 from socialcircle_ros.formats.lists import LIST
-from socialcircle_ros.formats.points import comments_of
+from socialcircle_ros.formats.points import comments_of, metadata_of, pitch_of
 from socialcircle_ros.formats.surface import SOURCE_FORMAT
 from socialcircle_ros.lengths import checked_unit
 from socialcircle_ros.messages.header import FIRST_DATE
@@ -48,6 +47,8 @@ class ImportedCloud:
             gave it.
         measured_ns: when it was measured, as the file states it, ns since 1970; None: the file does not.
         kind: what the file was taken for, where its suffix does not tell that; else empty.
+        metadata: texts by name, as the file has them.
+        pitch: dx and dy, where the file states them apart from its coordinates; else None.
     """
 
     name: str
@@ -58,6 +59,12 @@ class ImportedCloud:
     unit_note: str = ''
     measured_ns: int | None = None
     kind: str = ''
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    pitch: Pitch | None = None
+
+    def organized(self) -> OrganizedCloud:
+        """The cloud without what only an import needs."""
+        return OrganizedCloud(self.points, self.unit, self.fields, self.metadata, self.pitch)
 
 
 def import_cloud(
@@ -95,7 +102,7 @@ def import_cloud(
     except OSError as error:
         raise unreadable(path, error) from None
     cloud = _with_unit(path, cloud, unit)
-    check_given(path, OrganizedCloud(cloud.points, cloud.unit), pitch, unit)
+    check_given(path, cloud.organized(), pitch, unit)
     return cloud
 
 
@@ -129,23 +136,15 @@ def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud
         z = _as_coordinates(path, 'z', archive.load('z'))
         fields = _Fields((rows, columns))
         x, y = _lateral(archive, rows, columns, z.dtype)
+        pitch = _stated_pitch(archive)
         points = np.empty((rows, columns, 3), np.result_type(x, y, z))
         points[..., 0], points[..., 1], points[..., 2] = x, y, z
-        unit, metadata = _text_of(archive, 'unit'), _text_of(archive, 'metadata')
+        unit, metadata = _text_of(archive, 'unit'), metadata_of(_text_of(archive, 'metadata'))
         for name in archive.headers:
             if name not in _OWN_ARRAYS:
                 fields.add_array(archive, name)
-    cloud = ImportedCloud(path.stem, points, fields.by_name, unit, tuple(fields.notes))
-    return _checked(path, replace(cloud, measured_ns=_date(_parsed(metadata))))
-
-
-def _parsed(metadata: str | None) -> Mapping[str, str]:
-    """The metadata that a file of `export` has as JSON; nothing where there are none."""
-    try:
-        content = json.loads(metadata or '{}')
-    except ValueError:
-        return {}
-    return {str(key): str(value) for key, value in content.items()} if isinstance(content, dict) else {}
+    cloud = ImportedCloud(path.stem, points, fields.by_name, unit, tuple(fields.notes), metadata=metadata)
+    return _checked(path, replace(cloud, measured_ns=_date(metadata), pitch=pitch))
 
 
 def _date(metadata: Mapping[str, str]) -> int | None:
@@ -179,7 +178,7 @@ def _lateral(
         for key in ('dx', 'dy'):
             if key not in archive.headers:
                 raise ImportFileError(f'{path} has no array {key!r}: {_HEIGHT_MAP}.')
-        dx, dy = (_pitch(path, key, archive.load(key)) for key in ('dx', 'dy'))
+        dx, dy = (_pitch(archive, key) for key in ('dx', 'dy'))
         try:
             return grid_coordinates((rows, columns), (dx, dy), kind)
         except CloudError as error:
@@ -197,7 +196,7 @@ def _lateral(
     for key, values, axis in (('dx', x, -1), ('dy', y, 0)):
         if key in archive.headers and values.shape[axis] > 1:
             steps = np.abs(np.diff(values.astype(np.float64), axis=axis))
-            pitch, found = _pitch(path, key, archive.load(key)), np.nanmedian(steps)
+            pitch, found = _pitch(archive, key), np.nanmedian(steps)
             if not np.isclose(found, pitch, rtol=_SAME_PITCH):
                 raise ImportFileError(
                     f'{path} has {key} {pitch:g}, but its own {key[1]} is {found:g} apart: remove one of these.'
@@ -205,12 +204,23 @@ def _lateral(
     return x, y
 
 
-def _pitch(path: Path, key: str, value: FieldValues) -> float:
+def _stated_pitch(archive: Npz) -> Pitch | None:
+    """The pitches dx and dy of a height map; None: one is missing, or is none beside coordinates of its own."""
+    if not {'dx', 'dy'} <= archive.headers.keys():
+        return None
+    try:
+        return _pitch(archive, 'dx'), _pitch(archive, 'dy')
+    except ImportFileError:
+        return None  # what `_lateral` needs of them, it has checked
+
+
+def _pitch(archive: Npz, key: str) -> float:
     """Read a pitch.
 
     Raises:
         ImportFileError: it is not one positive number.
     """
+    path, value = archive.path, archive.load(key)
     if value.size == 1 and value.dtype.kind in 'fiu':
         pitch = float(value.astype(np.float64).item())
         if 0 < pitch < np.inf:
@@ -238,6 +248,7 @@ def _read_other(
         fields.add(name, values)
     all_notes = (*notes, *fields.notes)
     imported = ImportedCloud(path.stem, cloud.points, fields.by_name, cloud.unit, all_notes, kind=taken)
+    imported = replace(imported, metadata=cloud.metadata, pitch=cloud.pitch)
     return _checked(path, replace(imported, measured_ns=_date(cloud.metadata)))
 
 
@@ -247,6 +258,9 @@ def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
     for axis in 'xyz':
         if axis not in table.columns or table.columns[axis].ndim != 1:
             raise ImportFileError(f'{path} has no coordinate {axis!r} for its points: save it with x, y and z.')
+    comments = comments_of(path)
+    if table.shape is None and comments.get('rows') == '1':
+        table.shape = (1, len(table.columns['x']))
     grid = _PointGrid(path, table, shape)
     coordinates = [_as_coordinates(path, axis, table.columns.pop(axis)) for axis in 'xyz']
     points = cast('Cloud', np.stack([grid.place(values, np.nan) for values in coordinates], axis=-1))
@@ -257,9 +271,9 @@ def _read_points(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
         else:
             for place in range(values.shape[1]):
                 fields.add(f'{name}_{place}', grid.place(values[:, place], 0))
-    notes, comments = (*table.notes, *fields.notes), comments_of(path)
-    cloud = ImportedCloud(path.stem, points, fields.by_name, comments.get('unit'), notes)
-    return _checked(path, replace(cloud, measured_ns=_date(_parsed(comments.get('metadata')))))
+    notes, metadata = (*table.notes, *fields.notes), metadata_of(comments.get('metadata'))
+    cloud = ImportedCloud(path.stem, points, fields.by_name, comments.get('unit'), notes, metadata=metadata)
+    return _checked(path, replace(cloud, measured_ns=_date(metadata), pitch=pitch_of(comments)))
 
 
 class _PointGrid:

@@ -116,7 +116,7 @@ def in_metres(cloud: ImportedCloud) -> tuple[ImportedCloud, bytes]:
         notes += (
             f'{np.count_nonzero(lost.any(axis=-1))} points lose digits in metres; --keep-unit keeps them all',
         )
-    found = replace(cloud, points=points, unit='m', notes=notes)
+    found = replace(cloud, points=points, unit='m', notes=notes, pitch=None)
     return found, zlib.compress(steps.tobytes(), 9) if steps.any() else b''
 
 

@@ -33,7 +33,7 @@ def read_surface(path: str | Path, *, pitch: PitchLike | None = None, unit: str 
     path = Path(path)
     if path.suffix.lower() in _OF_IMPORTERS:
         cloud = import_cloud(path, pitch=pitch, unit=unit)
-        found: MeasuredSurface | OrganizedCloud = OrganizedCloud(cloud.points, cloud.unit, cloud.fields)
+        found: MeasuredSurface | OrganizedCloud = cloud.organized()
         note = cloud.unit_note
     else:
         found = read_file(path, pitch=pitch, unit=unit)

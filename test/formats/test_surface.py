@@ -119,6 +119,17 @@ def test_metadata_are_texts_by_name():
         MeasuredSurface(Z, (1, 1), metadata=['n'])
 
 
+@pytest.mark.parametrize('rows', [1, 4])
+def test_a_stated_pitch_counts_where_the_coordinates_are_those_that_it_gives(rows):
+    surface = MeasuredSurface(Z[:rows].astype(np.float32), (0.1234567890123, 0.7), 'm')
+    assert surface_of(surface.cloud()).surface.pitch == surface.pitch
+    moved = OrganizedCloud(surface.cloud().points * np.float32(2), 'm', pitch=surface.pitch)
+    if rows == 1:
+        assert surface_of(moved).surface.pitch == (0.24691358, 0.7)
+    else:
+        assert surface_of(moved).surface.pitch == (0.24691358, 1.4)
+
+
 def test_a_cloud_with_one_row_and_no_pitch_has_none():
     with pytest.raises(CloudError, match='Too few points are measured to tell the pitch in y'):
         surface_of(OrganizedCloud(POINTS[:1]))

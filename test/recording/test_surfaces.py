@@ -10,6 +10,7 @@ from socialcircle_ros.errors import CloudError, ImportFileError, SettingError
 from socialcircle_ros.formats import MeasuredSurface, suffixes, write_cloud_file
 from socialcircle_ros.panel.recorded import RecordedClouds
 from socialcircle_ros.recording import import_cloud
+from socialcircle_ros.recording.description import describe
 
 SURFACE = MeasuredSurface(np.array([[1, 2, 3], [4, np.nan, 6]], np.float32), (0.123, 4.56), 'm')
 
@@ -34,6 +35,25 @@ def test_a_pitch_or_unit_that_contradicts_the_file_is_refused(tmp_path, suffix):
         with pytest.raises(ImportFileError, match='is in m, not in µm'):
             read(tmp_path / f'a{suffix}', unit='um')
         read(tmp_path / f'a{suffix}', unit='m')
+
+
+@pytest.mark.parametrize('suffix', suffixes(written=True))
+def test_a_single_row_keeps_its_pitch_and_the_metadata(tmp_path, suffix):
+    row = MeasuredSurface(SURFACE.heights[:1], SURFACE.pitch, 'm', metadata={'part': '7'})
+    socialcircle_ros.write_surface(tmp_path / f'a{suffix}', row)
+    read = socialcircle_ros.read_surface(tmp_path / f'a{suffix}')
+    assert same_bits(read.heights, row.heights)
+    assert (read.pitch, read.metadata) == (row.pitch, row.metadata)
+    assert describe(tmp_path / f'a{suffix}').facts['pitch'] == '0.123 × 4.56 m (x × y)'
+
+
+@pytest.mark.parametrize('own', [{}, {'x': np.arange(3) * 0.5, 'y': np.arange(2) * 2.0}])
+def test_an_archive_with_one_measured_row_has_the_pitch_that_it_states(tmp_path, own):
+    heights = np.array([[np.nan] * 3, [1, 2, 3]])
+    np.savez(tmp_path / 'a.npz', z=heights, dx=0.5, dy=2.0, unit='um', **own)
+    read = socialcircle_ros.read_surface(tmp_path / 'a.npz')
+    assert same_bits(read.heights, heights)
+    assert read.pitch == (0.5, 2.0)
 
 
 @pytest.mark.parametrize('suffix', ['.npz', '.csv', '.x3p'])
