@@ -2,6 +2,7 @@
 """TIFF files with heights: 32-bit floats, the pitch as in GeoTIFF, and the rest as text in the description."""
 
 import json
+import struct
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,10 +15,13 @@ from .damage import picture_damage_told
 from .surface import MeasuredSurface, given_pitch
 
 if TYPE_CHECKING:
+    from PIL import Image
+
     from socialcircle_ros.cloud import Pitch
 
 _BITS, _DESCRIPTION, _SAMPLE_FORMAT, _PIXEL_SCALE, _NO_DATA = 258, 270, 339, 33550, 42113
 _UNSIGNED = 1  # a sample format, and what a file without that tag has
+_KINDS = {_UNSIGNED: 'whole numbers without a sign', 2: 'whole numbers with a sign', 3: 'floats'}
 _DOUBLES = 12  # the type of a tag
 _MODES = ('F', 'I', 'I;16', 'I;16B', 'I;16L')
 
@@ -63,7 +67,7 @@ def read_tiff(path: Path, pitch: 'Pitch | None', unit: str | None) -> MeasuredSu
     except ImportError:
         raise ImportFileError(f'TIFF files need Pillow: {install_command("pictures")}.') from None
     try:
-        with picture_damage_told(path, 'is damaged, or no TIFF file: save it again.'), Image.open(path) as image:
+        with picture_damage_told(path, 'is damaged, or no TIFF file: save it again.'), _opened(path) as image:
             mode, pages = image.mode, getattr(image, 'n_frames', 1)
             tags = dict(getattr(image, 'tag_v2', {}))
             values = np.asarray(image) if mode in _MODES and pages == 1 else None
@@ -98,6 +102,34 @@ def read_tiff(path: Path, pitch: 'Pitch | None', unit: str | None) -> MeasuredSu
         {},
         {str(key): str(value) for key, value in metadata.items()} if isinstance(metadata, dict) else {},
     )
+
+
+def _opened(path: Path) -> 'Image.Image':
+    """The file, opened by Pillow.
+
+    Raises:
+        ImportFileError: it is a TIFF with a type of number that Pillow does not read, as uint32 in big-endian.
+        OSError: it is no TIFF file.
+    """
+    from PIL import Image, TiffImagePlugin, UnidentifiedImageError  # noqa: PLC0415 - an extra
+
+    try:
+        return Image.open(path)
+    except UnidentifiedImageError:
+        tags = TiffImagePlugin.ImageFileDirectory_v2()
+        with suppress(struct.error), path.open('rb') as file:
+            tags = TiffImagePlugin.ImageFileDirectory_v2(file.read(8))
+            file.seek(tags.next)
+            tags.load(file)
+        kind = _KINDS.get(tags.get(_SAMPLE_FORMAT, (_UNSIGNED,))[0])
+        bits = tags.get(_BITS, (0,))[0]
+        if kind is None or bits not in (8, 16, 32, 64):
+            raise
+        order = 'big' if tags.prefix == b'MM' else 'little'
+        raise ImportFileError(
+            f'{path} has {kind} of {bits} bits in {order}-endian order, which Pillow does not read: save heights'
+            ' as 32-bit float, or as .npy.'
+        ) from None
 
 
 def _described(text: object) -> dict[str, object]:

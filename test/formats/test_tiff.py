@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from socialcircle_ros.errors import ImportFileError
 from socialcircle_ros.formats import read_file
 
 pytest.importorskip('PIL.Image', reason='Pillow, which reads TIFF files, is not installed')
@@ -52,6 +53,19 @@ def test_every_number_of_a_type_is_read(kind, order, data):
         path.write_bytes(tiff(heights, order, stated))
         found = read_file(path, pitch=(1.0, 1.0), unit='um').heights
     np.testing.assert_array_equal(found, heights.astype(np.float64))
+
+
+@pytest.mark.parametrize(
+    ('kind', 'order', 'sentence'),
+    [
+        ('u4', '>', 'has whole numbers without a sign of 32 bits in big-endian order, which Pillow does not read'),
+        ('f8', '<', 'has floats of 64 bits in little-endian order, which Pillow does not read: save heights as'),
+    ],
+)
+def test_a_type_that_is_not_read_is_not_taken_for_damage(tmp_path, kind, order, sentence):
+    (tmp_path / 'a.tif').write_bytes(tiff(np.ones((2, 3), kind), order, NUMBERS.get(kind, 3)))
+    with pytest.raises(ImportFileError, match=sentence):
+        read_file(tmp_path / 'a.tif', pitch=(1.0, 1.0), unit='um')
 
 
 @pytest.mark.parametrize('kind', NUMBERS)
