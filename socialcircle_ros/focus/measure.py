@@ -44,9 +44,6 @@ class MeasureParameters(NamedTuple):
 REFERENCE = {np.dtype(np.uint8): 64.0, np.dtype(np.uint16): 16384.0}
 """Mean gray level to which F of a frame is scaled, by data type: a quarter of the range."""
 
-_LIGHT_ROWS = 4
-"""One row in this many is read for the mean gray level of a frame."""
-
 
 class MeasureBuffers(NamedTuple):
     """Work arrays of `measure_row`; `measure_buffers` makes them."""
@@ -88,14 +85,18 @@ def scale_of(frame: Frame) -> float:
 
 @kernel
 def _light(frame: Frame) -> float:
-    """Mean gray level of some rows."""
+    """Mean gray level of all pixels.
+
+    With some rows left out, a ruling that repeats with those that are read would show its own contrast, which
+    changes with the focus, as flicker. All rows take hardly longer than a few: the time is that of the memory.
+    """
     height, width = frame.shape
     total = np.int64(0)
-    for row in range(0, height, _LIGHT_ROWS):
+    for row in range(height):
         pixels = frame[row]
         for x in range(width):
             total += np.int64(pixels[x])
-    return float(total / (width * (1 + (height - 1) // _LIGHT_ROWS)))
+    return float(total / (height * width))
 
 
 def checked_frame(frame: object) -> Frame:

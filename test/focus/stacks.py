@@ -66,6 +66,23 @@ def make_stack(
     return Stack(np.stack(frames), z, truth)
 
 
+def ruled(period, phase, axis, *, dtype=np.uint8, seed=0):
+    """A slope with a line on every `period`-th row (axis 0) or column (1), which fills whole periods.
+
+    Returns:
+        Frames (17, H, W) at z of 0 to 16 steps, and the true depths, (H, W).
+    """
+    along = -(-96 // (4 * period)) * 4 * period  # whole periods, and whole binned pixels
+    shape = (along, 80) if axis == 0 else (80, along)
+    place, across = np.mgrid[: shape[0], : shape[1]][[axis, 1 - axis]]
+    truth = 6 + 4 * across / 80
+    lines = np.where((place - phase) % period == 0, 1, -1 / (period - 1))
+    noise = np.random.default_rng(seed).standard_normal((17, *shape))
+    contrast = np.exp(-((np.arange(17.0)[:, None, None] - truth) ** 2) / 8)
+    gray = 100 + 90 * lines * contrast + noise
+    return np.rint(gray * (np.iinfo(dtype).max / 255)).astype(dtype), truth
+
+
 def _blurred(image, sigma):
     """Blur with a Gaussian by Fourier transform; the image wraps around."""
     rows, columns = (np.fft.fftfreq(n)[:, None] for n in image.shape)

@@ -121,8 +121,8 @@ def kept_of_curve(codes, reach=8):
 
 
 def scale_of(frame):
-    """What makes the mean of every fourth row a quarter of the range."""
-    return (64 if frame.dtype == np.uint8 else 16384) / max(float(frame[::4].mean(dtype=np.float64)), 1)
+    """What makes the mean of all pixels a quarter of the range."""
+    return (64 if frame.dtype == np.uint8 else 16384) / max(float(frame.mean(dtype=np.float64)), 1)
 
 
 def effective_share(image, step, half):

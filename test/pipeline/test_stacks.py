@@ -3,11 +3,13 @@
 
 import numpy as np
 import pytest
+from focus.stacks import ruled
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulated_drift import drifting_frames
 
 from socialcircle_ros import FocusSettings, depth_from_focus
+from socialcircle_ros.messages.cdr import CdrWriter
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.messages.image import Image, encode_image
 from socialcircle_ros.messages.joint_state import JointState
@@ -94,6 +96,36 @@ def test_z_comes_from_the_joint_states_interpolated_at_the_stamp():
     (event,) = events
     expected = depth_from_focus(frames(), heights)
     np.testing.assert_allclose(PointCloud.decode(event.points).xyz()[..., 2], expected.depth, rtol=1e-6)
+
+
+def encoded(frame, encoding, number):
+    """A serialized image of a gray part in white light, (H, W) uint8."""
+    pixels = frame.astype('<u2') * 257 if encoding == 'mono16' else frame
+    if encoding in ('rgb8', 'bgr8'):
+        pixels = np.repeat(frame[..., np.newaxis], 3, axis=-1)
+    writer = CdrWriter()
+    Header.at((number + 1) * PERIOD, 'camera').write(writer)
+    for size in frame.shape:
+        writer.uint32(size)
+    writer.string(encoding)
+    writer.boolean(False)
+    writer.uint32(pixels.strides[0])
+    writer.octets(pixels.tobytes())
+    return writer.finish()
+
+
+@pytest.mark.parametrize('period', [2, 4, 8])
+@pytest.mark.parametrize('encoding', ['mono8', 'mono16', 'rgb8', 'bgr8', 'bayer_rggb8'])
+def test_contrast_of_a_ruling_is_no_flicker_in_any_encoding(encoding, period):
+    """A mosaic, whose gray repeats its last row, shows one row more than whole periods."""
+    images = [encoded(frame, encoding, number) for number, frame in enumerate(ruled(period, 0, axis=0)[0])]
+    made = assembler(frames=len(images))
+    (event,) = (event for each in images for event in made.add_frame(each))
+    expected = depth_from_focus([Image.decode(each).gray() for each in images], STEP * np.arange(len(images)))
+    heights = PointCloud.decode(event.points).xyz()[..., 2]
+    np.testing.assert_array_equal(heights, expected.depth.astype(np.float32))
+    assert event.flicker == expected.flicker
+    assert event.flicker < (0.005 if encoding.startswith('bayer') else 0.001)
 
 
 def test_frames_that_wait_behind_the_end_of_a_stack_belong_to_the_next():
