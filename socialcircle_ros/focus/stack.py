@@ -2,8 +2,10 @@
 """Depth from a focus stack (section 3.1), one frame at a time or all frames at once."""
 
 import math
-from collections.abc import Iterable, Sequence
+import reprlib
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import SupportsFloat, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,8 @@ from .order import RECENT, FrameOrder
 from .reasons import OUT_OF_PICTURE, SATURATED
 from .registration import Registered, Registration
 from .scales import Scale, ScaleResult, choose, scales_for
+
+_Item = TypeVar('_Item')
 
 _MOST_PLACES = 32_767 - REACH
 """Places are kept in 16 bits, and there must be REACH places beyond the last frame."""
@@ -135,8 +139,7 @@ class FocusStack:
             StackError: the frame or its z cannot be used; the stack is unchanged.
         """
         frame = checked_frame(frame)
-        if not math.isfinite(z):
-            raise StackError(f'A frame needs a finite z, not {z}.')
+        z = _position(z)
         scales, order = self._scales, self._order
         if not scales or (not order.z and _kind(frame) != _kind(scales[0].image)):
             scales = scales_for(frame, self._settings)
@@ -146,8 +149,12 @@ class FocusStack:
                 f'A frame of {frame.shape} {frame.dtype} cannot join a stack of {image.shape}'
                 f' {image.dtype}: start a new stack.'
             )
-        if colours is not None and colours.shape != (*frame.shape, 3):
-            raise StackError(f'The colours of a frame of {frame.shape} must be {(*frame.shape, 3)}.')
+        colours = None if colours is None else np.asarray(colours)
+        if colours is not None and (colours.shape != (*frame.shape, 3) or colours.dtype != np.uint8):
+            raise StackError(
+                f'The colours of a frame of {frame.shape} must be {(*frame.shape, 3)} uint8, not {colours.shape}'
+                f' {colours.dtype}.'
+            )
         if order.z and (colours is None) != (self._picture is None):
             raise StackError('All frames of a stack must have colours, or none.')
         if len(order.z) == _MOST_PLACES and not order.knows(z):
@@ -162,7 +169,7 @@ class FocusStack:
         self._drift.add(frame)
         if self._registration is not None:
             frame, colours = self._registration.add(frame, colours)
-        self._measure(frame, float(z), colours)
+        self._measure(frame, z, colours)
 
     def _measure(self, frame: Frame, z: float, colours: NDArray[np.uint8] | None) -> None:
         """Measure a frame, (H, W), that may be registered; with its colours, (H, W, 3)."""
@@ -215,13 +222,14 @@ class FocusStack:
                 None: as they were given.
 
         Raises:
-            StackError: there are frames at fewer than three different z, or `z` does not ascend or does not fit
-                their number, or reaches too far.
+            StackError: there are frames at fewer than three different z, or `z` are no finite numbers, do not
+                ascend, do not fit their number, or reach too far.
         """
         order = self._order
         if len(order.z) < 3:
             raise StackError(f'A peak needs frames at three different z at least; the stack has {len(order.z)}.')
-        settings, positions = self._settings, np.array(order.z) if z is None else z
+        settings = self._settings
+        positions = np.array(order.z if z is None else [_position(each) for each in _listed(z, 'z')])
         with np.errstate(over='ignore'):
             gaps = np.diff(positions)
         if len(positions) != len(order.z) or not np.all(gaps > 0):
@@ -260,9 +268,39 @@ def _kind(frame: Frame) -> tuple[tuple[int, ...], np.dtype[np.uint8] | np.dtype[
     return frame.shape, frame.dtype
 
 
+def _position(z: object) -> float:
+    """The z of one frame, as it was given, as a number.
+
+    Raises:
+        StackError: it is not one number, or not finite.
+    """
+    try:
+        if z is np.ma.masked or np.ndim(cast('float', z)) > 0:
+            raise TypeError  # noqa: TRY301 - NumPy would take the only item of an array for a number, and warn
+        is_finite = math.isfinite(cast('SupportsFloat', z))
+    except (TypeError, ValueError, OverflowError):
+        raise StackError(f'A frame needs one number for its z, not {reprlib.repr(z)}.') from None
+    if not is_finite:
+        raise StackError(f'A frame needs a finite z, not {z}.')
+    return float(cast('SupportsFloat', z))
+
+
+def _listed(values: Iterable[_Item], name: str) -> list[_Item]:
+    """The items of a sequence or of a generator.
+
+    Raises:
+        StackError: it is neither.
+    """
+    try:
+        items = iter(values)
+    except TypeError:
+        raise StackError(f'{name} must have one item for each frame, but is {reprlib.repr(values)}.') from None
+    return list(items)
+
+
 def depth_from_focus(
     frames: Iterable[Frame],
-    z: Sequence[float] | NDArray[np.floating] | NDArray[np.integer],
+    z: Iterable[SupportsFloat],
     settings: FocusSettings | None = None,
     *,
     register: bool = False,
@@ -273,8 +311,8 @@ def depth_from_focus(
     stage moves in one direction, bit for bit; with `register`, upward.
 
     Args:
-        frames: (N, H, W), uint8 or uint16.
-        z: (N,), position of the stage at each frame, in any order and unit.
+        frames: (N, H, W), uint8 or uint16; any iterable of frames.
+        z: (N,), position of the stage at each frame, in any order and unit; any iterable of numbers.
         settings: of the focus measure and the fit; None: the defaults.
         register: whether sideways drift and changes of the magnification are corrected, see `FocusStack`; the
             heights are then those at the pixels of the lowest frame.
@@ -282,13 +320,11 @@ def depth_from_focus(
     Raises:
         StackError: a frame or a z cannot be used, their numbers differ, or fewer than three z are different.
     """
-    frames = list(frames)
-    if len(frames) != len(z):
-        raise StackError(f'Each frame needs its z, but there are {len(frames)} frames and {len(z)} z.')
-    positions = [float(position) for position in z]
+    frames, positions = _listed(frames, 'frames'), [_position(each) for each in _listed(z, 'z')]
+    if len(frames) != len(positions):
+        raise StackError(f'Each frame needs its z, but there are {len(frames)} frames and {len(positions)} z.')
     stack = FocusStack(settings, register=register)
-    # A z that is not finite has no order; the stack refuses it.
-    for index in sorted(range(len(positions)), key=lambda k: (math.isfinite(positions[k]), positions[k])):
+    for index in sorted(range(len(positions)), key=positions.__getitem__):
         stack.add(frames[index], positions[index])
     return stack.finish()
 

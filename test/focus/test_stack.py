@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Depth from whole focus stacks, frame by frame or at once, in any order of the frames."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from focus.stacks import INNER, errors, same
@@ -53,6 +55,14 @@ def test_order_changes_little_for_wide_and_noisy_curves(fine):
     assert np.mean(shuffled.reasons == upward.reasons) > 0.9
     assert np.nanquantile(np.abs(shuffled.depth - upward.depth), 0.9) < 0.01
     assert errors(shuffled, fine.truth).std() < 0.10
+
+
+def test_z_and_frames_may_be_any_iterable_of_numbers(noisy):
+    expected = depth_from_focus(noisy.frames, noisy.z)
+    assert same(depth_from_focus(iter(noisy.frames), (z for z in noisy.z)), expected)
+    assert same(depth_from_focus(tuple(noisy.frames), [np.array(z) for z in noisy.z]), expected)
+    counted = range(len(noisy.z))
+    assert same(depth_from_focus(noisy.frames, map(Fraction, counted)), depth_from_focus(noisy.frames, counted))
 
 
 def test_repeated_frames_change_nothing(noisy):
@@ -123,6 +133,18 @@ def test_threshold_keeps_the_depth_accurate_under_noise(noisy):
     assert errors(result, noisy.truth).std() < 0.08
 
 
+NO_NUMBERS = [
+    ('x', r"^A frame needs one number for its z, not 'x'\.$"),
+    ('1.5', "not '1.5'"),
+    (None, 'not None'),
+    (np.zeros(1), r'not array\(\[0\.\]\)'),
+    ([1.0], r'not \[1\.0\]'),
+    ([[1.0], [1.0, 2.0]], 'one number'),
+    (np.ma.masked, 'not masked'),
+    (10**400, 'not 1000'),
+]
+
+
 class TestBadInput:
     @pytest.fixture
     def stack(self, noisy):
@@ -140,6 +162,8 @@ class TestBadInput:
             (np.zeros((96, 128, 3), np.uint8), 1.0, 'must be a gray image'),
             (np.zeros((96, 128), np.uint8), float('nan'), 'finite z, not nan'),
             (np.zeros((96, 128), np.uint8), float('inf'), 'finite z, not inf'),
+            (np.zeros((96, 128), np.uint8), np.float32('nan'), 'finite z, not nan'),
+            *((np.zeros((96, 128), np.uint8), z, message) for z, message in NO_NUMBERS),
         ],
     )
     def test_bad_frame_is_refused_and_leaves_the_stack_unchanged(self, stack, frame, z, message):
@@ -163,6 +187,25 @@ class TestBadInput:
     def test_z_that_reach_too_far_for_float32_are_refused(self, noisy, z):
         with pytest.raises(StackError, match='too far: check their unit'):
             depth_from_focus(noisy.frames[: len(z)], z)
+
+    @pytest.mark.filterwarnings('error')
+    @pytest.mark.parametrize(('z', 'message'), NO_NUMBERS)
+    def test_one_z_that_is_no_number_is_refused_with_all(self, noisy, stack, z, message):
+        with pytest.raises(StackError, match=message):
+            depth_from_focus(noisy.frames[:4], [0.0, 1.0, z, 3.0])
+        with pytest.raises(StackError, match=message):
+            stack.finish([*noisy.z[:7], z])
+
+    def test_a_column_of_z_and_what_has_no_items_are_refused(self, noisy, stack):
+        with pytest.raises(StackError, match=r'one number for its z, not array\(\['):
+            depth_from_focus(noisy.frames[:8], noisy.z[:8, None])
+        with pytest.raises(StackError, match=r'one number for its z, not array\(\['):
+            stack.finish(noisy.z[:8, None])
+        for z in (1.0, None, np.array(1.0)):
+            with pytest.raises(StackError, match='z must have one item for each frame, but is '):
+                depth_from_focus(noisy.frames[:8], z)
+        with pytest.raises(StackError, match='frames must have one item for each frame, but is None'):
+            depth_from_focus(None, noisy.z)
 
     def test_different_numbers_of_frames_and_z_are_refused(self, noisy):
         with pytest.raises(StackError, match='3 frames and 2 z'):

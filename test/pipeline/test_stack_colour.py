@@ -102,6 +102,8 @@ def test_colours_of_another_size_or_of_some_frames_only_are_refused(frames):
     gray = gray_of_colour(frames[0], blue_first=False)
     with pytest.raises(StackError, match=r'must be \(40, 52, 3\)'):
         stack.add(gray, 0.0, frames[0, :, 1:])
+    with pytest.raises(StackError, match=r'must be \(40, 52, 3\) uint8, not \(40, 52, 3\) float64'):
+        stack.add(gray, 0.0, frames[0] / 2)
     stack.add(gray, 0.0, frames[0])
     with pytest.raises(StackError, match='must have colours, or none'):
         stack.add(gray, 1.0)
