@@ -11,7 +11,9 @@ Laplacian of these differences is therefore that of noise. It is taken in the sa
 that noise may be correlated. It depends on the gray level, as shot noise does.
 """
 
+import itertools
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +26,9 @@ from .measure import Frame, MeasureParameters
 
 _STRIPS = 16
 """Rows in which noise is measured."""
+
+_PERIODS = np.arange(2, 17)
+"""Periods of a texture, in rows, all phases of which these rows see."""
 
 _SEGMENT = 64
 """Pixels over which it is averaged."""
@@ -78,9 +83,7 @@ class NoiseSampler:
         self._side = side
         height, width = frame.shape
         step = parameters.step
-        inner = height - 2 * step
-        rows = step + np.linspace(0, inner - 1, _STRIPS).astype(np.int64) if inner > 0 else np.empty(0, np.int64)
-        self._rows = np.unique(rows)
+        self._rows = step + spread_rows(height - 2 * step)
         self._previous = np.zeros((len(self._rows), 3, width), np.float32)
         self._counts = np.zeros((_GRAYS, _LEVELS), np.int64)
         self._quantum = 0
@@ -136,6 +139,31 @@ class NoiseSampler:
         noise = np.where(level > 0, 2.0 ** (level / _PER_LEVEL + _LOWEST_LEVEL), 0.0)
         found: NDArray[np.float64] = np.interp(np.log2(gray + 1.0) * _PER_GRAY, known + 0.5, noise)
         return found
+
+
+@lru_cache
+def spread_rows(height: int) -> NDArray[np.int64]:
+    """Choose rows that are spread over a frame and over the phases of each period.
+
+    Evenly spaced rows can all be on the lines of a ruled part. There the contrast changes most from frame to
+    frame, and would count as noise. Each row is therefore the one near the middle of its part of the frame that
+    shares its phase with the fewest rows before it, summed over the periods; of several, the nearest.
+
+    Args:
+        height: rows to choose from; 0 or less: there are none.
+
+    Returns:
+        (n,) ascending, n of at most _STRIPS.
+    """
+    chosen: list[int] = []
+    edges = [max(height, 0) * part // _STRIPS for part in range(_STRIPS + 1)]
+    for first, end in itertools.pairwise(edges):
+        middle = (first + end - 1) / 2
+        near = sorted(range(first, end), key=lambda row: abs(row - middle))[: _PERIODS[-1]]
+        apart = np.array(near, np.int64)[:, np.newaxis, np.newaxis] - np.array(chosen, np.int64)[:, np.newaxis]
+        shared = np.count_nonzero(apart % _PERIODS == 0, axis=(1, 2))
+        chosen += [near[int(np.argmin(shared))]] if near else []
+    return np.array(chosen, np.int64)
 
 
 def _smaller(size: int, step: int, half: int) -> NDArray[np.int32]:

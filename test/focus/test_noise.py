@@ -4,10 +4,12 @@
 import numpy as np
 import pytest
 from focus.stacks import INNER, errors, make_stack
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from socialcircle_ros.focus import FocusStack, depth_from_focus, focus_measure
 from socialcircle_ros.focus.measure import MeasureParameters
-from socialcircle_ros.focus.noise import NoiseSampler
+from socialcircle_ros.focus.noise import NoiseSampler, spread_rows
 from socialcircle_ros.settings import FocusSettings
 
 
@@ -69,3 +71,33 @@ def test_weak_texture_is_kept():
     assert np.mean(np.isfinite(result.depth[INNER])) > 0.99
     assert np.mean(result.quality[INNER] >= 0.5) > 0.98
     assert errors(result, stack.truth).std() < 0.3
+
+
+@given(height=st.integers(16, 9000), period=st.integers(2, 16))
+@example(height=1020, period=4)  # evenly spaced rows have one phase there
+def test_the_rows_of_the_noise_see_all_phases_of_a_period(height, period):
+    rows = spread_rows(height)
+    assert len(rows) == 16
+    assert np.all(np.diff(rows) > 0)
+    assert 0 <= rows[0] <= rows[-1] < height
+    assert np.diff(rows).max() <= 2 * height / 16
+    assert np.bincount(rows % period).max() <= 5 + 16 // period
+
+
+@pytest.mark.parametrize(('height', 'count'), [(-4, 0), (0, 0), (1, 1), (5, 5), (15, 15)])
+def test_a_low_frame_has_fewer_rows_for_the_noise(height, count):
+    assert spread_rows(height).tolist() == list(range(count))
+
+
+@pytest.mark.parametrize(('height', 'period'), [(65, 4), (125, 8)])
+def test_weak_texture_beside_a_ruling_is_kept_wherever_the_lines_are(height, period):
+    """At these heights evenly spaced rows are all at one phase; if that was the lines, all of it was lost."""
+    z, rng = np.arange(25.0), np.random.default_rng(0)
+    noise, weak = rng.standard_normal((25, height, 160)), 2 * rng.standard_normal((height, 80))
+    sharpness = np.exp(-((z[:, None, None] - 9 - 6 * np.arange(160) / 160) ** 2) / 8)
+    for phase in range(period):
+        lines = np.where((np.arange(height) - phase) % period == 0, 100, -100 / (period - 1))
+        part = np.hstack([np.repeat(lines[:, None], 80, 1), weak])
+        frames = np.rint(100 + part * sharpness + noise).clip(0, 255).astype(np.uint8)
+        depth = depth_from_focus(frames, z).depth
+        assert np.isfinite(depth[:, 90:]).mean() > 0.99
