@@ -32,7 +32,7 @@ from .settings import RadiusSettings, StatisticalSettings
 _FILTER, _CONVERTER = 'pcl_outlier_removal', 'pcl_convert_pcd_ascii_binary'
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PeerResult(FilterResult):
     """The result of a filter of another library, without a score.
 

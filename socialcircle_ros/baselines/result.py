@@ -12,7 +12,7 @@ from socialcircle_ros.kernels.compiled import kernel
 Score = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FilterResult:
     """The result of a filter; a point that is not measured is False in both masks.
 

@@ -41,7 +41,7 @@ _SATURATED_SHARE = 8
 """A curve is not trusted if more than one pixel in this many of the window is saturated."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FocusResult:
     """What is measured from a focus stack."""
 

@@ -25,7 +25,7 @@ MOST_WAITING = 20_000
 _MOST_CLOUDS = 4  # whose texture is not yet computed; a cloud is some MB
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LiveCloud:
     """A cloud of the node, filtered or refused.
 

@@ -14,7 +14,7 @@ _TICK = SIDE / 60
 _GAP = SIDE / 14  # between an axis and its numbers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Axes:
     """Axes of a cloud in the scene.
 

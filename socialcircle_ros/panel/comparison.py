@@ -18,7 +18,7 @@ from . import colours
 _PIXELS = 400  # most pixels along the longer side of a picture
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Side:
     """The result of one of the two settings.
 

@@ -84,7 +84,7 @@ class MapSide:
         return self.first + (self.last - self.first) * (place + 0.5) / self.count
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Drawing:
     """A cloud, prepared for scene, map, profile and histogram.
 

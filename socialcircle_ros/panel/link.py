@@ -67,7 +67,7 @@ class Presence(Enum):
     ACTIVE = 'active'
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ShownCloud:
     """A cloud and what the node made of it.
 

@@ -30,7 +30,7 @@ PointPlaces = npt.NDArray[np.intp]
 """(n, 2) row and column of points."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """One cloud, ready to be drawn, centred in a scene in which its longer side is `SIDE`.
 

@@ -21,7 +21,7 @@ COLOUR = 'rgb'
 """A further field of stacks in colour: 0x00RRGGBB in the bytes of a float32, the convention of PCL and RViz."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StackCloud:
     """The cloud of a stack, or of the part of a running stack that has come.
 

@@ -118,7 +118,7 @@ def measure_latency(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _StageScan:
     """One scan of the stage."""
 

@@ -25,7 +25,7 @@ _ODD_NAN = re.compile(rb'[+-]?(?:1\.#(?!inf)\w+|nan\([^)\s]*\)|nan[qs]\b|[qs]nan
 _ODD_INFINITY = re.compile(rb'1\.#inf\w*', re.IGNORECASE)
 
 
-@dataclass
+@dataclass(eq=False)
 class PointTable:
     """The points of a file as columns.
 

@@ -38,7 +38,7 @@ _LEAST = 3  # frames of a stack
 _MOST_LISTED = 5  # files in a note
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImportedStack:
     """A focus stack from a file or a folder.
 

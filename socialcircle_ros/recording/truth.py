@@ -25,7 +25,7 @@ MASK = '/truth/outlier_mask'
 _UM_PER_METRE = 1e6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RecordedTruth:
     """The known outliers of a cloud.
 

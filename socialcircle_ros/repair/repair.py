@@ -19,7 +19,7 @@ _LARGEST_RATIO = 16.0
 """Of the pitches; with much larger ones rounding would decide on the heights along the longer one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RepairResult:
     """A cloud with its holes filled.
 

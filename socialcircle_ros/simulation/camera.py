@@ -78,7 +78,7 @@ class Camera:
         return Sensor(self, gain.astype(np.float32), offset.astype(np.float32))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sensor:
     """The pixels of a camera.
 

@@ -21,7 +21,7 @@ from .truth import DepthTruth, causes
 RendererName = Literal['layered', 'rays']
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StackFrame:
     """One frame of a focus stack.
 

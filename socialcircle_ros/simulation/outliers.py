@@ -67,7 +67,7 @@ class Contamination:
             raise SettingError(f'The cluster radii are {self.radius}; give 0.5 ≤ smallest ≤ largest.')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contaminated:
     """Heights with outliers, and the truth about them.
 

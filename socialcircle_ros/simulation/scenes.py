@@ -22,7 +22,7 @@ from .surfaces import Grid, TrueHeights
 Unit = Literal['um', 'm']
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A cloud and the truth about it.
 
@@ -48,7 +48,7 @@ class Scene:
     unit: Unit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """The ingredients of a scene.
 

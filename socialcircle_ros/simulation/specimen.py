@@ -56,7 +56,7 @@ class Material:
     glint_strength: float = 15.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Glints:
     """Point sources off the surface: a facet with a radius of curvature r images the lamp at a distance of r/2.
 
@@ -73,7 +73,7 @@ class Glints:
     z: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Specimen:
     """A surface with its reflected light.
 

@@ -39,7 +39,7 @@ class Stage:
             raise SettingError('Jitter and encoder noise of the stage cannot be below 0.')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Travel:
     """One run of the stage: positions in µm, times in ns from the first frame.
 

@@ -29,7 +29,7 @@ class Cause(IntFlag):
     LOW_CONTRAST = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PixelVerdict:
     """The verdict on each pixel of a measured depth map: exactly one of the four masks (H, W) is True.
 
@@ -48,7 +48,7 @@ class PixelVerdict:
     error: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DepthTruth:
     """The true depth of each pixel, and why its measurement may fail.
 

@@ -75,7 +75,7 @@ class GoodExample:
         return find_outliers(self.heights, self.field.cloud.depth_of_field, judge=judge)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LabelledCommunities:
     """The traits of communities, (n, 12), whether each is an outlier, and its weight in points."""
 

@@ -396,3 +396,10 @@ def test_the_paper_s_mode_has_no_score_and_warns_of_nothing_on_a_plane():
 
     assert result.score is None
     assert result.warnings == ()
+
+
+def test_results_can_be_compared_and_be_keys():
+    first, second = (remove_outliers(flat(9, 8)) for _ in range(2))
+
+    assert first != second
+    assert {first: 1, second: 2}[first] == 1

@@ -56,7 +56,7 @@ class Labelled(NamedTuple):
     number: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Communities:
     """The communities of a mask.
 

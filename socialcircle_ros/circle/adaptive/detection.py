@@ -60,7 +60,7 @@ class Rules:
     few: float = 0.0125
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AdaptiveResult:
     """What the adaptive mode found.
 

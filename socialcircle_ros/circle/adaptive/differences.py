@@ -34,7 +34,7 @@ DOWN, RIGHT = (0, 1, 1, 1), (1, 0, 1, -1)
 """Rows and columns from a point to its neighbour in each of the four directions."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spread:
     """The standard deviation of the differences between neighbours, without outliers and edges.
 

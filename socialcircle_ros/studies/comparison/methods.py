@@ -38,7 +38,7 @@ _TIME_BUDGET_MS = 2000.0
 """A method is not timed again when its runs have taken this long in total."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FilterRun:
     """The result of one run of a method.
 

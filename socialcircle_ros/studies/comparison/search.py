@@ -72,7 +72,7 @@ def best_settings(settings_type: type[FilterSettings], clouds: Sequence[Labelled
     return max(evaluated, key=lambda each: each[0])[1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _SearchTrial:
     """Settings that differ only in the threshold on the score: one run of the filter evaluates all of them.
 
