@@ -26,7 +26,7 @@ LEVELS = [
     {'simulation', 'messages', 'formats', 'pictures'},
     {'circle', 'focus', 'repair', 'baselines', 'metrics'},
     {'cloud', 'engine'},
-    {'settings', 'kernels', 'storage', 'lengths'},
+    {'arguments', 'settings', 'kernels', 'storage', 'lengths'},
     {'errors', 'onnx_runtime', 'digits'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}

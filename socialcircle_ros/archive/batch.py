@@ -9,6 +9,7 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.engine import Engine
 from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.report.page import environment
@@ -56,12 +57,12 @@ class BatchResult:
 
 
 def run_batch(
-    inputs: Sequence[str | Path],
+    inputs: OneOrSeveral[str | Path],
     output: str | Path,
     settings: PipelineSettings | None = None,
     *,
     names: str = '',
-    topics: Sequence[str] = (),
+    topics: OneOrSeveral[str] = (),
     recordings: bool = True,
     reports: bool = False,
     compression: 'Compression' = 'none',
@@ -105,7 +106,7 @@ def run_batch(
     if reports:
         new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after hours
         environment()
-    template = _template(results.location, settings, pattern, tuple(topics), recordings, reports, compression)
+    template = _template(results.location, settings, pattern, several(topics), recordings, reports, compression)
     left_out: list[str] = []
     with results.created():
         all_inputs = find_inputs(inputs, found, results, left_out.append)

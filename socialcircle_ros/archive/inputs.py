@@ -11,6 +11,7 @@ from hashlib import blake2b
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.storage import file_system, is_below, is_url, real_location, reason_of
 
@@ -57,7 +58,7 @@ class _Found:
 
 
 def find_inputs(
-    given: Sequence[str | Path],
+    given: OneOrSeveral[str | Path],
     progress: Callable[[int], None] = lambda count: None,
     results: ResultFolder | None = None,
     left_out: Callable[[str], None] = lambda location: None,
@@ -73,26 +74,29 @@ def find_inputs(
         left_out: called with the location of each such result that would have been an input.
 
     Raises:
-        SocialCircleError: one of them does not exist, holds no input, or is a recording with the folder of the
-            results in it; all hold only such results; or fsspec cannot open a URL.
+        SocialCircleError: none is given; one of them does not exist, holds no input, or is a recording with the
+            folder of the results in it; all hold only such results; or fsspec cannot open a URL.
     """
     found: dict[str, _Found] = {}
     own = _OwnResults(results)
-    for text in map(str, given):
-        several = 0
+    texts = [str(each) for each in several(given)]
+    if not texts:
+        raise RecordingError('There is no input: give recordings, measurement files, folders or URLs.')
+    for text in texts:
+        count = 0
         for each in _found_at(text):
-            several += 1
+            count += 1
             if own.hold(each):
                 left_out(each.location)
             else:
                 found.setdefault(each.location, each)
                 progress(len(found))
         # A shell that replaces * by all names gives the folder of the results as well.
-        if not several and not own.are_at(text):
+        if not count and not own.are_at(text):
             raise RecordingError(f'{text} holds no recording and no measurement file.')
     if not found:
         raise RecordingError(
-            f'{", ".join(map(str, given))} holds nothing but the results: give the recordings that they came from.'
+            f'{", ".join(texts)} holds nothing but the results: give the recordings that they came from.'
         )
     ordered = [found[location] for location in sorted(found)]
     counts = Counter(each.relative for each in ordered)

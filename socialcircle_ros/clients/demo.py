@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from socialcircle_ros import interface
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.cloud import measured_only
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.interface import STAGE_TIME, MeasurementValues
@@ -88,7 +89,7 @@ class Demo:
 
 
 def run_demo(
-    files: Sequence[Path],
+    files: OneOrSeveral[str | Path],
     output: Path,
     *,
     params_file: Path | None = None,
@@ -105,11 +106,12 @@ def run_demo(
     Raises:
         SocialCircleError: a file cannot be read, the node does not start, or matplotlib is not installed.
     """
-    recordings = files or shipped_recordings()
+    given = [Path(each) for each in several(files)]
+    recordings = given or shipped_recordings()
     for recording in recordings:  # what cannot be read is told before the node starts
         with open_recording(recording):
             pass
-    if params_file is None and not files:
+    if params_file is None and not given:
         params_file = _shared_folder('bags') / _STACK_PARAMETERS
     arguments = () if params_file is None else ('--params-file', str(params_file))
     demo = Demo()

@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.interface import NODE_NAME
 
 from .connection import Connection
@@ -33,9 +34,10 @@ class NodeFinder:
     """
 
     def __init__(
-        self, nodes: Sequence[str] = (), cells: Sequence[str] = (), arguments: Sequence[str] = ()
+        self, nodes: OneOrSeveral[str] = (), cells: OneOrSeveral[str] = (), arguments: Sequence[str] = ()
     ) -> None:
         self._arguments = arguments
+        nodes, cells = several(nodes), several(cells)
         self._links: dict[str, RemoteNode] = {}
         with ExitStack() as undoing:
             self._connection = Connection(f'{_PREFIX}_finder', arguments=arguments)

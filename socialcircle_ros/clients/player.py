@@ -14,6 +14,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.node.start import start_ros
 from socialcircle_ros.recording import Message, RecordingReader, Topic, open_recording
@@ -170,7 +171,7 @@ class Replay:
 
 def play_recording(
     recording: Path,
-    topics: Collection[str] = (),
+    topics: OneOrSeveral[str] = (),
     *,
     namespace: str | None = None,
     prefix: str = '',
@@ -204,7 +205,7 @@ def play_recording(
         RecordingError: the recording cannot be read, or has no such topic.
     """
     with open_recording(recording) as reader:
-        chosen = _chosen_topics(reader, topics)
+        chosen = _chosen_topics(reader, several(topics))
         names = [topic.name for topic in chosen]
         if namespace is None:
             played = {name: prefix + name for name in names}

@@ -17,6 +17,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.node.rclpy_internals import TakenMessage
 from socialcircle_ros.node.start import start_ros
@@ -46,7 +47,7 @@ class TopicChoice:
         excluded: no topics with a name in which this one is found; None: none is left out.
     """
 
-    names: Collection[str] = ()
+    names: OneOrSeveral[str] = ()
     every: bool = False
     pattern: re.Pattern[str] | None = None
     excluded: re.Pattern[str] | None = None
@@ -58,7 +59,7 @@ class TopicChoice:
         if self.every or not (self.names or self.pattern):
             return not name.endswith(_NOT_RECORDED)
         found = self.pattern is not None and self.pattern.search(name) is not None
-        return found or name in map(resolve, self.names)
+        return found or name in map(resolve, several(self.names))
 
 
 class Recorder(Node):

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from socialcircle_ros.arguments import OneOrSeveral
 from socialcircle_ros.panel.page import page_of
 from socialcircle_ros.panel.presets import Presets
 
@@ -13,8 +14,8 @@ from .finding import NodeFinder
 
 
 def tune(
-    nodes: Sequence[str],
-    cells: Sequence[str],
+    nodes: OneOrSeveral[str],
+    cells: OneOrSeveral[str],
     *,
     host: str,
     port: int,

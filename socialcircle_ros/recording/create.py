@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """New recordings from measurement files and from simulated stacks."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.cloud import PitchLike
 from socialcircle_ros.errors import ImportFileError, SettingError
 from socialcircle_ros.lengths import known_unit, unit_name
@@ -68,7 +69,7 @@ class ImportedFrame(NamedTuple):
 
 
 def record_clouds(
-    files: Sequence[str | Path],
+    files: OneOrSeveral[str | Path],
     output: str | Path,
     *,
     topic: str = '/points',
@@ -102,15 +103,18 @@ def record_clouds(
 
     Raises:
         SettingError: the period is not above 0.
-        ImportFileError: a file cannot be used.
+        ImportFileError: there is no file, or one cannot be used.
         RecordingError: the recording cannot be written.
         SocialCircleError: its folder cannot be created.
     """
     if not period_s > 0:
         raise SettingError(f'The period must be above 0 s, not {period_s}.')
+    paths = [Path(each) for each in several(files)]
+    if not paths:
+        raise ImportFileError(f'{output} would be empty: give at least one measurement file.')
     with folder_of_results(Path(output).parent), RecordingWriter(output, overwrite=overwrite) as writer:
         before: str | None = None
-        for number, path in enumerate(map(Path, files)):
+        for number, path in enumerate(paths):
             cloud = import_cloud(path, shape=shape, pitch=pitch, unit=unit)
             cloud = replace(cloud, unit=known_unit(cloud.unit) or cloud.unit)
             stamp = round((number + 1) * period_s * 1e9)

@@ -2,7 +2,7 @@
 """The way out: clouds of a recording as files of other programs, and one file filtered into another."""
 
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.cloud import measured_only
 from socialcircle_ros.errors import CloudError, MessageError, RecordingError, SocialCircleError, install_command
 from socialcircle_ros.formats import Format, OrganizedCloud, format_of, suffixes, write_cloud_file
@@ -63,7 +64,7 @@ def export_recording(
     folder: str | Path,
     suffix: str,
     *,
-    topics: Sequence[str] = (),
+    topics: OneOrSeveral[str] = (),
     unit: str | None = None,
     overwrite: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
@@ -96,7 +97,7 @@ def export_recording(
     check_folder_name(folder)
     export = Export()
     with open_recording(recording) as reader, folder_of_results(folder):
-        chosen = _chosen(reader, tuple(topics), export)
+        chosen = _chosen(reader, several(topics), export)
         clouds = _Clouds(reader, unit)
         counts, total = dict.fromkeys(chosen, 0), reader.count(chosen)
         with folder_of_results(folder):
@@ -114,7 +115,7 @@ def filter_to_file(
     target: str | Path,
     settings: PipelineSettings,
     *,
-    topics: tuple[str, ...] = (),
+    topics: OneOrSeveral[str] = (),
     overwrite: bool = False,
     seen: Seen = lambda message, outputs: None,
 ) -> tuple[Summary, tuple[str, ...]]:

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
+from socialcircle_ros.arguments import OneOrSeveral
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.settings import PipelineSettings
 
@@ -27,7 +28,7 @@ def named_clouds(
     reader: RecordingReader,
     settings: PipelineSettings,
     *,
-    topics: tuple[str, ...] = (),
+    topics: OneOrSeveral[str] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[NamedCloud | Refusal]:
     """The clouds of `source_clouds` with their names; refusals name the parameters beside the recording.
@@ -64,7 +65,7 @@ def spread_clouds(
     most: int,
     refused: Counter[str],
     *,
-    topics: tuple[str, ...] = (),
+    topics: OneOrSeveral[str] = (),
 ) -> list[tuple[NamedCloud, str | None]]:
     """Choose clouds of a recording, spread evenly over it.
 

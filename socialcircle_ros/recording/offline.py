@@ -7,6 +7,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import MessageError, RecordingError, SocialCircleError
 from socialcircle_ros.focus import Registered, count_reasons
@@ -121,7 +122,7 @@ def filter_recording(
     target: str | Path,
     settings: PipelineSettings,
     *,
-    topics: tuple[str, ...] = (),
+    topics: OneOrSeveral[str] = (),
     compression: Compression = 'none',
     overwrite: bool = False,
     seen: Seen = lambda message, outputs: None,
@@ -197,7 +198,7 @@ def with_found_parameters(reason: str, recording: Path) -> str:
 
 
 def measure_recording(
-    source: str | Path, settings: PipelineSettings, filtered: Filtered, *, topics: tuple[str, ...] = ()
+    source: str | Path, settings: PipelineSettings, filtered: Filtered, *, topics: OneOrSeveral[str] = ()
 ) -> Summary:
     """Filter each cloud of a recording as `filter_recording` does, but write nothing.
 
@@ -225,7 +226,7 @@ def source_clouds(
     reader: RecordingReader,
     settings: PipelineSettings,
     *,
-    topics: tuple[str, ...] = (),
+    topics: OneOrSeveral[str] = (),
     seen: Callable[[Message | None], None] = lambda message: None,
 ) -> Iterator[SourceCloud | Refusal]:
     """The clouds that `filter_recording` would filter, in their order; stacks become clouds first.
@@ -406,14 +407,15 @@ def _filter(
     return outputs
 
 
-def _cells(reader: RecordingReader, topics: tuple[str, ...], settings: PipelineSettings) -> list[_RecordedCell]:
+def _cells(reader: RecordingReader, topics: OneOrSeveral[str], settings: PipelineSettings) -> list[_RecordedCell]:
     """The namespaces that hold clouds or stacks to filter.
 
     Raises:
         RecordingError: there is none, or a topic that was asked for holds no clouds.
     """
-    stacks = () if topics else stacks_of(reader)
-    clouds = topics or clouds_of(reader)
+    wanted = several(topics)
+    stacks = () if wanted else stacks_of(reader)
+    clouds = wanted or clouds_of(reader)
     for name in clouds:
         if name not in reader.topics or reader.topics[name].type != POINTS.type:
             raise reader.refusal(f'{reader.path} has no topic {name} of clouds; it has: {_listed(reader)}.')

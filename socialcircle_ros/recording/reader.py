@@ -3,10 +3,11 @@
 
 import heapq
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
 
@@ -45,7 +46,7 @@ class RecordingReader:
         self.message_count = sum(file.message_count for file in self._files)
         self.damage = next((file.damage for file in self._files if file.damage), None)
 
-    def messages(self, topics: Collection[str] | None = None, since: int = 0) -> Iterator[Message]:
+    def messages(self, topics: OneOrSeveral[str] | None = None, since: int = 0) -> Iterator[Message]:
         """Yield the messages in the order of their log times; messages with equal times in the order of the file.
 
         One chunk is in memory at a time, or as many as overlap in time. If a file is damaged, its messages before
@@ -55,12 +56,13 @@ class RecordingReader:
             RecordingError: chunks that overlap in time would fill the memory.
 
         Args:
-            topics: names of the wanted topics; None: all.
+            topics: the wanted topic or topics; None: all.
             since: the first wanted log time, ns. Chunks before it are not loaded.
         """
+        names = None if topics is None else frozenset(several(topics))
         queue: list[tuple[int, int, int, int, Span | Message]] = []
         for number, file in enumerate(self._files):
-            wanted = {id_ for id_, name in file.names.items() if topics is None or name in topics}
+            wanted = {id_ for id_, name in file.names.items() if names is None or name in names}
             for span in file.spans:
                 if span.end_time >= since and (span.channels is None or span.channels & wanted):
                     queue.append((span.start_time, number, span.offset, -1, span))  # noqa: PERF401 - easier to read
@@ -78,7 +80,7 @@ class RecordingReader:
                 file = self._files[number]
                 try:
                     for place, message in enumerate(file.messages(item)):
-                        if message.log_time >= since and (topics is None or message.topic in topics):
+                        if message.log_time >= since and (names is None or message.topic in names):
                             heapq.heappush(queue, (message.log_time, number, offset, place, message))
                             held += len(message.data)
                             if held > most:
@@ -86,17 +88,18 @@ class RecordingReader:
                 except DAMAGE as reason:
                     damaged_at[number] = offset
                     self.damage = self.damage or file.damage_sentence(offset, reason)
-        if topics is None and since == 0 and count != self.message_count and not self.damage:
+        if names is None and since == 0 and count != self.message_count and not self.damage:
             self.damage = (
                 f'{self.path} is damaged: its index counts {self.message_count} messages, but {count} were found.'
             )
 
-    def count(self, topics: Collection[str]) -> int:
+    def count(self, topics: OneOrSeveral[str]) -> int:
         """The number of messages on some topics; all those of a file if its index does not tell topics apart."""
+        names = frozenset(several(topics))
         count = 0
         for file in self._files:
             if file.message_counts:
-                count += sum(number for id_, number in file.message_counts.items() if file.names[id_] in topics)
+                count += sum(number for id_, number in file.message_counts.items() if file.names[id_] in names)
             else:
                 count += file.message_count
         return count

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.cloud import Mask, measured_only
 from socialcircle_ros.digits import share_text
 from socialcircle_ros.errors import RecordingError, SettingError, SocialCircleError
@@ -90,7 +91,7 @@ def make_comparison(
     first: tuple[str, PipelineSettings],
     second: tuple[str, PipelineSettings],
     *,
-    topics: Sequence[str] = (),
+    topics: OneOrSeveral[str] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Sequence[ComparedCloud]:
     """Filter every cloud of a recording with two settings, and write an HTML page that shows both side by side.
@@ -125,7 +126,7 @@ def make_comparison(
     with folder_of_results(output.parent):
         check_place(output)
         compared, refused = [], Counter[str]()
-        for item in _compared(recording, settings, tuple(topics), progress):
+        for item in _compared(recording, settings, several(topics), progress):
             if isinstance(item, Refusal):
                 refused[item.reason] += 1
             else:

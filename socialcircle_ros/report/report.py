@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.digits import share_text
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.kernels.machine import hardware
@@ -85,7 +86,7 @@ def make_report(
     output: str | Path,
     settings: PipelineSettings | None = None,
     *,
-    topics: Sequence[str] = (),
+    topics: OneOrSeveral[str] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Report:
     """Filter every cloud and every focus stack of a recording, and write an HTML page about them.
@@ -135,7 +136,7 @@ def make_report(
         entries: list[ReportEntry] = []
         refused: Counter[str] = Counter()
         with open_recording(recording) as reader:
-            for found in _entries(reader, settings, tuple(topics), progress):
+            for found in _entries(reader, settings, several(topics), progress):
                 if isinstance(found, Refusal):
                     refused[found.reason] += 1
                 elif is_measurement_file(recording):

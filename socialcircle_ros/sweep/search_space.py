@@ -29,7 +29,7 @@ class Choice:
 
     Args:
         name: full name of the parameter.
-        values: the values in order; repeated values are dropped.
+        values: the values in order, or a single one; repeated values are dropped.
 
     Raises:
         SettingError: the parameter cannot be swept, it cannot have a value, or there is no value.
@@ -41,7 +41,9 @@ class Choice:
     def __post_init__(self) -> None:
         """Check the values, and convert them to the types that ROS has for the parameter."""
         parameter = _swept(self.name)
-        checked = [_checked(parameter, value) for value in self.values]
+        # A text is a sequence, too: of letters.
+        values = [self.values] if isinstance(self.values, (bool, int, float, str)) else self.values
+        checked = [_checked(parameter, value) for value in values]
         if not checked:
             raise SettingError(f'{self.name} has no value to try.')
         object.__setattr__(self, 'values', tuple({repr(value): value for value in checked}.values()))

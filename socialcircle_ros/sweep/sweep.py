@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.engine import Engine
 from socialcircle_ros.kernels.ordered import in_order
 from socialcircle_ros.pictures.style import new_figure
@@ -54,7 +55,7 @@ def run_sweep(
     parameters: Mapping[str, RosValue] | None = None,
     search: int | None = None,
     max_clouds: int = 10,
-    topics: Sequence[str] = (),
+    topics: OneOrSeveral[str] = (),
     restart: bool = False,
     scheduler: str | None = None,
     started: Callable[[str], None] = lambda dashboard: None,
@@ -105,7 +106,7 @@ def run_sweep(
         >>> result = run_sweep('bags/parts.mcap', [Choice('circle.radius_scale', [0.5, 1.0, 1.5])], 'out/sweep')
         >>> result = run_sweep('bags/parts.mcap', [Range('circle.radius_scale', 0.5, 3)], 'out/search', search=20)
     """
-    recording, output = Path(recording), Path(output)
+    recording, output, names = Path(recording), Path(output), several(topics)
     check_search_space(search_space)
     check_folder_name(output)
     parameters = parameters or {}
@@ -115,9 +116,9 @@ def run_sweep(
     others = [] if search else [values for values in grid(search_space) if values != as_given]
     _check_extras()
     with folder_of_results(output):
-        clouds = cached((recorded := SweptRecording(recording, base, tuple(topics), max_clouds)).load)
+        clouds = cached((recorded := SweptRecording(recording, base, names, max_clouds)).load)
         wanted = [as_given, *others]
-        swept = _swept(recording, base, search_space, topics, max_clouds, clouds)
+        swept = _swept(recording, base, search_space, names, max_clouds, clouds)
         with _trial_runner(swept, base, clouds, scheduler, started) as run:
             journal = TrialJournal(output / TRIALS, swept.fingerprint, restart=restart)
             resumed = len(journal.trials)
@@ -132,7 +133,7 @@ def _swept(
     recording: Path,
     base: ParameterValues,
     search_space: Sequence[SearchDimension],
-    topics: Sequence[str],
+    topics: tuple[str, ...],
     max_clouds: int,
     clouds: CloudSource,
 ) -> SweptClouds:
@@ -140,7 +141,7 @@ def _swept(
     varied = tuple(dimension.name for dimension in search_space)
     fixed = {name: value for name, value in base.items() if name not in varied}
     fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
-    return SweptClouds(str(recording.absolute()), json.dumps(base), varied, tuple(topics), max_clouds, fingerprint)
+    return SweptClouds(str(recording.absolute()), json.dumps(base), varied, topics, max_clouds, fingerprint)
 
 
 def _concluded(

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.baselines.median import window_median
 from socialcircle_ros.circle.not_measured import without_marks
 from socialcircle_ros.cloud import Cloud, Floats, Mask, measured_points
@@ -73,10 +74,10 @@ class GoodField:
 
 
 def read_good_clouds(
-    files: Sequence[Path],
+    files: OneOrSeveral[str | Path],
     settings: PipelineSettings,
     *,
-    topics: tuple[str, ...] = (),
+    topics: OneOrSeveral[str] = (),
     most: int = 8,
     progress: Callable[[str], None] = lambda text: None,
 ) -> tuple[list[GoodCloud], Counter[str]]:
@@ -98,7 +99,7 @@ def read_good_clouds(
     """
     refused: Counter[str] = Counter()
     clouds = []
-    for path in files:
+    for path in map(Path, several(files)):
         progress(f'reading {path.name}')
         with open_recording(path) as reader:
             chosen = spread_clouds(reader, settings, most, refused, topics=topics)

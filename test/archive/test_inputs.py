@@ -213,3 +213,13 @@ def test_an_object_store_is_searched_anew_each_time(monkeypatch):
         assert after[0].changed != before[1].changed
         with pytest.raises(SocialCircleError, match='s3://other does not exist'):
             find_inputs(['s3://other'])
+
+
+def test_a_single_input_is_no_list_of_letters(archive, monkeypatch):
+    monkeypatch.chdir(archive)
+    assert find_inputs('a.mcap') == find_inputs(archive / 'a.mcap') == find_inputs(['a.mcap'])
+
+
+def test_no_input_is_told():
+    with pytest.raises(SocialCircleError, match='There is no input'):
+        find_inputs([])

@@ -47,6 +47,19 @@ def test_clouds_follow_in_the_order_of_the_files(tmp_path):
     assert seen == [('b.npz', 'm', 'um'), ('a.npz', 'm', 'um')]
 
 
+@pytest.mark.parametrize('kind', [str, Path])
+def test_a_single_file_is_a_list_of_one(tmp_path, kind):
+    np.savez(tmp_path / 'a.npz', z=np.zeros((2, 2)), dx=1.0, dy=1.0)
+    record_clouds(kind(tmp_path / 'a.npz'), tmp_path / 'a.mcap')
+    assert len(messages_of(tmp_path / 'a.mcap')) == 1
+
+
+def test_no_file_makes_no_recording(tmp_path):
+    with pytest.raises(ImportFileError, match=r'a\.mcap would be empty: give at least one measurement file'):
+        record_clouds([], tmp_path / 'new' / 'a.mcap')
+    assert not list(tmp_path.iterdir())
+
+
 @settings(max_examples=20)
 @given(period_us=st.integers(1, 10**7))
 def test_the_stamps_are_multiples_of_the_period_to_the_nanosecond(period_us):

@@ -219,3 +219,9 @@ def test_the_clouds_that_would_be_filtered_come_in_their_order_with_their_messag
         ('/cell', '/cell/points', None)
     ] * 3
     assert seen == [*messages, None]
+
+
+def test_a_single_topic_may_be_given_by_its_name(tmp_path):
+    source = night(tmp_path / 'night.mcap', 1)
+    summary = run(source, tmp_path / 'cleaned.mcap', topics='/cell/points')
+    assert (summary.clouds, summary.passed) == (1, 1)

@@ -50,6 +50,15 @@ def test_messages_of_chosen_topics_are_read(tmp_path):
     assert read(path, ['/none']) == ([], None)
 
 
+def test_a_single_topic_is_one_topic_and_no_part_of_its_name_another(tmp_path):
+    topics = [small_topic('/points'), small_topic('/points_filtered')]
+    messages = [Message(topic.name, b'a', 5, 5, 0) for topic in topics]
+    path = write_mcap(tmp_path / 'a.mcap', messages, topics=topics)
+    assert read(path, '/points_filtered') == (messages[1:], None)
+    with open_recording(path) as recording:
+        assert recording.count('/points_filtered') == recording.count(['/points_filtered']) == 1
+
+
 @given(log_times=times, since=st.integers(0, 31))
 def test_reading_may_begin_in_the_middle(log_times, since, tmp_path_factory):
     messages = [Message('/points', bytes([i]), time, 0, i) for i, time in enumerate(log_times)]

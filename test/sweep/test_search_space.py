@@ -19,6 +19,11 @@ from socialcircle_ros.sweep.search_space import (
 )
 
 
+@pytest.mark.parametrize(('name', 'value'), [('circle.mode', 'paper'), ('circle.window', 5)])
+def test_a_single_value_is_a_choice_of_one(name, value):
+    assert Choice(name, value) == Choice(name, [value])
+
+
 @pytest.mark.parametrize(
     ('text', 'dimension'),
     [

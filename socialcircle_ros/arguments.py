@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What callers hand to the public functions: one name where several may come."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TypeAlias, TypeVar
+
+from socialcircle_ros.errors import SettingError
+
+Name = TypeVar('Name', bound=str | Path)
+
+OneOrSeveral: TypeAlias = Name | Iterable[Name]
+"""A name or a path, or several of them."""
+
+
+def several(given: OneOrSeveral[Name] | None) -> tuple[Name, ...]:
+    """All names that a caller gives; a single one counts as several of one.
+
+    A text is iterable as well: taken for several names, `/points` would be the names `/`, `p`, `o`, ...
+
+    Args:
+        given: a name or a path, or several; None: none.
+
+    Raises:
+        SettingError: it is neither.
+    """
+    if given is None:
+        return ()
+    if isinstance(given, (str, Path)):
+        return (given,)
+    if not isinstance(given, Iterable):
+        raise SettingError(f'A name or several names must be given, not {given!r}.')
+    return tuple(given)
