@@ -37,6 +37,7 @@ class RecordingReader:
         """Open the files of one recording, in their order; see `open_recording`."""
         self.path = path
         self._closing = ExitStack()
+        self._closed = False
         try:
             self._files = [self._opened(file) for file in files]
             self.topics = self._collect_topics()
@@ -53,12 +54,13 @@ class RecordingReader:
         the damage are read, and all messages of the other files; `damage` is set then.
 
         Raises:
-            RecordingError: chunks that overlap in time would fill the memory.
+            RecordingError: the recording is closed, or chunks that overlap in time would fill the memory.
 
         Args:
             topics: the wanted topic or topics; None: all.
             since: the first wanted log time, ns. Chunks before it are not loaded.
         """
+        self._check_open()
         names = None if topics is None else frozenset(several(topics))
         queue: list[tuple[int, int, int, int, Span | Message]] = []
         for number, file in enumerate(self._files):
@@ -86,6 +88,7 @@ class RecordingReader:
                             if held > most:
                                 raise self._too_much_at_once(most)
                 except DAMAGE as reason:
+                    self._check_open()  # a file that is closed raises what a damaged one can raise
                     damaged_at[number] = offset
                     self.damage = self.damage or file.damage_sentence(offset, reason)
         if names is None and since == 0 and count != self.message_count and not self.damage:
@@ -105,7 +108,11 @@ class RecordingReader:
         return count
 
     def attachments(self) -> Iterator[Attachment]:
-        """Yield the attachments of all files, one at a time; `damage` is set if one cannot be read."""
+        """Yield the attachments of all files, one at a time; `damage` is set if one cannot be read.
+
+        Raises:
+            RecordingError: the recording is closed.
+        """
         for file in self._files:
             with self._told('an attachment'):
                 yield from file.attachments()
@@ -114,6 +121,9 @@ class RecordingReader:
         """Yield the metadata records of all files, without that of rosbag2, which describes the file itself.
 
         `damage` is set if one cannot be read.
+
+        Raises:
+            RecordingError: the recording is closed.
         """
         for file in self._files:
             with self._told('a metadata record'):
@@ -125,6 +135,7 @@ class RecordingReader:
 
     def close(self) -> None:
         """Close the files of the recording."""
+        self._closed = True
         self._closing.close()
 
     def __enter__(self) -> 'RecordingReader':  # noqa: PYI034 - Self is not in Python 3.10
@@ -132,6 +143,13 @@ class RecordingReader:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise RecordingError(
+                f'{self.path} is closed, so nothing can be read from it: read within its `with` block, or open it'
+                ' again.'
+            )
 
     def _too_much_at_once(self, most: int) -> RecordingError:
         return RecordingError(
@@ -165,9 +183,11 @@ class RecordingReader:
     @contextmanager
     def _told(self, what: str) -> Iterator[None]:
         """Set `damage` if something cannot be read."""
+        self._check_open()
         try:
             yield
         except DAMAGE:
+            self._check_open()
             self.damage = self.damage or f'{self.path} is damaged: {what} cannot be read, and is left out.'
 
 

@@ -113,8 +113,10 @@ class RecordingWriter:
             name: the name under which `write` gets its messages, if a reader has it under another name.
 
         Raises:
-            RecordingError: a different topic with this name was added before, or the disk is full.
+            RecordingError: the recording is closed, a different topic with this name was added before, or the disk
+                is full.
         """
+        self._check_open()
         name = name or topic.name
         if name in self._topics:
             if topic != self._topics[name]:
@@ -130,8 +132,9 @@ class RecordingWriter:
         """Add an attachment, before the first message.
 
         Raises:
-            RecordingError: a message was written before.
+            RecordingError: the recording is closed, or a message was written before.
         """
+        self._check_open()
         if self.message_count:
             raise RecordingError(f'{self.path} takes no attachment after a message: add attachments first.')
         self._file.add(attachment)
@@ -140,8 +143,9 @@ class RecordingWriter:
         """Add a metadata record. The one with the name `rosbag2` is written by `close`.
 
         Raises:
-            RecordingError: the disk is full.
+            RecordingError: the recording is closed, or the disk is full.
         """
+        self._check_open()
         try:
             self._file.add(record)
         except OSError as error:
@@ -167,12 +171,12 @@ class RecordingWriter:
             checksum: CRC-32 of `data`, as zlib computes it; None: it is computed here.
 
         Raises:
-            RecordingError: the topic was not added, a number is out of range, or the disk is full. With `keep`, a
-                full disk ends the recording: it is complete then, and the message says what it holds.
+            RecordingError: the recording is closed, the topic was not added, a number is out of range, or the
+                disk is full. With `keep`, a full disk ends the recording: it is complete then, and the message says
+                what it holds.
         """
         publish_time = log_time if publish_time is None else publish_time
-        if self._closed:
-            raise RecordingError(f'{self.path} is closed: nothing can be written any more.')
+        self._check_open()
         if topic not in self._topics:
             raise RecordingError(f'{self.path} has no topic {topic}: add the topic before its messages.')
         if not (0 <= log_time <= LAST_TIME and 0 <= publish_time <= LAST_TIME):
@@ -244,6 +248,10 @@ class RecordingWriter:
             self.close()
         else:
             self.discard()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise RecordingError(f'{self.path} is closed: nothing can be written any more.')
 
     def _check_target(self, source: str | Path | None) -> None:
         target = self.path.resolve()

@@ -352,3 +352,24 @@ def test_closing_closes_the_files(tmp_path):
 def test_parts_are_sorted_by_their_numbers(tmp_path):
     paths = [tmp_path / f'bag_{i}.mcap' for i in (10, 9, 1)]
     assert sorted(paths, key=reader.natural_order) == paths[::-1]
+
+
+@pytest.mark.parametrize('part', ['messages', 'attachments', 'metadata'])
+def test_a_closed_recording_says_so_and_is_not_called_damaged(tmp_path, part):
+    path = write(tmp_path / 'a.mcap', some_messages())
+    with open_recording(path) as recording:
+        pass
+    with pytest.raises(RecordingError, match=r'a\.mcap is closed'):
+        list(getattr(recording, part)())
+    assert recording.damage is None
+
+
+def test_a_recording_that_is_closed_while_it_is_read_says_so(tmp_path):
+    messages = some_messages()
+    path = write_mcap(tmp_path / 'a.mcap', messages, topics=SMALL, chunk_size=150)
+    with open_recording(path) as recording:
+        reading = recording.messages()
+        assert next(reading) == messages[0]
+    with pytest.raises(RecordingError, match=r'a\.mcap is closed'):
+        list(reading)
+    assert recording.damage is None

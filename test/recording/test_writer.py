@@ -12,6 +12,7 @@ from recording.samples import CLOCK, POINTS, read, small_topic, some_messages, w
 
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.recording import Message, RecordingWriter, open_recording, ros_topic, type_hash
+from socialcircle_ros.recording.topics import Attachment, MetadataRecord
 
 AnyReader = pytest.importorskip('rosbags.highlevel', reason='needs rosbags: pip install rosbags').AnyReader
 Reader = pytest.importorskip('rosbags.rosbag2', reason='needs rosbags: pip install rosbags').Reader
@@ -395,3 +396,21 @@ def test_what_a_recording_holds_names_a_date_only_where_its_times_are_dates(tmp_
             writer.add_topic(IMAGE)
             writer.write(IMAGE.name, b'', time)
             assert writer.contents().startswith(told)
+
+
+@pytest.mark.parametrize(
+    'add',
+    [
+        lambda writer: writer.add_topic(POINTS),
+        lambda writer: writer.add_attachment(Attachment('a', '', b'', 0, 0)),
+        lambda writer: writer.add_metadata(MetadataRecord('a', {})),
+        lambda writer: writer.write('/points', b'', 0),
+    ],
+)
+def test_nothing_is_added_to_a_recording_that_is_closed(tmp_path, add):
+    with RecordingWriter(tmp_path / 'a.mcap') as writer:
+        pass
+    before = (tmp_path / 'a.mcap').read_bytes()
+    with pytest.raises(RecordingError, match='is closed: nothing can be written any more'):
+        add(writer)
+    assert (tmp_path / 'a.mcap').read_bytes() == before
