@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inputs of a batch: recordings, folders, globs, measurement files, and URLs through fsspec."""
 
+import errno
+import os
 import tempfile
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -68,14 +70,15 @@ def find_inputs(
     Args:
         given: recordings, rosbag2 directories, measurement files, folders that are searched with all folders in
             them, glob patterns, and URLs of these. In folders, hidden files and measurement files whose suffix is
-            also that of other files, such as .txt, are passed over.
+            also that of other files, such as .txt, are passed over. A folder to which links lead is searched once.
         progress: called with the number of inputs found so far.
         results: what is in its folders is no input, however it is named; None: there is no such folder.
         left_out: called with the location of each such result that would have been an input.
 
     Raises:
-        SocialCircleError: none is given; one of them does not exist, holds no input, or is a recording with the
-            folder of the results in it; all hold only such results; or fsspec cannot open a URL.
+        SocialCircleError: none is given; one of them does not exist, cannot be read, holds no input, or is a
+            recording with the folder of the results in it; all hold only such results; or fsspec cannot open a
+            URL.
     """
     found: dict[str, _Found] = {}
     own = _OwnResults(results)
@@ -193,28 +196,55 @@ def _found_at(text: str) -> Iterator[_Found]:
         return
     text = text.removeprefix('file://')
     path = Path(text).absolute()
-    if path.exists():
-        yield from _found_under(path, path)
+    if os.path.lexists(path):
+        yield from _found_under(path)
     elif any(sign in text for sign in '*?['):
         matches = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
         for match in matches:
-            yield from _found_under(match, match)
+            yield from _found_under(match)
     else:
         raise RecordingError(f'{text} does not exist: check the name.')
 
 
-def _found_under(path: Path, top: Path) -> Iterator[_Found]:
-    """The inputs at or under a local path; a rosbag2 directory is one input."""
-    if path.is_dir() and not _is_bag([each.name for each in path.iterdir()]):
-        for child in sorted(path.iterdir()):
-            if not child.name.startswith('.') and (child.is_dir() or _is_found_in_folders(child.name)):
-                yield from _found_under(child, top)
-        return
+def _found_under(top: Path) -> Iterator[_Found]:
+    """The inputs at or under a local path; a rosbag2 directory is one input.
+
+    Links may lead back to a folder above them. So each folder is searched once, by its own path if it is under
+    `top`: links wait until all other folders are searched.
+    """
+    waiting, links = [top], deque[Path]()
+    searched: set[Path] = set()
+    while waiting or links:
+        path = waiting.pop() if waiting else links.popleft()
+        try:
+            real = path.resolve(strict=True)
+            if real in searched:
+                continue
+            children = sorted(path.iterdir()) if path.is_dir() else []
+            if not path.is_dir() or _is_bag([each.name for each in children]):
+                yield _found(path, top)
+                searched.update([real] if children else [])
+                continue
+            searched.add(real)
+            for child in reversed(children):  # the last that waits is the next
+                if not child.name.startswith('.') and (child.is_dir() or _is_found_in_folders(child.name)):
+                    (links if child.is_symlink() and child.is_dir() else waiting).append(child)
+        except (OSError, RuntimeError) as error:  # before Python 3.13 a loop of links is a RuntimeError
+            reason = os.strerror(errno.ELOOP) if isinstance(error, RuntimeError) else error.strerror
+            raise RecordingError(f'{path} cannot be read ({reason}): check its permissions and links.') from None
+
+
+def _found(path: Path, top: Path) -> _Found:
+    """A local file, or a rosbag2 directory, as an input.
+
+    Raises:
+        OSError: its size cannot be read.
+    """
     files = [each for each in path.rglob('*') if each.is_file()] if path.is_dir() else [path]
     states = [each.stat() for each in files]
     relative = str(path.relative_to(top)) if path != top else path.name
     changed = max((state.st_mtime_ns for state in states), default=0)
-    yield _Found(str(path), relative, sum(state.st_size for state in states), str(changed), changed)
+    return _Found(str(path), relative, sum(state.st_size for state in states), str(changed), changed)
 
 
 def _found_at_url(url: str) -> Iterator[_Found]:

@@ -172,8 +172,8 @@ class RecordingWriter:
 
         Raises:
             RecordingError: the recording is closed, the topic was not added, a number is out of range, or the
-                disk is full. With `keep`, a full disk ends the recording: it is complete then, and the message says
-                what it holds.
+                disk is full. With `keep`, a full disk ends the recording: it is complete then, and the message
+                says what it holds.
         """
         publish_time = log_time if publish_time is None else publish_time
         self._check_open()

@@ -112,7 +112,7 @@ class TestOwnResults:
     def test_they_are_told(self, nights):
         left_out = []
         find_inputs(['.'], results=ResultFolder('out'), left_out=left_out.append)
-        folders = ('other', *(f'out/{folder}' for folder in sorted(FOLDERS)))
+        folders = [f'out/{folder}' for folder in sorted(FOLDERS)]  # `other` leads to one of them
         assert left_out == [str(nights / folder / 'c.mcap') for folder in folders]
 
     def test_the_folder_that_is_searched_can_take_them(self, nights):
@@ -223,3 +223,29 @@ def test_a_single_input_is_no_list_of_letters(archive, monkeypatch):
 def test_no_input_is_told():
     with pytest.raises(SocialCircleError, match='There is no input'):
         find_inputs([])
+
+
+def test_folders_that_link_to_each_other_are_searched_once(archive):
+    (archive / 'cell1/up').symlink_to(archive)
+    (archive / 'cell1/other').symlink_to('../cell2')
+    (archive / 'cell2/other').symlink_to('../cell1')
+    (archive / 'a link').symlink_to('bag')
+    assert names(archive) == [
+        'a.mcap', 'bag', 'cell1/b.mcap', 'cell1/c.al3d', 'cell2/b.mcap', 'x [1].mcap.zstd',
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize('target', ['b.mcap', 'gone.mcap'])
+def test_a_link_that_leads_nowhere_is_told(tmp_path, target):
+    (tmp_path / 'b.mcap').symlink_to(target)
+    for given in (tmp_path, tmp_path / 'b.mcap'):
+        with pytest.raises(
+            SocialCircleError, match=r'b\.mcap cannot be read \(.*\): check its permissions and links'
+        ):
+            find_inputs([given])
+
+
+def test_a_link_to_a_folder_elsewhere_is_followed(archive, tmp_path_factory):
+    top = tmp_path_factory.mktemp('top')
+    (top / 'night').symlink_to(archive / 'cell2')
+    assert names(top) == ['night/b.mcap']
