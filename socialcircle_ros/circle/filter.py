@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask, PitchLike, measured_only, measured_points, organized_from
 from socialcircle_ros.digits import size_text
-from socialcircle_ros.errors import NoSeedError, SocialCircleError, install_command
+from socialcircle_ros.errors import CloudError, NoSeedError, SocialCircleError, install_command
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
 
@@ -18,6 +18,7 @@ from .doubts import doubts_of, single_steps, texture_doubts, unknown_texture
 from .expansion import divide
 from .not_measured import recognise
 from .radius import circle_limit
+from .region import NOTHING_MEASURED
 from .seed import elect_seed
 
 if TYPE_CHECKING:
@@ -115,10 +116,14 @@ def remove_outliers(
     unmeasured = recognise(cloud, settings.not_measured)
     if unmeasured.points is not None:
         cloud = measured_only(cloud, ~unmeasured.points)
-    if settings.mode == 'adaptive':
-        result = _remove_adaptively(cloud, settings)
-    else:
-        result = _remove_as_in_the_paper(cloud, settings)
+    remove = _remove_adaptively if settings.mode == 'adaptive' else _remove_as_in_the_paper
+    try:
+        result = remove(cloud, settings)
+    except CloudError as refusal:
+        if not unmeasured.note:
+            raise
+        # Points that only count as not measured may be what the method lacks.
+        raise type(refusal)(f'{refusal} {unmeasured.note}') from None
     notes = (unmeasured.note,) if unmeasured.note else ()
     unclear = (unmeasured.doubt,) if unmeasured.doubt else ()
     kept, removed = int(np.count_nonzero(result.inliers)), int(np.count_nonzero(result.outliers))
@@ -148,7 +153,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     """Separate the outliers in the adaptive mode: the surface's own spread, and many communities."""
     measured = measured_points(cloud)
     if not measured.any():
-        raise NoSeedError('No point of the cloud is measured.')
+        raise NoSeedError(NOTHING_MEASURED)
     lesson = settings.taught
     judge = None if lesson is None else LessonJudge(lesson)
     heights = np.where(measured, cloud[..., 2], np.nan)

@@ -35,6 +35,11 @@ Region = tuple[int, int, int, int]
 SIDE = 60
 """Side of a chosen region: the paper asks for at least 60 points."""
 
+NOTHING_MEASURED = (
+    'No point of the cloud is measured: each has a NaN or Inf coordinate, or counts as not measured.'
+)
+"""The refusal of a cloud without a measured point."""
+
 CANDIDATES = 64
 """Most candidates that are compared."""
 
@@ -98,7 +103,7 @@ def choose_region(xyz: Cloud) -> Region:
     if 2 * chosen.compared < len(sample):
         counts = _count_candidates(memory, rows, columns)
         if counts.max() == 0:
-            raise NoSeedError('Nothing is measured in this cloud: each of its points has a NaN or Inf coordinate.')
+            raise NoSeedError(NOTHING_MEASURED)
         least = _WELL_MEASURED * float(counts.max())
         chosen = _compare(memory, rows, columns, _evenly_spread(np.flatnonzero(counts >= least)), least)
     return chosen.top, chosen.left, rows.side, columns.side

@@ -118,9 +118,19 @@ def test_few_equal_points_are_measured():
     assert recognise(xyz, 'auto') == (None, '', '')
 
 
-def test_a_cloud_of_zeros_is_refused():
-    with pytest.raises(NoSeedError):
-        remove_outliers(np.zeros((ROWS, COLUMNS, 3)))
+@pytest.mark.parametrize('mode', ['paper', 'adaptive'])
+def test_a_cloud_of_zeros_is_refused_and_the_mark_is_named(mode):
+    with pytest.raises(NoSeedError, match='No point of the cloud is measured') as refusal:
+        remove_outliers(np.zeros((ROWS, COLUMNS, 3)), CircleSettings(mode=mode))
+    assert str(refusal.value).endswith(
+        f'counts as not measured. {ROWS * COLUMNS} points are exactly at (0, 0, 0) and count as not measured; set'
+        " circle.not_measured to 'nan' if they are measured."
+    )
+
+
+def test_a_refusal_without_a_mark_names_none():
+    with pytest.raises(NoSeedError, match='counts as not measured.$'):
+        remove_outliers(np.full((ROWS, COLUMNS, 3), np.nan))
 
 
 def test_radius_zero_is_refused_with_what_to_do():

@@ -113,7 +113,10 @@ BAD = {
     'cut short': (broken(data=awkward().data[:-1]), 'cut short'),
     'contradiction': (broken(row_step=10), 'contradicts itself'),
     'empty': (broken(height=0, width=0), 'The cloud is empty'),
-    'nothing measured': (encode_point_cloud(Header(), np.full((9, 9, 3), np.nan, 'f4')), 'Nothing is measured'),
+    'nothing measured': (
+        encode_point_cloud(Header(), np.full((9, 9, 3), np.nan, 'f4')),
+        'No point of the cloud is measured',
+    ),
 }
 
 

@@ -175,7 +175,9 @@ def test_a_circle_that_stayed_on_a_minority_warns():
 
 
 def test_a_cloud_without_any_measured_point_is_refused():
-    with pytest.raises(SocialCircleError, match='Nothing is measured in this cloud'):
+    with pytest.raises(
+        SocialCircleError, match='No point of the cloud is measured: each has a NaN or Inf coordinate'
+    ):
         outputs(np.full((70, 80, 3), np.nan, np.float32), CircleSettings(mode='paper'))
 
 
