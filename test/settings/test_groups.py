@@ -8,8 +8,10 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays, scalar_dtypes
 
 from socialcircle_ros import CircleSettings, SocialCircleError
+from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import (
     GROUPS,
     PARAMETERS,
@@ -65,6 +67,16 @@ def test_settings_are_frozen():
         ({'radius_scale': float('inf')}, 'circle.radius_scale must be a finite number, not inf'),
         ({'radius_scale': '2'}, "circle.radius_scale must be a number, not '2'"),
         ({'radius_scale': None}, 'circle.radius_scale must be a number, not None'),
+        ({'radius': 10**400}, 'circle.radius must be a number that fits 64 bits, not 10{59}…'),
+        ({'radius': 10**5000}, 'circle.radius must be a number that fits 64 bits, not a number of thousands'),
+        ({'radius': np.True_}, 'circle.radius must be a number, not True'),
+        ({'radius': np.array([1.0, 2.0])}, 'circle.radius must be a number, not array'),
+        ({'window': 10**400 + 1}, 'circle.window is 10{59}…, which is out of range: it must fit 64 bits'),
+        ({'window': np.True_}, 'circle.window must be a whole number, not True'),
+        ({'mode': np.array([1, 2])}, r'circle.mode cannot be array\(\[1, 2\]\); use one of: paper'),
+        ({'not_measured': 0}, "circle.not_measured must be text, not 0; for this number use the text '0'"),
+        ({'not_measured': -9999.0}, "must be text, not -9999.0; for this number use the text '-9999.0'"),
+        ({'not_measured': False}, 'circle.not_measured must be text, not False.$'),
         ({'vote_region': (1, 2, 3)}, r'circle.vote_region must be 4 whole numbers, not \(1, 2, 3\)'),
         ({'vote_region': '1234'}, 'circle.vote_region must be 4 whole numbers'),
         ({'vote_region': (5, 5, 0, 60)}, r'circle.vote_region \[5, 5, 0, 60\] is empty; give a height'),
@@ -141,10 +153,45 @@ def test_limits_that_nothing_meets_are_refused():
     assert LimitSettings.from_ros({'limits.sz_max': 1e-6}).are_set
 
 
+anything = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.integers(300, 6000).map(lambda digits: 10**digits)
+    | st.floats()
+    | st.complex_numbers()
+    | st.text()
+    | st.binary()
+    | scalar_dtypes().flatmap(lambda kind: arrays(kind, array_shapes(min_dims=0, max_side=3))),
+    lambda values: st.lists(values, max_size=5) | st.tuples(values, values, values, values),
+    max_leaves=5,
+)
+
+
+@given(st.sampled_from([(group, row.field) for group in GROUPS for row in group.parameters()]), anything)
+def test_a_value_of_any_kind_is_taken_or_refused_in_one_line(parameter, value):
+    group, field = parameter
+    try:
+        found = group(**{field: value})
+    except SettingError as refusal:
+        assert field in str(refusal)
+        assert '\n' not in str(refusal)
+        assert len(str(refusal)) < 500
+    else:
+        assert type(getattr(found, field)) in (bool, int, float, str, tuple, type(None))
+        assert group.from_ros(found.to_ros()) == found
+
+
 @pytest.mark.parametrize('wrong', [1, 'yes', None])
 def test_a_bool_parameter_takes_only_true_or_false(wrong):
     with pytest.raises(SocialCircleError, match='output.mask must be true or false'):
         OutputSettings(mask=wrong)
+
+
+def test_scalars_of_numpy_are_those_of_python():
+    settings = CircleSettings(mode=np.str_('paper'), window=np.int64(5), radius=np.float32(0.5))
+    assert (settings.mode, settings.window, settings.radius) == ('paper', 5, 0.5)
+    assert OutputSettings(mask=np.True_) == OutputSettings(mask=True)
 
 
 def test_a_text_parameter_takes_only_text():
