@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What callers hand to the public functions: one name where several may come."""
+"""What callers hand to the public functions: one name where several may come, and settings of the right class."""
 
+import reprlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeAlias, TypeVar
@@ -11,6 +12,8 @@ Name = TypeVar('Name', bound=str | Path)
 
 OneOrSeveral: TypeAlias = Name | Iterable[Name]
 """A name or a path, or several of them."""
+
+SettingsClass = TypeVar('SettingsClass')
 
 
 def several(given: OneOrSeveral[Name] | None) -> tuple[Name, ...]:
@@ -31,3 +34,24 @@ def several(given: OneOrSeveral[Name] | None) -> tuple[Name, ...]:
     if not isinstance(given, Iterable):
         raise SettingError(f'A name or several names must be given, not {given!r}.')
     return tuple(given)
+
+
+def settings_of(wanted: type[SettingsClass], given: object) -> SettingsClass:
+    """The settings that a caller gives, if they are of the class that is wanted.
+
+    Raises:
+        SettingError: they are not.
+    """
+    if not isinstance(given, wanted):
+        shown = ' '.join(reprlib.repr(given).split())
+        raise SettingError(f'The settings must be a {wanted.__name__}(...), not {shown}.')
+    return given
+
+
+def settings_or_default(wanted: type[SettingsClass], given: object) -> SettingsClass:
+    """The settings that a caller gives; None: the defaults.
+
+    Raises:
+        SettingError: they are not of the class that is wanted.
+    """
+    return wanted() if given is None else settings_of(wanted, given)

@@ -9,7 +9,7 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from socialcircle_ros.arguments import OneOrSeveral, several
+from socialcircle_ros.arguments import OneOrSeveral, settings_or_default, several
 from socialcircle_ros.engine import Engine
 from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.report.page import environment
@@ -98,11 +98,14 @@ def run_batch(
         progress: called with the number of finished inputs and the number of all inputs.
 
     Raises:
-        SocialCircleError: an input does not exist, the folder cannot be used, a library is missing, or no
-            scheduler answers.
+        SocialCircleError: the settings or the compression are none, an input does not exist, the folder cannot be
+            used, a library is missing, or no scheduler answers.
     """
-    results, settings = ResultFolder(output), settings or PipelineSettings()
+    results, settings = ResultFolder(output), settings_or_default(PipelineSettings, settings)
+    from socialcircle_ros.recording.mcap_writer import check_compression  # noqa: PLC0415 - loads the kernels
+
     pattern = NamePattern(names)
+    check_compression(compression)
     if reports:
         new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after hours
         environment()

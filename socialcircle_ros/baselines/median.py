@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.cloud import Cloud, organized
+from socialcircle_ros.errors import SettingError
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA
 from socialcircle_ros.kernels.sorting_networks import Comparators, merge_network, run_network, sort_network
@@ -52,7 +54,7 @@ def median_filter(xyz: npt.ArrayLike, settings: MedianSettings | None = None) ->
     Raises:
         CloudError: not an organized cloud.
     """
-    settings = settings or MedianSettings()
+    settings = settings_or_default(MedianSettings, settings)
     cloud = organized(xyz)
     score = np.abs(cloud[:, :, 2] - window_median(cloud, settings.window))
     threshold = settings.threshold
@@ -78,8 +80,11 @@ def window_median(xyz: npt.ArrayLike, window: int) -> Score:
         (H, W) in the cloud's data type and unit, NaN where the point is not measured.
 
     Raises:
+        SettingError: the window is not odd.
         CloudError: not an organized cloud.
     """
+    if not isinstance(window, (int, np.integer)) or window < 1 or window % 2 == 0:
+        raise SettingError(f'The window must be an odd number of points, such as 5, not {window!r}.')
     cloud = organized(xyz)
     median: Score = np.empty(cloud.shape[:2], cloud.dtype)
     _window_median(cloud, window, _plan(window), median)

@@ -21,6 +21,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.cloud import Cloud, Mask, measured_points, organized
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.kernels.compiled import kernel
@@ -71,7 +72,7 @@ def pcl_radius_filter(xyz: npt.ArrayLike, settings: RadiusSettings | None = None
         CloudError: as radius_filter.
         SocialCircleError: PCL's tools are not installed, or gave no result.
     """
-    settings = settings or RadiusSettings()
+    settings = settings_or_default(RadiusSettings, settings)
     cloud = organized(xyz)
     radius, fewest = repr(radius_of(cloud, settings)), str(settings.min_neighbours)
     return _run_pcl(cloud, '-method', 'radius', '-radius', radius, '-min_pts', fewest)
@@ -84,7 +85,7 @@ def pcl_statistical_filter(xyz: npt.ArrayLike, settings: StatisticalSettings | N
         CloudError: as statistical_filter.
         SocialCircleError: PCL's tools are not installed, or gave no result.
     """
-    settings = settings or StatisticalSettings()
+    settings = settings_or_default(StatisticalSettings, settings)
     count, factor = str(settings.neighbours), repr(settings.std_factor)
     return _run_pcl(organized(xyz), '-method', 'statistical', '-mean_k', count, '-std_dev_mul', factor)
 
@@ -96,7 +97,7 @@ def open3d_radius_filter(xyz: npt.ArrayLike, settings: RadiusSettings | None = N
         CloudError: as radius_filter.
         SocialCircleError: Open3D is not installed.
     """
-    settings = settings or RadiusSettings()
+    settings = settings_or_default(RadiusSettings, settings)
     cloud = organized(xyz)
     radius = radius_of(cloud, settings)
     # Open3D keeps a point with more than nb_points in the sphere and counts the point itself: the same as ours.
@@ -110,7 +111,7 @@ def open3d_statistical_filter(xyz: npt.ArrayLike, settings: StatisticalSettings 
         CloudError: as statistical_filter.
         SocialCircleError: Open3D is not installed.
     """
-    settings = settings or StatisticalSettings()
+    settings = settings_or_default(StatisticalSettings, settings)
     # Open3D counts the point itself as a neighbour at distance 0: with one more it is the same filter.
     count = settings.neighbours + 1
     return _run_open3d(

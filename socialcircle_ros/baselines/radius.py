@@ -4,6 +4,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.cloud import Cloud, organized
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.kernels.compiled import kernel
@@ -33,7 +34,7 @@ def radius_filter(xyz: npt.ArrayLike, settings: RadiusSettings | None = None) ->
         CloudError: not an organized cloud, or no radius is given and the cloud has no two measured points side by
             side to estimate it from.
     """
-    settings = settings or RadiusSettings()
+    settings = settings_or_default(RadiusSettings, settings)
     cloud = organized(xyz)
     radius = cloud.dtype.type(radius_of(cloud, settings))
     with np.errstate(over='ignore'):

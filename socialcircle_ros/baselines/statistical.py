@@ -6,6 +6,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.cloud import Cloud, organized
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.sorting_networks import Comparators, run_network, sort_network
@@ -33,7 +34,7 @@ def statistical_filter(xyz: npt.ArrayLike, settings: StatisticalSettings | None 
     Raises:
         CloudError: not an organized cloud.
     """
-    settings = settings or StatisticalSettings()
+    settings = settings_or_default(StatisticalSettings, settings)
     cloud = organized(xyz)
     nearest = sort_network(settings.window**2 - 1, settings.neighbours)
     score: Score = np.empty(cloud.shape[:2], cloud.dtype)

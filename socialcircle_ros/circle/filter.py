@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.arguments import settings_or_default
+from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_only, measured_points, organized_from
 from socialcircle_ros.cloud import Cloud, Mask, PitchLike, measured_only, measured_points, organized_from
 from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, NoSeedError, SocialCircleError, install_command
@@ -100,6 +102,7 @@ def remove_outliers(
         CloudError: `xyz` is neither an organized cloud nor heights with a pitch, of float32 or float64.
         NoSeedError: no point is measured in the vote region, or in the cloud.
         NoRadiusError: no point is measured on the ring round the seed.
+        SettingError: the settings are not `CircleSettings`.
 
     Example:
         >>> import numpy as np
@@ -111,7 +114,7 @@ def remove_outliers(
         >>> np.argwhere(result.outliers).tolist()
         [[20, 30]]
     """
-    settings = settings or CircleSettings()
+    settings = settings_or_default(CircleSettings, settings)
     cloud = organized_from(xyz, pitch)
     unmeasured = recognise(cloud, settings.not_measured)
     if unmeasured.points is not None:

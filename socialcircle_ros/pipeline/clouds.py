@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.circle import CircleResult, remove_outliers
 from socialcircle_ros.cloud import Cloud, Mask, measured_only
 from socialcircle_ros.digits import share_text
@@ -157,7 +158,7 @@ def process_cloud(
         MessageError: the message is not an organized cloud, or contradicts itself.
         CloudError: the method has no result for this cloud.
     """
-    settings = settings or PipelineSettings()
+    settings = settings_or_default(PipelineSettings, settings)
     circle = settings.circle.of_a_stack(depth_of_field)
     wanted = outputs_of(circle.mode, settings.output)
     stopwatch = Stopwatch()

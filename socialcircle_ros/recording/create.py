@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """New recordings from measurement files and from simulated stacks."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -36,6 +37,8 @@ from .units import with_unit
 from .writer import RecordingWriter
 
 _FRAMES_PER_PERIOD = 50
+_END_S = 2**31  # a stamp of ROS has seconds in 32 bits with a sign
+_TOPIC = re.compile(r'(/[A-Za-z_][A-Za-z0-9_]*)+')
 
 
 class StackRecording(NamedTuple):
@@ -102,16 +105,16 @@ def record_clouds(
         written: called with each file, its cloud as it is written, and where that comes from.
 
     Raises:
-        SettingError: the period is not above 0.
+        SettingError: the period is not above 0 or too long, or ROS allows no such topic.
         ImportFileError: there is no file, or one cannot be used.
         RecordingError: the recording cannot be written.
         SocialCircleError: its folder cannot be created.
     """
-    if not period_s > 0:
-        raise SettingError(f'The period must be above 0 s, not {period_s}.')
     paths = [Path(each) for each in several(files)]
     if not paths:
         raise ImportFileError(f'{output} would be empty: give at least one measurement file.')
+    _check_period(period_s, len(paths))
+    _check_topic(topic)
     with folder_of_results(Path(output).parent), RecordingWriter(output, overwrite=overwrite) as writer:
         before: str | None = None
         for number, path in enumerate(paths):
@@ -135,6 +138,32 @@ def record_clouds(
                 writer.add_metadata(record)
             if written is not None:
                 written(path, cloud, origin)
+
+
+def _check_period(period_s: float, periods: float) -> None:
+    """Check that the stamps of a recording are times of ROS.
+
+    Raises:
+        SettingError: they are not.
+    """
+    if not 0 < period_s * periods < _END_S:
+        raise SettingError(
+            'The period must be above 0 s, and the last stamp below 2³¹ s, as ROS holds it; the period cannot be'
+            f' {period_s} s.'
+        )
+
+
+def _check_topic(topic: str) -> None:
+    """Check that a topic has a full name.
+
+    Raises:
+        SettingError: it has not.
+    """
+    if not _TOPIC.fullmatch(topic):
+        raise SettingError(
+            f'{topic!r} is not the name of a topic: use letters, digits, _ and /, as in /cell/points; it begins'
+            ' with /, and no part of it begins with a digit.'
+        )
 
 
 def _unit_text(unit: str | None) -> str:
@@ -179,6 +208,7 @@ def record_stack(
         tell: called with each sentence on what was taken and what was passed over.
 
     Raises:
+        SettingError: the period is not above 0 or too long.
         ImportFileError: the stack cannot be used, its order or z is not certain, a frame does not belong to it, or
             its pitch or step is missing.
         RecordingError: the recording or the parameter file cannot be written, or exists already.
@@ -191,6 +221,7 @@ def record_stack(
         tell(note)
     if pitch and stack.pitch:
         tell(f'the file says a pitch of {stack.pitch[0]:g} m; --pitch {pitch:g} is taken')
+    _check_period(period_s, len(stack.z) / _FRAMES_PER_PERIOD)
     checks = FrameChecks()
     values = node_parameters(len(stack.z), pitch_x, pitch_y)
     with (

@@ -7,7 +7,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from socialcircle_ros.arguments import OneOrSeveral, several
+from socialcircle_ros.arguments import OneOrSeveral, settings_of, several
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import MessageError, RecordingError, SocialCircleError
 from socialcircle_ros.focus import Registered, count_reasons
@@ -147,6 +147,7 @@ def filter_recording(
         filtered: called after each cloud with what came of it.
 
     Raises:
+        SettingError: the settings are not `PipelineSettings`, or there is no such compression.
         RecordingError: it cannot be read or written, or it holds neither clouds nor frames of a stack.
         SocialCircleError: the folder of the target cannot be created.
     """
@@ -411,8 +412,10 @@ def _cells(reader: RecordingReader, topics: OneOrSeveral[str], settings: Pipelin
     """The namespaces that hold clouds or stacks to filter.
 
     Raises:
+        SettingError: the settings are of another class.
         RecordingError: there is none, or a topic that was asked for holds no clouds.
     """
+    settings_of(PipelineSettings, settings)
     wanted = several(topics)
     stacks = () if wanted else stacks_of(reader)
     clouds = wanted or clouds_of(reader)

@@ -14,7 +14,7 @@ from socialcircle_ros.messages.header import FIRST_DATE, stamp_text
 from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_target, lies_in, remove_leftovers
 
 from .mcap_output import LAST_TIME, McapOutput
-from .mcap_writer import Compression
+from .mcap_writer import Compression, check_compression
 from .metadata import FileContents, bag_information, to_yaml
 from .names import is_mcap_name
 from .topics import Attachment, CheckedMessage, MetadataRecord, Topic
@@ -61,9 +61,11 @@ class RecordingWriter:
                 of gigabytes that nobody reads at once.
 
         Raises:
+            SettingError: there is no such compression.
             RecordingError: the path exists already, cannot be written, has the suffix of another file, or is a
                 file that would have to be split.
         """
+        check_compression(compression)
         self.path = Path(path)
         self._is_file = is_mcap_name(self.path)
         if self._is_file and (max_bytes or max_duration_s):

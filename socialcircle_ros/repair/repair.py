@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.cloud import Cloud, Mask, measured_points, nearest_grid, organized
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.settings import RepairSettings
@@ -58,9 +59,11 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
         A new cloud, and the mask of the filled points.
 
     Raises:
-        CloudError: this is not an organized cloud, or the holes have another shape or data type.
+        CloudError: this is not an organized cloud, the holes have another shape or data type, or x and y reach too
+            far for float64.
+        SettingError: the settings are not `RepairSettings`.
     """
-    settings = settings or RepairSettings()
+    settings = settings_or_default(RepairSettings, settings)
     cloud = organized(xyz)
     mask = np.asarray(holes)
     if mask.shape != cloud.shape[:2] or mask.dtype != np.bool_:
@@ -86,8 +89,18 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
 
 
 def _ratio_of_pitches(cloud: Cloud, measured: Mask) -> float:
-    """Distance of the rows over that of the columns; 1 where it is not known."""
-    grid = nearest_grid(cloud, measured)
+    """Distance of the rows over that of the columns; 1 where it is not known.
+
+    Raises:
+        CloudError: x and y reach too far for float64.
+    """
+    try:
+        with np.errstate(over='ignore', invalid='ignore'):
+            grid = nearest_grid(cloud, measured)
+    except np.linalg.LinAlgError:
+        raise CloudError(
+            'x and y reach so far that float64 does not hold their sums: check the unit of the cloud.'
+        ) from None
     pitch = None if grid is None else grid.pitch
     if pitch is None:
         return 1.0

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.arguments import OneOrSeveral, several
+from socialcircle_ros.arguments import OneOrSeveral, settings_of, several
 from socialcircle_ros.cloud import Mask, measured_only
 from socialcircle_ros.digits import share_text
 from socialcircle_ros.errors import RecordingError, SettingError, SocialCircleError
@@ -114,7 +114,7 @@ def make_comparison(
             not installed.
     """
     recording, output = Path(recording), Path(output)
-    settings = first[1], second[1]
+    settings = settings_of(PipelineSettings, first[1]), settings_of(PipelineSettings, second[1])
     differing = _differing(*settings)
     new_figure(1, 1)  # fails now if matplotlib or Jinja2 is missing, and not after minutes
     environment()

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
-from socialcircle_ros.arguments import OneOrSeveral, several
+from socialcircle_ros.arguments import OneOrSeveral, settings_or_default, several
 from socialcircle_ros.digits import share_text
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.kernels.machine import hardware
@@ -123,7 +123,7 @@ def make_report(
         >>> report = make_report('bags/parts.mcap', 'out/parts.html', settings)
         >>> [entry.scores.recall for entry in report.entries]
     """
-    recording, output, settings = Path(recording), Path(output), settings or PipelineSettings()
+    recording, output, settings = Path(recording), Path(output), settings_or_default(PipelineSettings, settings)
     new_figure(1, 1)  # fails now where matplotlib or Jinja2 is missing, and not after minutes
     environment()
     check_page_name(output)

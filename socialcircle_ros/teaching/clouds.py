@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.arguments import OneOrSeveral, several
+from socialcircle_ros.arguments import OneOrSeveral, settings_of, several
 from socialcircle_ros.baselines.median import window_median
 from socialcircle_ros.circle.not_measured import without_marks
 from socialcircle_ros.cloud import Cloud, Floats, Mask, measured_points
@@ -97,6 +97,7 @@ def read_good_clouds(
         RecordingError: a file cannot be read, or it has no cloud.
         CloudError: no cloud of the files can be used.
     """
+    settings_of(PipelineSettings, settings)
     refused: Counter[str] = Counter()
     clouds = []
     for path in map(Path, several(files)):

@@ -7,6 +7,7 @@ from statistics import mean
 
 import numpy as np
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.circle.adaptive import UNDECIDED, CommunityJudge, LessonJudge, Likelihood, Rules
 from socialcircle_ros.circle.network import packaged_network
 from socialcircle_ros.cloud import Mask
@@ -117,7 +118,7 @@ def teach(
         CloudError: the clouds have too few measured points.
         SocialCircleError: the network cannot be read.
     """
-    settings = settings or CircleSettings()
+    settings = settings_or_default(CircleSettings, settings)
     by_rules = settings.judge == 'rules' or any(cloud.depth_of_field is not None for cloud in clouds)
     likelihood = None if by_rules else packaged_network(settings.provider).probabilities
     taught, kept_back = good_fields(clouds)

@@ -12,13 +12,13 @@ import time
 
 import numpy as np
 import pytest
-from archive.archives import object_store, recorded
+from archive.archives import BAGS, object_store, recorded
 from clusters import cluster_in_this_process, cluster_of_processes
 from examples import surface
 
 from socialcircle_ros import open_measurements, run_batch
 from socialcircle_ros.archive.trend_page import write_trend
-from socialcircle_ros.errors import SocialCircleError, UnitWarning
+from socialcircle_ros.errors import SettingError, SocialCircleError, UnitWarning
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.offline import filter_recording
 from socialcircle_ros.settings import PipelineSettings
@@ -220,3 +220,9 @@ class TestCluster:
 
     def entries(self, folder):
         return [json.loads(path.read_text())['location'] for path in (folder / 'out/inputs').glob('*.json')]
+
+
+def test_another_compression_is_refused_before_the_work(tmp_path):
+    with pytest.raises(SettingError, match="compression cannot be 'gzip'"):
+        run_batch(BAGS / 'parts.mcap', tmp_path / 'out', compression='gzip')
+    assert not list(tmp_path.iterdir())

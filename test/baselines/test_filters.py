@@ -146,3 +146,9 @@ def test_settings_refuse_what_a_window_cannot_hold():
         RadiusSettings(radius=0)
     with pytest.raises(SettingError, match='threshold must be above 0'):
         MedianSettings(threshold=0)
+
+
+@pytest.mark.parametrize('window', [0, -1, 2, 4, 3.0, '3', None])
+def test_a_median_window_that_is_not_odd_is_refused(window):
+    with pytest.raises(SettingError, match='The window must be an odd number of points'):
+        window_median(np.zeros((5, 6, 3)), window)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recording.samples import CLOCK, POINTS, read, small_topic, some_messages, write
 
-from socialcircle_ros.errors import RecordingError
+from socialcircle_ros.errors import RecordingError, SettingError
 from socialcircle_ros.recording import Message, RecordingWriter, open_recording, ros_topic, type_hash
 from socialcircle_ros.recording.topics import Attachment, MetadataRecord
 
@@ -414,3 +414,9 @@ def test_nothing_is_added_to_a_recording_that_is_closed(tmp_path, add):
     with pytest.raises(RecordingError, match='is closed: nothing can be written any more'):
         add(writer)
     assert (tmp_path / 'a.mcap').read_bytes() == before
+
+
+def test_another_compression_is_refused(tmp_path):
+    with pytest.raises(SettingError, match="compression cannot be 'gzip'; use one of: none, lz4, zstd"):
+        RecordingWriter(tmp_path / 'a.mcap', compression='gzip')
+    assert not list(tmp_path.iterdir())

@@ -245,3 +245,12 @@ def test_memory_layout_does_not_change_the_result(dtype):
     np.testing.assert_array_equal(result.xyz, expected.xyz)
     swapped = repair_holes(xyz.astype(xyz.dtype.newbyteorder()), np.asfortranarray(holes))
     np.testing.assert_array_equal(swapped.xyz, expected.xyz)
+
+
+@pytest.mark.parametrize('method', ['biharmonic', 'spline'])
+def test_coordinates_whose_sums_no_float_holds_are_refused(method):
+    y, x = np.mgrid[:20, :30] * 5e306
+    holes = np.zeros((20, 30), bool)
+    holes[8:11, 9:13] = True
+    with pytest.raises(CloudError, match='x and y reach so far that float64 does not hold their sums'):
+        repair_holes(np.dstack([x, y, np.zeros_like(x)]), holes, RepairSettings(method=method))
