@@ -403,3 +403,32 @@ def test_results_can_be_compared_and_be_keys():
 
     assert first != second
     assert {first: 1, second: 2}[first] == 1
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.integers(0, 2**32),
+    st.sampled_from(['network', 'rules']),
+    st.sampled_from([None, 0.5]),
+    st.integers(-900, 900).filter(lambda power: abs(power) >= 100),
+)
+@pytest.mark.filterwarnings('error')
+def test_a_power_of_two_on_the_heights_changes_nothing_in_the_adaptive_mode(random, judge, depth_of_field, power):
+    generator = np.random.default_rng(random)
+    heights = rough(60, 70).astype(np.float64)
+    heights[20:24, 30:35] += 40
+    heights.flat[generator.choice(heights.size, 12, replace=False)] += generator.normal(0, 100, 12)
+    heights.flat[generator.choice(heights.size, 40, replace=False)] = np.nan
+    scaled_depth = None if depth_of_field is None else math.ldexp(depth_of_field, power)
+
+    result = remove_outliers(grid(heights), CircleSettings(judge=judge, depth_of_field=depth_of_field))
+    scaled = remove_outliers(
+        grid(np.ldexp(heights, power)), CircleSettings(judge=judge, depth_of_field=scaled_depth)
+    )
+
+    assert result.outliers.any()
+    np.testing.assert_array_equal(scaled.outliers, result.outliers)
+    np.testing.assert_array_equal(scaled.inliers, result.inliers)
+    np.testing.assert_array_equal(scaled.score, result.score)
+    assert math.ldexp(scaled.radius, -power) == result.radius
+    assert scaled.warnings == result.warnings

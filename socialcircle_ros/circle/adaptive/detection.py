@@ -108,7 +108,9 @@ def find_outliers(
     if judge is not None:
         rules = replace(rules, steep=judge.least)
     stopwatch = Stopwatch()
-    relative = relative_heights(heights)
+    relative, exponent = relative_heights(heights)
+    if depth_of_field is not None:
+        depth_of_field = math.ldexp(depth_of_field, -exponent)
     search = _IslandSearch(relative)
     stopwatch.lap('heights')
 
@@ -143,7 +145,8 @@ def find_outliers(
     score = search.steepness
     nearly = _scale_scores(score, outliers, search.measured) / int(np.count_nonzero(search.measured))
     stopwatch.lap('score')
-    return AdaptiveResult(outliers, score, spread, islands_kept, nearly, 0.0, stopwatch.times_ms)
+    in_cloud = math.ldexp(spread, exponent)
+    return AdaptiveResult(outliers, score, in_cloud, islands_kept, nearly, 0.0, stopwatch.times_ms)
 
 
 def find_probable_outliers(
@@ -163,7 +166,7 @@ def find_probable_outliers(
             probabilities decide.
     """
     stopwatch = Stopwatch()
-    relative = relative_heights(heights)
+    relative, exponent = relative_heights(heights)
     stopwatch.lap('heights')
     spread = estimate_spread(relative, _TILE_SIDE, may_predict=False, step=quantisation_step(relative))
     stopwatch.lap('spread')
@@ -197,7 +200,8 @@ def find_probable_outliers(
     stopwatch.lap('communities')
     number = int(np.count_nonzero(measured))
     shares = undecided / number, certain / number
-    return AdaptiveResult(outliers, score, mean_spread, islands_kept, *shares, stopwatch.times_ms)
+    in_cloud = math.ldexp(mean_spread, exponent)
+    return AdaptiveResult(outliers, score, in_cloud, islands_kept, *shares, stopwatch.times_ms)
 
 
 class _IslandSearch:

@@ -15,14 +15,17 @@ SHAPES = st.tuples(st.integers(1, 16), st.integers(1, 16))
 def test_float32_heights_are_not_changed():
     heights = np.array([[1, np.nan], [3e38, -7]], np.float32)
 
-    np.testing.assert_array_equal(relative_heights(heights), heights)
+    relative, exponent = relative_heights(heights)
+
+    np.testing.assert_array_equal(relative, heights)
+    assert exponent == 0
 
 
 @pytest.mark.parametrize('kind', [np.float32, np.float64])
 def test_relative_heights_lie_row_by_row(kind):
     heights = np.asfortranarray(np.arange(12, dtype=kind).reshape(3, 4))
 
-    relative = relative_heights(heights)
+    relative, _ = relative_heights(heights)
 
     assert relative.flags.c_contiguous
     np.testing.assert_array_equal(np.diff(relative), 1)
@@ -32,7 +35,51 @@ def test_relative_heights_lie_row_by_row(kind):
 def test_an_offset_costs_no_digits(offset):
     heights = np.arange(-8, 9).reshape(1, -1) / 8
 
-    np.testing.assert_array_equal(relative_heights(heights + offset), heights.astype(np.float32))
+    np.testing.assert_array_equal(relative_heights(heights + offset)[0], heights.astype(np.float32))
+
+
+@pytest.mark.filterwarnings('error')
+@settings(max_examples=200)
+@given(SHAPES, st.integers(0, 2**32), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3), st.integers(-1000, 1000))
+def test_a_power_of_two_on_float64_heights_is_one_on_the_unit(shape, random, scale, offset, power):
+    heights = offset + scale * np.random.default_rng(random).standard_normal(shape)
+    heights.flat[::7] = np.nan
+    if not np.isfinite(heights).any():
+        heights.flat[0] = offset
+
+    relative, exponent = relative_heights(heights)
+    scaled, scaled_exponent = relative_heights(np.ldexp(heights, power))
+
+    assert exponent == 0
+    assert scaled.dtype == np.float32
+    np.testing.assert_array_equal(np.ldexp(scaled.astype(float), scaled_exponent - power), relative)
+
+
+@pytest.mark.filterwarnings('error')
+def test_a_far_outlier_does_not_choose_the_unit():
+    heights = np.random.default_rng(0).standard_normal((20, 30))
+    heights[4, 5] = 1e300
+
+    relative, exponent = relative_heights(heights)
+
+    assert exponent == 0
+    assert np.argmax(relative) == 4 * 30 + 5
+    assert np.isfinite(relative).all()
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('kind', [np.float32, np.float64])
+@pytest.mark.parametrize('largest', [True, False])
+def test_the_ends_of_a_data_type_are_held(kind, largest):
+    of_kind = np.finfo(kind)
+    height = of_kind.max if largest else of_kind.tiny
+    heights = np.array([[height, -height], [height, height / 2]], kind)
+
+    relative, exponent = relative_heights(heights)
+
+    assert np.isfinite(relative).all()
+    assert len(np.unique(relative)) == 3
+    assert (exponent > 0) == largest
 
 
 def quarters(shape, random, missing):
