@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What callers hand to the public functions: one name where several may come, and settings of the right class."""
+"""What callers hand to the public functions: one name where several may come, settings and options."""
 
 import reprlib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import Literal, TypeAlias, TypeVar, get_args
 
 from socialcircle_ros.errors import SettingError
 
@@ -12,6 +12,9 @@ Name = TypeVar('Name', bound=str | Path)
 
 OneOrSeveral: TypeAlias = Name | Iterable[Name]
 """A name or a path, or several of them."""
+
+Compression = Literal['none', 'lz4', 'zstd']
+"""How the chunks of a recording are compressed."""
 
 SettingsClass = TypeVar('SettingsClass')
 
@@ -55,3 +58,14 @@ def settings_or_default(wanted: type[SettingsClass], given: object) -> SettingsC
         SettingError: they are not of the class that is wanted.
     """
     return wanted() if given is None else settings_of(wanted, given)
+
+
+def check_compression(compression: str) -> None:
+    """Check that a recording can be compressed so.
+
+    Raises:
+        SettingError: it cannot.
+    """
+    choices = get_args(Compression)
+    if compression not in choices:
+        raise SettingError(f'The compression cannot be {compression!r}; use one of: {", ".join(choices)}.')

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from socialcircle_ros.arguments import OneOrSeveral, settings_or_default, several
+from socialcircle_ros.arguments import Compression, OneOrSeveral, check_compression, settings_or_default, several
 from socialcircle_ros.engine import Engine
 from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.report.page import environment
@@ -20,9 +19,6 @@ from .ledger import Ledger, LedgerEntry
 from .names import NamePattern
 from .results import ResultFolder
 from .tasks import BatchTask, TaskResult, do_in_worker
-
-if TYPE_CHECKING:
-    from socialcircle_ros.recording.mcap_writer import Compression
 
 
 @dataclass
@@ -65,7 +61,7 @@ def run_batch(
     topics: OneOrSeveral[str] = (),
     recordings: bool = True,
     reports: bool = False,
-    compression: 'Compression' = 'none',
+    compression: Compression = 'none',
     scheduler: str | None = None,
     workers: int | None = None,
     found: Callable[[int], None] = lambda count: None,
@@ -102,8 +98,6 @@ def run_batch(
             used, a library is missing, or no scheduler answers.
     """
     results, settings = ResultFolder(output), settings_or_default(PipelineSettings, settings)
-    from socialcircle_ros.recording.mcap_writer import check_compression  # noqa: PLC0415 - loads the kernels
-
     pattern = NamePattern(names)
     check_compression(compression)
     if reports:
@@ -141,7 +135,7 @@ def _template(
     topics: tuple[str, ...],
     recordings: bool,
     reports: bool,
-    compression: 'Compression',
+    compression: Compression,
 ) -> BatchTask:
     """What all tasks have in common, with a hash of what makes a difference to the results."""
     version = importlib.metadata.version('socialcircle_ros')

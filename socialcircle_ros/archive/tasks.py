@@ -2,16 +2,13 @@
 """What a worker gets and gives back. The client needs no more, so it loads no kernels while the workers do."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from socialcircle_ros.arguments import Compression
 from socialcircle_ros.settings import PipelineSettings
 
 from .inputs import ArchiveInput
 from .ledger import LedgerEntry
 from .names import NamePattern
-
-if TYPE_CHECKING:
-    from socialcircle_ros.recording.mcap_writer import Compression
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class BatchTask:
     topics: tuple[str, ...]
     recordings: bool
     reports: bool
-    compression: 'Compression'
+    compression: Compression
     version: str
     digest: str
 

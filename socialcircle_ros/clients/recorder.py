@@ -17,13 +17,12 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from socialcircle_ros.arguments import OneOrSeveral, several
+from socialcircle_ros.arguments import Compression, OneOrSeveral, several
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.node.rclpy_internals import TakenMessage
 from socialcircle_ros.node.start import start_ros
 from socialcircle_ros.recording import Message, RecordingWriter, ros_topic
 from socialcircle_ros.recording.mcap_output import LAST_TIME
-from socialcircle_ros.recording.mcap_writer import Compression
 from socialcircle_ros.recording.overlap import WriterBehind
 from socialcircle_ros.storage import free_bytes, noted_signals
 

@@ -24,9 +24,9 @@ from .options import (
 _MOST_NOTES = 3  # on points that count as not measured
 
 if TYPE_CHECKING:
+    from socialcircle_ros.arguments import Compression
     from socialcircle_ros.pipeline.clouds import CloudOutputs, Measurement
     from socialcircle_ros.recording import Message
-    from socialcircle_ros.recording.mcap_writer import Compression
     from socialcircle_ros.recording.offline import Summary
 
 

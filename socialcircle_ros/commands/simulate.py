@@ -9,7 +9,7 @@ import click
 from .options import Number, progress_bar, stack_text
 
 if TYPE_CHECKING:
-    from socialcircle_ros.recording.mcap_writer import Compression
+    from socialcircle_ros.arguments import Compression
 
 
 @click.command('simulate', epilog='Example: socialcircle simulate steep_groove -o groove.mcap --seed 3')

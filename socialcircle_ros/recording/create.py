@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from socialcircle_ros.arguments import OneOrSeveral, several
+from socialcircle_ros.arguments import Compression, OneOrSeveral, several
 from socialcircle_ros.cloud import PitchLike
 from socialcircle_ros.errors import ImportFileError, SettingError
 from socialcircle_ros.lengths import known_unit, unit_name
@@ -19,7 +19,6 @@ from socialcircle_ros.storage import folder_of_results
 from .frame_checks import FrameChecks
 from .frame_names import Order, ZFrom
 from .importers import ImportedCloud, import_cloud
-from .mcap_writer import Compression
 from .origins import FileOrigin, in_metres, origin_of
 from .pictures import FramePicture
 from .simulated import pitch_of, write_simulation

@@ -6,9 +6,10 @@ import os
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from socialcircle_ros.arguments import Compression
 from socialcircle_ros.storage import ALIGNMENT, DirectFile, Reserve, is_full
 
-from .mcap_writer import Buffer, Compression, McapWriter
+from .mcap_writer import Buffer, McapWriter
 from .metadata import FileContents, bag_information, channel_metadata, to_yaml
 from .topics import Attachment, CheckedMessage, MetadataRecord, Topic
 

@@ -11,7 +11,7 @@ records other than messages and chunks are `mcap`'s.
 import zlib
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from typing import Literal, Protocol, get_args
+from typing import Protocol
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
@@ -34,14 +34,10 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from socialcircle_ros.errors import SettingError
+from socialcircle_ros.arguments import Compression
 
 from .checksums import joined_checksum
 from .mcap_records import CHUNK, FOOTER, HEAD, LENGTH, MESSAGE
-
-Compression = Literal['none', 'lz4', 'zstd']
-
-COMPRESSIONS: tuple[Compression, ...] = get_args(Compression)
 
 Buffer = bytes | bytearray | memoryview
 
@@ -59,16 +55,6 @@ class Output(Protocol):
 
 class _Record(Protocol):
     def write(self, stream: RecordBuilder) -> None: ...
-
-
-def check_compression(compression: str) -> None:
-    """Check that chunks can be compressed so.
-
-    Raises:
-        SettingError: they cannot.
-    """
-    if compression not in COMPRESSIONS:
-        raise SettingError(f'The compression cannot be {compression!r}; use one of: {", ".join(COMPRESSIONS)}.')
 
 
 class McapWriter:

@@ -7,7 +7,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from socialcircle_ros.arguments import OneOrSeveral, settings_of, several
+from socialcircle_ros.arguments import Compression, OneOrSeveral, settings_of, several
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import MessageError, RecordingError, SocialCircleError
 from socialcircle_ros.focus import Registered, count_reasons
@@ -33,7 +33,6 @@ from socialcircle_ros.settings import PipelineSettings
 from socialcircle_ros.storage import folder_of_results
 
 from .any_file import open_recording
-from .mcap_writer import Compression
 from .names import found_parameters
 from .overlap import WriterBehind, read_ahead
 from .reader import RecordingReader

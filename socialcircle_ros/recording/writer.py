@@ -9,12 +9,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import cast
 
+from socialcircle_ros.arguments import Compression, check_compression
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.messages.header import FIRST_DATE, stamp_text
 from socialcircle_ros.storage import Reserve, Unfinished, is_full, kind_of_target, lies_in, remove_leftovers
 
 from .mcap_output import LAST_TIME, McapOutput
-from .mcap_writer import Compression, check_compression
 from .metadata import FileContents, bag_information, to_yaml
 from .names import is_mcap_name
 from .topics import Attachment, CheckedMessage, MetadataRecord, Topic
