@@ -69,7 +69,10 @@ class Range:
     def __post_init__(self) -> None:
         """Check both ends."""
         parameter = _swept(self.name)
-        given = f'{self.low:g}:{self.high:g}'
+        try:
+            given = f'{0.0 + self.low:g}:{0.0 + self.high:g}'  # a text is no number here
+        except (TypeError, ValueError, OverflowError):
+            raise SettingError(f'The ends of the range of {self.name} must be numbers that fit 64 bits.') from None
         _check_ends(parameter, given, self.low, self.high)
         if parameter.limits.odd:
             raise SettingError(f'{self.name} must be odd; give a step, such as {self.name}={given}:2.')

@@ -19,6 +19,14 @@ from socialcircle_ros.sweep.search_space import (
 )
 
 
+@pytest.mark.parametrize('end', [10**400, '1', None, [1.0, 2.0]])
+def test_an_end_of_a_range_that_is_no_number_is_refused(end):
+    with pytest.raises(
+        SettingError, match='circle.radius_scale must be numbers that fit 64 bits|must be a number'
+    ):
+        Range('circle.radius_scale', 0.5, end)
+
+
 @pytest.mark.parametrize(('name', 'value'), [('circle.mode', 'paper'), ('circle.window', 5)])
 def test_a_single_value_is_a_choice_of_one(name, value):
     assert Choice(name, value) == Choice(name, [value])
