@@ -35,6 +35,7 @@ class BatchResult:
         failed: inputs that failed, with the reason.
         damaged: recordings that break off, with the sentence; their clouds before the damage are measured.
         refused: number of refused clouds and frames by reason, of the inputs that were filtered now.
+        refused_in: locations of the inputs that these are from, by reason.
         limits_failed: number of clouds that failed their limits, in all inputs.
         units: what was taken for a unit that an input does not state, of the inputs that were filtered now.
     """
@@ -48,6 +49,7 @@ class BatchResult:
     failed: dict[str, str] = field(default_factory=dict)
     damaged: dict[str, str] = field(default_factory=dict)
     refused: dict[str, int] = field(default_factory=dict)
+    refused_in: dict[str, list[str]] = field(default_factory=dict)
     limits_failed: int = 0
     units: list[str] = field(default_factory=list)
 
@@ -173,6 +175,7 @@ def _note(result: BatchResult, finished: TaskResult) -> None:
         result.units += finished.units
         for reason, count in entry.refused.items():
             result.refused[reason] = result.refused.get(reason, 0) + count
+            result.refused_in.setdefault(reason, []).append(finished.location)
         _note_findings(result, entry)
 
 

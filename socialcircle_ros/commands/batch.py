@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle batch`."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Literal
@@ -21,7 +21,7 @@ from .options import (
 if TYPE_CHECKING:
     from socialcircle_ros.archive import BatchResult
 
-_MOST_NAMES = 5  # of inputs that failed alike
+_MOST_NAMES = 5  # of inputs in one sentence
 
 
 @click.command('batch', epilog='Example: socialcircle batch nights/ -o out --names "{cell}/{part}_*.mcap"')
@@ -125,8 +125,22 @@ def _tell_failures(failed: Mapping[str, str]) -> None:
         told = failed[first] if first in failed[first] else f'{first}: {failed[first]}'
         click.echo(f'Failed: {told}', err=True)
         if others:
-            names = ', '.join(others[:_MOST_NAMES]) + (', …' if len(others) > _MOST_NAMES else '')
-            click.echo(f'So failed {quantity(len(others), "other")}: {names}', err=True)
+            click.echo(f'So failed {quantity(len(others), "other")}: {_some_of(others)}', err=True)
+
+
+def _tell_refusals(result: 'BatchResult', output: str) -> None:
+    """Print why clouds were refused and in which inputs, and how to list them."""
+    for reason, count in sorted(result.refused.items()):
+        times = f', {count} times' if count > 1 else ''
+        click.echo(f'Refused{times}, in {_some_of(sorted(result.refused_in[reason]))}: {reason}', err=True)
+    if result.refused:
+        query = "select recording, topic, number, reason from measurements where status = 'refused'"
+        click.echo(f'The refused clouds: socialcircle measurements {shell_words(output)} "{query}"', err=True)
+
+
+def _some_of(locations: Sequence[str]) -> str:
+    """The first of some locations, for a sentence."""
+    return ', '.join(locations[:_MOST_NAMES]) + (', …' if len(locations) > _MOST_NAMES else '')
 
 
 @contextmanager
@@ -151,8 +165,7 @@ def _tell(result: 'BatchResult', output: str) -> None:
         click.echo(f'{quantity(result.left_out, "result")} in {output} left out: results are no inputs.', err=True)
     for location, other in sorted(result.same.items()):
         click.echo(f'{location} has the content of {other}, and is not measured twice.', err=True)
-    for reason, count in sorted(result.refused.items()):
-        click.echo(f'Refused, {count} times: {reason}' if count > 1 else f'Refused: {reason}', err=True)
+    _tell_refusals(result, output)
     if result.units:
         others = len(result.units) - 1
         click.echo(f'Warning: {min(result.units)}{f" So {others} more." if others else ""}', err=True)

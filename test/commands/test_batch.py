@@ -2,6 +2,7 @@
 """`socialcircle batch`."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -15,6 +16,8 @@ from storage.disks import fill, small_disk
 
 from socialcircle_ros.commands.main import main
 from socialcircle_ros.kernels import compiled
+from socialcircle_ros.messages.header import Header
+from socialcircle_ros.messages.point_cloud import encode_point_cloud
 
 for library in ('distributed', 'fsspec', 'pyarrow', 'duckdb'):
     pytest.importorskip(library)
@@ -36,6 +39,22 @@ def test_it_filters_with_processes_of_its_own_and_tells_what_is_wrong(run, tmp_p
     assert again.code == 0, again.err
     assert '1 input: 0 filtered with 0 clouds, 1 done before; 0 failed, 0 damaged.' in again.out
     assert '1 result in out left out: results are no inputs.' in again.err
+
+
+def test_refused_clouds_are_told_with_their_inputs_and_the_query_that_lists_them(run, tmp_path):
+    empty = encode_point_cloud(Header(), np.full((9, 9, 3), np.nan, np.float32))
+    for number in range(7):
+        recorded(tmp_path / f'nights/{number}.mcap', clouds=number + 1, message=empty)
+    recorded(tmp_path / 'nights/good.mcap')
+    done = run('batch', 'nights', '-o', 'out', '--workers', '1', '--no-recordings', timeout=300)
+    assert done.code == 0
+    (refused,) = [line for line in done.err.splitlines() if line.startswith('Refused')]
+    names = ', '.join(f'{tmp_path}/nights/{number}.mcap' for number in range(5))
+    assert refused.startswith(f'Refused, 28 times, in {names}, …: No point of the cloud is measured')
+    (listing,) = [line for line in done.err.splitlines() if line.startswith('The refused clouds: socialcircle ')]
+    listed = run(*shlex.split(listing.partition('socialcircle ')[2]))
+    assert listed.code == 0, listed.err
+    assert listed.out.count('nights/6.mcap') == 7
 
 
 def test_inputs_that_fail_alike_are_told_together_and_nothing_is_next_where_nothing_was_done(run, tmp_path):
