@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.arguments import settings_or_default
-from socialcircle_ros.cloud import Cloud, Mask, Pitch, measured_only, measured_points, organized_from
 from socialcircle_ros.cloud import Cloud, Mask, PitchLike, measured_only, measured_points, organized_from
 from socialcircle_ros.digits import size_text
 from socialcircle_ros.errors import CloudError, NoSeedError, SocialCircleError, install_command

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.errors import StackError
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
@@ -75,7 +76,7 @@ def focus_measure(frame: Frame, settings: FocusSettings | None = None) -> NDArra
         >>> focus_measure(np.eye(5, dtype=np.uint8), FocusSettings(step=1, half_window=0))[2]
         array([0, 2, 4, 2, 0], dtype=int32)
     """
-    return measure_frame(checked_frame(frame), MeasureParameters.of(settings or FocusSettings()))
+    return measure_frame(checked_frame(frame), MeasureParameters.of(settings_or_default(FocusSettings, settings)))
 
 
 def scale_of(frame: Frame) -> float:

@@ -10,6 +10,7 @@ from typing import SupportsFloat, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.errors import StackError
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
@@ -111,7 +112,7 @@ class FocusStack:
     """
 
     def __init__(self, settings: FocusSettings | None = None, *, register: bool = False) -> None:
-        self._settings = settings or FocusSettings()
+        self._settings = settings_or_default(FocusSettings, settings)
         self.register = register
         self._registration: Registration | None = None
         self._order = FrameOrder()

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
+from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.errors import RecordingError
 from socialcircle_ros.interface import FILTERED, REPAIRED, STACK_FRAMES, STACK_JOINT_STATES, STACK_POINTS
 from socialcircle_ros.messages.header import stamp_of
@@ -123,7 +124,7 @@ class RecordedClouds:
             frames = [topic.within(space) for space in namespaces for topic in (STACK_FRAMES, STACK_JOINT_STATES)]
             self._topics = (*clouds, *frames)
             walk = self._walk_stacks if namespaces else self._walk_clouds
-            self._found = list(walk(settings or PipelineSettings(), progress))
+            self._found = list(walk(settings_or_default(PipelineSettings, settings), progress))
             if not self._found:
                 because = next(iter(self.refusals), f'it has no message on {", ".join(self._topics)}.')
                 raise self._reader.refusal(f'{path} gives no cloud: {because}')
