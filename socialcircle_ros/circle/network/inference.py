@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 WEIGHTS = Path(__file__).with_name('network.onnx')
 """The weights of the package."""
 WHOLE = 1_400_000
-"""Largest cloud, in points, that is one tile."""
+"""Largest cloud, in points, that is one tile. The points that it is filled up with to the multiple of the network
+count, because they are computed, too."""
 TILE = 640
-"""Side of the tiles of a larger cloud, in points; even, as `features.squares_of` needs it. With its surroundings a
-tile takes about 100 MB."""
+"""Side of the tiles of a larger cloud, in points; a multiple of the network's, so that tiles change nothing. With
+its surroundings a tile takes about 100 MB."""
 
 FEATURES, LOGITS = 'features', 'logits'
 """Names of the input and of the output."""
@@ -105,25 +106,51 @@ class NetworkJudge:
         scales = scales_of(heights)
         height, width = heights.shape
         found = np.empty(heights.shape, np.uint8)
-        side = max(heights.shape) if heights.size <= WHOLE else TILE
-        for top in range(0, height, side):
-            for left in range(0, width, side):
-                core = Part(top, min(top + side, height), left, min(left + side, width))
+        rows, columns = self._tile(height, width)
+        for top in range(0, height, rows):
+            for left in range(0, width, columns):
+                core = Part(top, min(top + rows, height), left, min(left + columns, width))
                 part = Part(
                     max(0, core.top - self._halo),
                     min(height, core.bottom + self._halo),
                     max(0, core.left - self._halo),
                     min(width, core.right + self._halo),
                 )
-                rows, columns = self._half(part.bottom - part.top), self._half(part.right - part.left)
-                squares = squares_of(heights, scales, part, rows, columns, self._rounding)
+                squares = squares_of(
+                    heights,
+                    scales,
+                    part,
+                    self._filled(part.bottom - part.top) // 2,
+                    self._filled(part.right - part.left) // 2,
+                    self._rounding,
+                )
                 (logits,) = self._session.run([LOGITS], {FEATURES: squares[None]})
                 write_probabilities(logits[0], self._bytes, part, core, heights, found)
         return found
 
-    def _half(self, size: int) -> int:
-        """Rows or columns of the planes of a part, which is filled up to a multiple."""
-        return -(-size // self._multiple) * self._multiple // 2
+    def _tile(self, height: int, width: int) -> tuple[int, int]:
+        """Rows and columns of the tiles of a cloud.
+
+        A cloud of few rows or columns has long tiles, of the area of a square one: square tiles would consist
+        mostly of their surroundings.
+        """
+        full, wide = self._filled(height), self._filled(width)
+        if full * wide <= WHOLE:
+            return height, width
+        side = TILE + 2 * self._halo
+        if full <= side:
+            return height, self._length(side, full)
+        if wide <= side:
+            return self._length(side, wide), width
+        return TILE, TILE
+
+    def _length(self, side: int, across: int) -> int:
+        """Length of a tile, without its surroundings, that is `across` wide and has the area of side × side."""
+        return side * side // across // self._multiple * self._multiple - 2 * self._halo
+
+    def _filled(self, size: int) -> int:
+        """Rows or columns of a part, filled up to a multiple."""
+        return -(-size // self._multiple) * self._multiple
 
 
 _loading = threading.Lock()

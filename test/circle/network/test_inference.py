@@ -2,6 +2,7 @@
 """The packaged network: what it says of itself, and what it judges."""
 
 import json
+import math
 import subprocess
 import sys
 import textwrap
@@ -80,6 +81,48 @@ def test_tiles_change_nothing(judge, monkeypatch):
     monkeypatch.setattr(inference, 'WHOLE', 1000)
     monkeypatch.setattr(inference, 'TILE', 256)
     np.testing.assert_array_equal(judge.probabilities(heights), whole)
+
+
+@pytest.mark.parametrize('shape', [(33, 5000), (5000, 33), (1, 8000)])
+def test_tiles_of_thin_clouds_change_nothing(judge, monkeypatch, shape):
+    heights = noise(*shape)
+    heights.ravel()[:: heights.size // 97] += 30
+    whole = judge.probabilities(heights)
+    monkeypatch.setattr(inference, 'WHOLE', 1000)
+    monkeypatch.setattr(inference, 'TILE', 32)
+    np.testing.assert_array_equal(judge.probabilities(heights), whole)
+
+
+class Session:
+    """Stands in for a session of ONNX Runtime, and counts what it would compute."""
+
+    def __init__(self):
+        self.points = []
+
+    def run(self, _, inputs):
+        squares = inputs[inference.FEATURES]
+        self.points.append(squares[..., 0].size * 4)
+        return (np.zeros((*squares.shape[:3], 4), np.uint8),)
+
+
+SHAPES = [(1, 1_400_000), (1_400_000, 1), (2, 90_000), (100, 14_500), (900, 2500), (2500, 900), (1180, 1180)]
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_a_tile_takes_as_much_memory_as_is_stated_whatever_the_shape(judge, monkeypatch, shape):
+    session = Session()
+    monkeypatch.setattr(judge, '_session', session)
+    judge.probabilities(noise(*shape))
+    assert max(session.points) <= inference.WHOLE
+
+
+@pytest.mark.parametrize('shape', [each for each in SHAPES if min(each) <= 100])
+def test_the_tiles_of_a_thin_cloud_are_hardly_more_than_the_cloud(judge, monkeypatch, shape):
+    session = Session()
+    monkeypatch.setattr(judge, '_session', session)
+    judge.probabilities(noise(*shape))
+    multiple = int(judge.card['multiple'])
+    assert sum(session.points) <= 1.05 * math.prod(-(-size // multiple) * multiple for size in shape)
 
 
 def test_the_number_of_threads_changes_nothing(judge):
