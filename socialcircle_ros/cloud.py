@@ -32,7 +32,7 @@ _ONE, _TWO, _THREE, _FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(
 
 _SAMPLE = 4096  # points that tell the grid of a cloud
 _NARROW = 1e-9  # of the extent of a cloud: one that is narrower than this is a line
-_ROWS = 16  # that are compared with a grid at a time
+_BLOCK = 20480  # points that are compared with a grid at a time: their numbers stay in the cache of the core
 _ROUNDING_OF_FIT = 1e-12  # of the largest coordinate: more than that of float64
 _ROUNDINGS = 8  # that coordinates may be off a regular grid, in steps of their data type at the largest coordinate
 
@@ -391,16 +391,16 @@ class NearestGrid(NamedTuple):
         """
         height, width = measured.shape
         columns = np.arange(width, dtype=np.float64)
+        some = -(-_BLOCK // width)
         for axis in (0, 1):
             start, step, row_step = self.origin[axis], self.column_step[axis], self.row_step[axis]
             ends = [start + r * row_step + c * step for r in (0, height - 1) for c in (0, width - 1)]
             largest = max(map(abs, ends))
             limit = max(_ROUNDINGS * float(np.spacing(xyz.dtype.type(largest))), _ROUNDING_OF_FIT * largest)
             line = start + step * columns
-            # Some rows at a time stay in the cache of the core.
-            for first in range(0, height, _ROWS):
-                rows = slice(first, first + _ROWS)
-                places = row_step * np.arange(height)[rows, np.newaxis] + line
+            for first in range(0, height, some):
+                rows = slice(first, first + some)
+                places = row_step * np.arange(first, min(first + some, height))[:, np.newaxis] + line
                 np.subtract(xyz[rows, :, axis], places, out=places)
                 if ((np.abs(places, out=places) > limit) & measured[rows]).any():
                     return False

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros import CircleSettings, SocialCircleError, remove_outliers
-from socialcircle_ros.cloud import nearest_grid, organized_from
+from socialcircle_ros.cloud import NearestGrid, nearest_grid, organized_from
 from socialcircle_ros.errors import CloudError
 
 DATES = np.arange('2026-01-01', 64, dtype='M8[D]')
@@ -213,6 +213,27 @@ def test_points_off_a_grid_are_told_from_rounding_and_from_points_that_are_not_m
     assert nearest_grid(xyz, measured).holds(xyz, measured)
     xyz[40, 50, 0] += 1e-6
     assert not nearest_grid(xyz, measured).holds(xyz, measured)
+
+
+@pytest.mark.parametrize('shape', [(30_000, 2), (2, 30_000), (30_000, 1), (200, 300)])
+def test_a_grid_is_compared_with_each_point_once_whatever_the_shape(monkeypatch, shape):
+    y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
+    xyz, measured = np.dstack([x, 2 * y, x]), np.ones(shape, bool)
+    grid, count, numbers = NearestGrid((0.0, 0.0), (1.0, 0.0), (0.0, 2.0), is_flat=False), np.arange, []
+
+    def counted(*args, **options):
+        made = count(*args, **options)
+        numbers.append(made.size)
+        return made
+
+    monkeypatch.setattr(np, 'arange', counted)
+    assert grid.holds(xyz, measured)
+    assert sum(numbers) <= 3 * sum(shape)
+    assert len(numbers) <= 20  # blocks of many points, so that their number costs nothing
+    for place in [(0, 0), (-1, -1), (shape[0] // 2, 0)]:
+        moved = xyz.copy()
+        moved[(*place, 1)] += 1e-3
+        assert not grid.holds(moved, measured)
 
 
 @pytest.mark.parametrize('axis', [0, 1])
