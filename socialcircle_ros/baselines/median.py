@@ -147,7 +147,7 @@ def _window_median(xyz: Cloud, window: int, plan: _WindowPlan, median: Score) ->
     """Fill `median`, strip by strip and row by row."""
     height, width = xyz.shape[:2]
     reach = window // 2
-    padded = STRIP + 2 * reach
+    padded = min(STRIP, width) + 2 * reach
     # The first rows are the rows of the window, in a ring: row r of the cloud lies in row r % window.
     buffer = np.empty((plan.buffer_rows, padded), xyz.dtype)
     work = np.empty((plan.work_rows, padded), xyz.dtype)
