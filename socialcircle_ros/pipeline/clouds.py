@@ -5,7 +5,7 @@ Both emit the same bytes, so that a replay shows what the line did.
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -191,15 +191,16 @@ def process_cloud(
     take_kept(xyz, result.inliers)
     stopwatch.times_ms['total'] = sum(stopwatch.times_ms.values())
     values = outputs.values(depth_of_field, judged)
+    warnings = (*result.warnings, *outputs.warnings)
     return Measurement(
-        *_sentences(values, result, outputs.failures),
+        *_sentences(values, result.notes, warnings, outputs.failures),
         frame_id=cloud.header.frame_id,
         values=values,
         settings={name: str(value) for name, value in circle.to_ros().items()},
         times_ms=stopwatch.times_ms,
         failures=outputs.failures,
         notes=tuple(map(_as_sentence, result.notes)),
-        warnings=tuple(map(_as_sentence, result.warnings)),
+        warnings=tuple(map(_as_sentence, warnings)),
     )
 
 
@@ -215,6 +216,7 @@ class _Outputs:
         self.outliers = int(np.count_nonzero(result.outliers))
         self.measured = self.outliers + int(np.count_nonzero(result.inliers))
         self.filled = 0
+        self.warnings: tuple[str, ...] = ()
         self.failures: dict[NodeTopic, Exception] = {}
 
     def values(self, depth_of_field: float | None, judged: Mapping[str, str]) -> MeasurementValues:
@@ -263,7 +265,7 @@ class _Outputs:
         """The cloud with its holes filled."""
         measured = self._result.inliers | self._result.outliers  # without marks, which are no surface
         repair = repair_holes(measured_only(self._xyz, measured), self._result.outliers, self._repair)
-        self.filled = int(np.count_nonzero(repair.filled))
+        self.filled, self.warnings = int(np.count_nonzero(repair.filled)), repair.warnings
         dense = self.measured - self.outliers + self.filled == self.points
         return self._cloud.replaced(self._result.outliers, repair.xyz, dense=dense)
 
@@ -292,15 +294,18 @@ def _as_sentence(text: str) -> str:
 
 
 def _sentences(
-    values: MeasurementValues, result: CircleResult, failures: Mapping[NodeTopic, Exception]
+    values: MeasurementValues,
+    notes: Iterable[str],
+    warnings: Iterable[str],
+    failures: Mapping[NodeTopic, Exception],
 ) -> tuple[int, str]:
     """Level and sentences of a measurement."""
     share = values.outliers / values.measured
     message = f'{values.outliers} of {values.measured} measured points are outliers ({share_text(share)}).'
     level = diagnostics.OK
-    for note in result.notes:
+    for note in notes:
         message += f' {_as_sentence(note)}'
-    for warning in result.warnings:
+    for warning in warnings:
         level = diagnostics.WARN
         message += f' {_as_sentence(warning)}'
     for topic, error in failures.items():

@@ -14,15 +14,13 @@ from socialcircle_ros.cloud import Floats
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
+from .bounds import AROUND, MARGIN, span_at_rim
 from .holes import MEASURED, PADDING, UNUSABLE, Holes
 from .profile import Profile, find_profile, height_on
 from .second_differences import DifferenceTables, measured_heights, sum_differences, usual_squared_differences
 
 _LEAST = 1000
 """Points of holes below which a thread costs more than it saves."""
-
-_MARGIN = 0.5
-"""Filled heights stay within the span of the heights at the rim, widened by this share of it on both sides."""
 
 # The thin-plate energy ∬ z_xx² + 2 z_xy² + z_yy² is a sum of squared differences on the grid. There is one line
 # for each kind of difference, with (row, column, coefficient) of its points. √2 stands for the 2 of z_xy². Where
@@ -35,18 +33,14 @@ _DIFFERENCES = (
 )
 
 
-_AROUND = np.array([(r, c) for r in range(-2, 3) for c in range(-2, 3) if abs(r) + abs(c) <= 2])
-"""The 13 points that share a difference with a point, including itself, in row order."""
-
-
 def _views() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """List each difference relative to each of its points: its share of a row of the normal matrix.
 
     Returns:
-        Indices (10, 4) of the points of the difference in `_AROUND`, and products of coefficients (10, 4). A
+        Indices (10, 4) of the points of the difference in `AROUND`, and products of coefficients (10, 4). A
         difference of three points is completed by the point itself with a 0.
     """
-    number = {(int(row), int(column)): item for item, (row, column) in enumerate(_AROUND)}
+    number = {(int(row), int(column)): item for item, (row, column) in enumerate(AROUND)}
     items = np.full((10, 4), number[0, 0])
     products = np.zeros((10, 4))
     views = [(own, difference) for difference in _DIFFERENCES for own in difference]
@@ -79,7 +73,7 @@ def _weighted(ratio: float) -> _Energy:
     weights = (ratio**2, ratio**-2, 1.0)
     of_view = [weight for weight, points in zip(weights, _DIFFERENCES, strict=True) for _ in points]
     products = _PRODUCTS * np.array(of_view)[:, np.newaxis]
-    stencil = np.zeros(len(_AROUND))
+    stencil = np.zeros(len(AROUND))
     np.add.at(stencil, _ITEMS, products)
     return _Energy(products, stencil)
 
@@ -96,6 +90,8 @@ def biharmonic_heights(
     A step or a groove through the hole would become a ramp with ringing. The equations are linear: therefore the
     profile from `find_profile` is subtracted from the heights before, and added to the solution. Its directions
     and distances count points, whatever the pitches: a straight step is straight in points, too.
+
+    Heights stay within the span of those at the rim of their hole, widened by `MARGIN`.
 
     Args:
         z: (H, W) heights.
@@ -143,15 +139,13 @@ def _solve_holes(
             most = max(most, (last - first) * (bands[hole] + 1))
     matrix_memory = np.empty(most)
     surface_memory = np.empty(longest)
-    ring_memory = np.empty(longest * len(_AROUND))
     for hole in range(len(bands)):
         first, last = starts[hole], starts[hole + 1]
         band, size = bands[hole], last - first
         if band < 0:
             continue
-        ring = _ring(measured, unknowns, points, first, last, ring_memory)
-        lowest, highest = ring.min(), ring.max()
-        margin = _MARGIN * (highest - lowest)
+        lowest, highest = span_at_rim(measured, unknowns, points, first, last)
+        margin = MARGIN * (highest - lowest)
         matrix = matrix_memory[: size * (band + 1)].reshape(size, band + 1)
         surface = surface_memory[:size]
         profile = find_profile(measured, tables, points, first, last)
@@ -178,34 +172,11 @@ def _bandwidth(unknowns: NDArray[np.int32], points: NDArray[np.int32], first: in
         row, column = points[point, 0] + PADDING, points[point, 1] + PADDING
         if unknowns[row, column] < 0:
             continue
-        for item in range(len(_AROUND) // 2 + 1):  # the point itself and those before it
-            other = unknowns[row + _AROUND[item, 0], column + _AROUND[item, 1]]
+        for item in range(len(AROUND) // 2 + 1):  # the point itself and those before it
+            other = unknowns[row + AROUND[item, 0], column + AROUND[item, 1]]
             if other >= first:
                 band = max(band, point - other)
     return band
-
-
-@kernel
-def _ring(
-    measured: Floats,
-    unknowns: NDArray[np.int32],
-    points: NDArray[np.int32],
-    first: int,
-    last: int,
-    memory: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the heights of the measured points that share a difference with a hole, written to `memory`."""
-    count = 0
-    for point in range(first, last):
-        row, column = points[point]
-        if unknowns[row + PADDING, column + PADDING] < 0:
-            continue
-        for item in range(len(_AROUND)):
-            height = measured[row + PADDING + _AROUND[item, 0], column + PADDING + _AROUND[item, 1]]
-            if not np.isnan(height):
-                memory[count] = height
-                count += 1
-    return memory[:count]
 
 
 @kernel
@@ -232,8 +203,8 @@ def _assemble(
         right: (n,), overwritten by the right-hand side.
     """
     size, band = len(matrix), matrix.shape[1] - 1
-    others = np.empty(len(_AROUND), np.int64)
-    factors = np.empty(len(_AROUND))
+    others = np.empty(len(AROUND), np.int64)
+    factors = np.empty(len(AROUND))
     matrix[:] = 0.0
     right[:] = 0.0
     for own in range(size):
@@ -242,17 +213,17 @@ def _assemble(
             matrix[own, band] = 1.0
             continue
         all_usable = True
-        for item in range(len(_AROUND)):
-            other = unknowns[row + PADDING + _AROUND[item, 0], column + PADDING + _AROUND[item, 1]]
+        for item in range(len(AROUND)):
+            other = unknowns[row + PADDING + AROUND[item, 0], column + PADDING + AROUND[item, 1]]
             is_own_hole = first <= other < first + size
             others[item] = other - first if is_own_hole else MEASURED if other == MEASURED else UNUSABLE
             all_usable &= others[item] != UNUSABLE
             factors[item] = energy.stencil[item]
         if not all_usable:
             _drop_unusable(energy.products, others, factors)
-        for item in range(len(_AROUND)):
+        for item in range(len(AROUND)):
             if others[item] == MEASURED:
-                r, c = row + _AROUND[item, 0], column + _AROUND[item, 1]
+                r, c = row + AROUND[item, 0], column + AROUND[item, 1]
                 right[own] -= factors[item] * (measured[r + PADDING, c + PADDING] - height_on(profile, r, c))
             elif 0 <= others[item] <= own:
                 matrix[own, others[item] - own + band] += factors[item]
@@ -264,7 +235,7 @@ def _drop_unusable(products: NDArray[np.float64], others: NDArray[np.int64], fac
 
     Args:
         products: (10, 4), of the energy.
-        others: (13,), the points in `_AROUND`: number in the hole, MEASURED or UNUSABLE.
+        others: (13,), the points in `AROUND`: number in the hole, MEASURED or UNUSABLE.
         factors: (13,), overwritten by their coefficients.
     """
     factors[:] = 0.0

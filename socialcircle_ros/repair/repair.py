@@ -12,8 +12,10 @@ from socialcircle_ros.errors import CloudError
 from socialcircle_ros.settings import RepairSettings
 
 from .biharmonic import biharmonic_heights
+from .bounds import mark_beyond
 from .grid import fill_points
 from .holes import choose_points, find_holes, find_rims, number_points
+from .second_differences import measured_heights
 from .spline import spline_heights
 
 _LARGEST_RATIO = 16.0
@@ -28,10 +30,22 @@ class RepairResult:
         xyz: (H, W, 3), in the data type and unit of the input. Points outside the holes are unchanged, bit for
             bit; points of the holes are filled, or NaN.
         filled: (H, W) bool, the points that are filled.
+        beyond: (H, W) bool, those of them with invented heights: beyond the span of the heights round their hole
+            by more than half of it, and by more than a tenth of the span of all. 'biharmonic' gives none.
     """
 
     xyz: Cloud
     filled: Mask
+    beyond: Mask
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person should look at, in sentences."""
+        beyond, filled = np.count_nonzero(self.beyond), np.count_nonzero(self.filled)
+        if not beyond:
+            return ()
+        points = f'{beyond} of {filled} filled points are far above or below all heights round their hole'
+        return (f"{points}: 'spline' overshoots beside steps; set repair.method to 'biharmonic'.",)
 
 
 def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSettings | None = None) -> RepairResult:
@@ -49,6 +63,8 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
     its rims are counted in points, whatever the pitches. x and y are kept if both are finite; otherwise they are
     interpolated linearly between the rims.
 
+    'spline', the method of the paper, can invent heights beyond all measured ones: see `RepairResult.beyond`.
+
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
         holes: (H, W) bool, the points that may be filled, with any values. Points that are not measured and
@@ -56,7 +72,7 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
         settings: the parameters; None: the defaults.
 
     Returns:
-        A new cloud, and the mask of the filled points.
+        A new cloud, and the masks of the filled points and of doubtful ones among them.
 
     Raises:
         CloudError: this is not an organized cloud, the holes have another shape or data type, or x and y reach too
@@ -85,7 +101,10 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
     filled_xyz = cloud.copy()
     filled = np.zeros(mask.shape, np.bool_)
     fill_points(filled_xyz, filled, found.points, rims, chosen, heights)
-    return RepairResult(filled_xyz, filled)
+    beyond = np.zeros(mask.shape, np.bool_)
+    if settings.method == 'spline':
+        mark_beyond(measured_heights(z, unknowns), unknowns, found, heights, filled, beyond)
+    return RepairResult(filled_xyz, filled, beyond)
 
 
 def _ratio_of_pitches(cloud: Cloud, measured: Mask) -> float:

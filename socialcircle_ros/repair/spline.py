@@ -18,7 +18,8 @@ def spline_heights(
     A gap is a length: in a column its points count `ratio` times.
 
     The cubic B-spline through all measured points of a line is the interpolating cubic spline of that line, here
-    with natural ends. It is evaluated only between two rims of a hole; outside it oscillates strongly.
+    with natural ends. It is evaluated only between two rims of a hole; outside it oscillates strongly. Beside a
+    step it can do so inside, too, the more the wider the gap: the method of the paper has no bounds.
 
     Args:
         z: (H, W) heights.

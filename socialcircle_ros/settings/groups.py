@@ -228,8 +228,8 @@ class RepairSettings(Settings):
 
     method: RepairMethod = setting(
         'biharmonic',
-        "How heights are found. 'biharmonic': the smoothest surface through the points round the hole, with steps"
-        " kept sharp. 'spline': the paper's cubic B-spline along rows and columns.",
+        "How heights are found. 'biharmonic': the smoothest surface through the points round the hole, steps kept"
+        " sharp. 'spline': the paper's cubic B-spline along rows and columns; it overshoots at steps, and warns.",
     )
     largest: int = setting(
         1000,

@@ -116,6 +116,28 @@ def fill(hole, inner, measured, usual, ratio):
     return dict(zip(inner, np.clip(surface, min(ring) - margin, max(ring) + margin), strict=True))
 
 
+def beyond(xyz, filled, measured, mask):
+    """1 where a filled height is invented, 0 elsewhere, NaN where rounding decides."""
+    found = np.zeros(mask.shape)
+    for hole in find_holes(mask):
+        inside = set(hole)
+        rim = [
+            measured[r + i, c + j]
+            for r, c in hole
+            if is_inner(rims((r, c), inside, measured))
+            for i in range(-2, 3)
+            for j in range(-2, 3)
+            if abs(i) + abs(j) <= 2 and (r + i, c + j) in measured
+        ]
+        for point in hole:
+            if filled[point]:
+                of_all = 0.1 * (max(measured.values()) - min(measured.values()))
+                margin = max(0.5 * (max(rim) - min(rim)), of_all)
+                excess = max(min(rim) - xyz[point][2], xyz[point][2] - max(rim)) - margin
+                found[point] = np.nan if abs(excess) < 1e-3 else excess > 0
+    return found
+
+
 def usual_square(measured, steps):
     return np.median(list(squared_differences(measured, measured, steps)) or [0]) / 0.4549
 

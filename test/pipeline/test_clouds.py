@@ -193,6 +193,24 @@ def test_a_repaired_cloud_differs_from_the_input_only_where_outliers_were():
     assert 'repair' in result.measurement.times_ms
 
 
+def test_a_measurement_warns_of_heights_that_the_repair_invents():
+    y, x = np.mgrid[:60, :80].astype(np.float32)
+    z = np.where(x < 30, 0, 10).astype(np.float32)
+    z[2:58, 31:47] = 1000
+    wanted = {'output.repaired': True, 'circle.mode': 'paper', 'circle.radius': 20.0}
+    message = encode_point_cloud(HEADER, np.dstack([x, y, z]))
+    bounded, invented = (
+        filter_cloud(message, PipelineSettings.from_ros({**wanted, 'repair.method': method})).measurement
+        for method in ('biharmonic', 'spline')
+    )
+    assert bounded.values.repaired == invented.values.repaired == 896
+    assert (bounded.level, bounded.warnings) == (diagnostics.OK, ())
+    (warning,) = invented.warnings
+    assert 'of 896 filled points are far above or below all heights round their hole' in warning
+    assert invented.level == diagnostics.WARN
+    assert warning in invented.message
+
+
 def test_nothing_is_repaired_unless_it_is_wanted():
     result = outputs(surface())
     assert REPAIRED not in result.messages

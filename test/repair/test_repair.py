@@ -106,6 +106,52 @@ def test_heights_stay_within_the_stated_bound(case):
         assert result.xyz[result.filled][:, 2].min() >= min(heights) - margin
 
 
+def beside_a_step():
+    """A step from 0 to 10, and a wide hole next to it."""
+    xyz = cloud(np.where(np.arange(80) < 30, 0.0, 10.0) * np.ones((60, 1)))
+    holes = np.zeros((60, 80), bool)
+    holes[2:58, 31:47] = True
+    return xyz, holes
+
+
+def test_a_spline_that_invents_heights_says_so():
+    xyz, holes = beside_a_step()
+    result = repair_holes(xyz, holes, RepairSettings(method='spline'))
+    heights = result.xyz[..., 2]
+    assert heights[holes].max() > 30  # the method of the paper, as it is
+    np.testing.assert_array_equal(result.beyond, result.filled & (heights > 15))
+    (warning,) = result.warnings
+    assert f'{result.beyond.sum()} of 896 filled points are far above or below' in warning
+    assert "set repair.method to 'biharmonic'" in warning
+
+
+def test_a_smooth_surface_and_the_biharmonic_surface_give_no_warning():
+    xyz, holes = beside_a_step()
+    smooth = xyz.copy()
+    smooth[..., 2] = np.sin(xyz[..., 0] / 20) + np.random.default_rng(0).normal(0, 0.01, holes.shape)
+    in_steps = smooth.copy()
+    in_steps[..., 2] = smooth[..., 2].round(1)  # many holes have one height all round
+    scattered = scattered_and_clustered(60, 80, 1)
+    for result in (
+        repair_holes(xyz, holes),
+        repair_holes(smooth, scattered, RepairSettings(method='spline')),
+        repair_holes(in_steps, scattered, RepairSettings(method='spline')),
+    ):
+        assert result.filled.sum() > 100
+        assert not result.beyond.any()
+        assert result.warnings == ()
+
+
+@given(clouds_with_holes(), st.sampled_from(METHODS))
+def test_exactly_the_heights_beyond_the_stated_bounds_are_marked(case, method):
+    xyz, holes = case
+    result = repair_holes(xyz, holes, RepairSettings(method=method, sides=2))
+    expected = naive.beyond(result.xyz, result.filled, naive.measured_heights(xyz, holes), holes)
+    clear = ~np.isnan(expected)  # not within rounding of a bound
+    np.testing.assert_array_equal(result.beyond[clear], expected[clear] > 0)
+    assert bool(result.warnings) == bool(result.beyond.any())
+
+
 @pytest.mark.parametrize('method', METHODS)
 @given(holes=npst.arrays(np.bool_, (9, 11)), slopes=st.tuples(*[st.floats(-100, 100)] * 3))
 def test_planes_are_reproduced(method, holes, slopes):
