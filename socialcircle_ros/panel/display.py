@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a cloud is displayed: which values the colours show, in which range, and how rows and columns lie. No viser.
 
-Scene and map agree: columns go to the right and rows go down, as in the picture of the camera, seen from above.
+Scene and map agree: columns go to the right and rows go down, as in the picture of the camera, seen from above. A
+cloud that is turned about z lies straight in both.
 """
 
 import contextlib
@@ -11,7 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, HeightMap, Mask, nearest_grid
+from socialcircle_ros.cloud import Cloud, Floats, HeightMap, Mask, NearestGrid, nearest_grid
 from socialcircle_ros.errors import CloudError, MessageError
 from socialcircle_ros.lengths import LengthScale, length_scale
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER
@@ -28,6 +29,8 @@ Along = Literal['row', 'column']
 ALONG: tuple[Along, ...] = get_args(Along)
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 _FIELDS: dict[Quantity, str] = {'picture in focus': 'intensity', 'quality': 'quality'}
+_STRAIGHT = 0.01
+"""Sine of the turn about z up to which x and y are the sides: lengths differ by less than 0.01 %."""
 ROBUST = (0.5, 99.5)
 """Percentiles of the kept heights at the two ends of the colours, unless the full range is wanted."""
 
@@ -56,23 +59,22 @@ class MapSide:
     """A side of the map.
 
     Attributes:
-        axis: of the cloud along it: 0 is x, 1 is y.
+        name: of its coordinate.
+        shares: of x and of y in the coordinate.
+        origin: x and y where the coordinate is 0.
         sign: 1 where the coordinate grows to the right, or downwards, else -1.
         first: the coordinate at the left, or upper, edge.
         last: the coordinate at the right, or lower, edge.
         count: number of columns, or of rows.
     """
 
-    axis: int
+    name: str
+    shares: tuple[float, float]
+    origin: tuple[float, float]
     sign: int
     first: float
     last: float
     count: int
-
-    @property
-    def name(self) -> str:
-        """The name of the axis."""
-        return 'xy'[self.axis]
 
     @property
     def length(self) -> float:
@@ -82,6 +84,11 @@ class MapSide:
     def at(self, place: float) -> float:
         """The coordinate at a column or row, which may be between two."""
         return self.first + (self.last - self.first) * (place + 0.5) / self.count
+
+    def coordinates(self, points: Floats) -> npt.NDArray[np.float64]:
+        """The coordinates (N,) of measured points (N, 3)."""
+        found: npt.NDArray[np.float64] = (points[:, :2].astype(np.float64) - self.origin) @ self.shares
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +182,7 @@ def drawing_of(cloud: PointCloud, mask: npt.NDArray[np.uint8], display: Display,
     values = heights
     if name is not None and display.values in quantities_of(cloud):
         values = np.where(measured, cloud.values(name), np.nan).astype(np.float64)
-    across, down = _sides(xyz)
+    across, down = _sides(xyz, measured)
     return Drawing(
         xyz, mask, heights, values, _span(values, kept, display), across, down, unit, display,
     )  # fmt: skip
@@ -224,7 +231,32 @@ def _span(values: npt.NDArray[np.float64], kept: Mask, display: Display) -> tupl
     return float(low), float(high)
 
 
-def _sides(xyz: Cloud) -> tuple[MapSide, MapSide]:
+def _sides(xyz: Cloud, measured: Mask) -> tuple[MapSide, MapSide]:
+    """The coordinates along a row and along a column: x and y, or distances where the cloud is turned about z."""
+    grid = nearest_grid(xyz, measured)
+    if grid is None or grid.pitch is None or _is_straight(grid):
+        return _straight_sides(xyz)
+    # Shares of x and y in the number of the column and in that of the row.
+    shares = np.linalg.inv(np.column_stack([grid.column_step, grid.row_step]))
+    sides = []
+    for name, pitch, share, count in zip(
+        ('along a row', 'along a column'), grid.pitch, shares, measured.shape[::-1], strict=True
+    ):
+        in_x, in_y = (share * pitch).tolist()
+        sides.append(MapSide(name, (in_x, in_y), grid.origin, 1, -pitch / 2, (count - 0.5) * pitch, count))
+    return sides[0], sides[1]
+
+
+def _is_straight(grid: NearestGrid) -> bool:
+    """Whether x and y lie along rows and columns, or along columns and rows."""
+    steps = np.abs([grid.column_step, grid.row_step])
+    return any(
+        bool(each[0, 1] <= _STRAIGHT * each[0, 0] and each[1, 0] <= _STRAIGHT * each[1, 1])
+        for each in (steps, steps[:, ::-1])
+    )
+
+
+def _straight_sides(xyz: Cloud) -> tuple[MapSide, MapSide]:
     """Which coordinates lie along a row and along a column, and in which direction they grow."""
     along = [_slopes(xyz, axis) for axis in (0, 1)]  # of x and of y: per column, per row
     swapped = abs(along[0][1]) * abs(along[1][0]) > abs(along[0][0]) * abs(along[1][1])
@@ -234,9 +266,9 @@ def _sides(xyz: Cloud) -> tuple[MapSide, MapSide]:
         count = xyz.shape[1 - direction]
         middle = float(np.nanmedian(xyz[..., axis]))
         step = slope or 1.0
-        sides.append(
-            MapSide(axis, -1 if slope < 0 else 1, middle - step * count / 2, middle + step * count / 2, count)
-        )
+        first, last = middle - step * count / 2, middle + step * count / 2
+        shares = (0.0, 1.0) if axis else (1.0, 0.0)
+        sides.append(MapSide('xy'[axis], shares, (0.0, 0.0), -1 if slope < 0 else 1, first, last, count))
     return sides[0], sides[1]
 
 

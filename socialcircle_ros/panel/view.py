@@ -177,9 +177,10 @@ def view_of(drawing: Drawing, most: int = MOST_POINTS) -> View:
     middle = (across.first + across.last) / 2, (down.first + down.last) / 2, (low + high) / 2
 
     def positions(where: Mask) -> npt.NDArray[np.float32]:
+        found = drawing.xyz[where]
         points = np.column_stack([
-            (drawing.xyz[..., across.axis][where].astype(np.float64) - middle[0]) * across.sign,
-            (drawing.xyz[..., down.axis][where].astype(np.float64) - middle[1]) * -down.sign,
+            (across.coordinates(found) - middle[0]) * across.sign,
+            (down.coordinates(found) - middle[1]) * -down.sign,
             drawing.heights[where] - middle[2],
         ])  # fmt: skip
         return (points * scale).astype(np.float32)

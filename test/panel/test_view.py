@@ -151,8 +151,30 @@ def test_row_0_is_at_the_top_and_column_0_at_the_left_whatever_the_coordinates(s
         height = seen.drawing.heights[tuple(place)]
         np.testing.assert_allclose(seen.position(*place, height, 1.0), position, atol=1e-3)
         np.testing.assert_allclose(seen.place(*position[:2]), place, atol=1e-2)
-    assert seen.drawing.across.at(0) == pytest.approx(xyz[3, 0, seen.drawing.across.axis], abs=1e-8)
-    assert seen.drawing.down.at(29) == pytest.approx(xyz[29, 4, seen.drawing.down.axis], abs=1e-8)
+    assert seen.drawing.across.at(0) == pytest.approx(xyz[3, 0, 1 if swapped else 0], abs=1e-8)
+    assert seen.drawing.down.at(29) == pytest.approx(xyz[29, 4, 0 if swapped else 1], abs=1e-8)
+
+
+@pytest.mark.parametrize('turn', [0.02, 0.5, 0.8, np.pi / 4, 1.2, 2.5, -0.4])
+@pytest.mark.parametrize('mirrored', [False, True])
+def test_a_cloud_turned_about_z_lies_straight_with_the_lengths_of_its_rows_and_columns(turn, mirrored):
+    y, x = 3.0 * np.mgrid[:30, :50][0], 2.0 * np.mgrid[:30, :50][1]
+    xyz = np.dstack([x * np.cos(turn) - y * np.sin(turn) + 5, x * np.sin(turn) + y * np.cos(turn), np.sin(x + y)])
+    if mirrored:
+        xyz[..., 0] *= -1
+    xyz[3:9, 20:30] = np.nan
+    seen = view(xyz, masked(xyz, [(0, 0), (0, 49), (29, 0), (12, 33)]))
+    across, down = seen.drawing.across, seen.drawing.down
+    assert (across.name, down.name) == ('along a row', 'along a column')
+    assert (across.length, down.length) == pytest.approx((100.0, 90.0))
+    assert (across.at(0), across.at(49), down.at(29)) == pytest.approx((0.0, 98.0, 87.0))
+    first, right, _, below = seen.outliers[:, :2]
+    assert first[1] == pytest.approx(right[1], abs=1e-3)
+    assert first[0] == pytest.approx(below[0], abs=1e-3)
+    for place, position in zip(seen.outlier_places, seen.outliers, strict=True):
+        height = seen.drawing.heights[tuple(place)]
+        np.testing.assert_allclose(seen.position(*place, height, 1.0), position, atol=1e-3)
+        np.testing.assert_allclose(seen.place(*position[:2]), place, atol=1e-2)
 
 
 @given(row=st.integers(0, 69), column=st.integers(0, 79), stretch=st.sampled_from((1.0, 5.0)))
