@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """How kernels are compiled: one decorator decides about caching and its fall-back."""
 
-import contextlib
 import inspect
-import pickle
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Protocol, TypeVar, cast
 
 import numba
 from numba.core import event
 from numba.core.compiler_lock import global_compiler_lock
 
+from .caches import KernelCache, NumbaCache
 from .compiling import announce
 
 Function = TypeVar('Function', bound=Callable[..., object])
@@ -45,19 +42,6 @@ if _MIXES_TUPLES_UP:
             return (self.compile(types) if known is None else known.entry_point)(*args)
 
 
-class _Cache(Protocol):
-    """Numba's cache of one kernel, as far as it is used here."""
-
-    def load_overload(self, signature: object, target: object) -> object:
-        """Load the machine code of a signature; None: it is not in the cache."""
-
-    def save_overload(self, signature: object, data: object) -> None:
-        """Write the machine code of a signature into the cache."""
-
-    def flush(self) -> None:
-        """Empty the cache."""
-
-
 class _Announcement(event.Listener):  # type: ignore[misc]
     """Tells that Numba compiles a kernel: it was not in the cache. Numba calls it under its own lock."""
 
@@ -81,6 +65,12 @@ def is_compiling() -> bool:
     return _announcement.running > 0
 
 
+class _Compiled(Protocol):
+    """What Numba makes of a function, as far as it is used here."""
+
+    _cache: NumbaCache
+
+
 def kernel(function: Function) -> Function:
     """Compile `function` on its first call with each type, cache the machine code on disk, and release the GIL.
 
@@ -93,51 +83,13 @@ def kernel(function: Function) -> Function:
         compiled: object = numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:
         compiled = numba.njit(nogil=True)(function)
-    else:
-        cache: _Cache | None = getattr(compiled, '_cache', None)
-        if cache is not None:
-            _pass_over_unreadable_entries(cache)
-            _keep_going_without_room(cache)
+    own: NumbaCache | None = getattr(compiled, '_cache', None)
+    if own is not None:
+        # Numba has no public way to give it a cache.
+        cast('_Compiled', compiled)._cache = KernelCache(function, own)  # noqa: SLF001
     if _MIXES_TUPLES_UP:
         compiled.__class__ = _TypedByPython
     return cast('Function', compiled)
-
-
-def _read_caches_that_cannot_be_written() -> None:
-    """Let Numba read the cache beside the source where the package is installed read-only.
-
-    Numba asks its locators in turn for a folder that can be written. One more is added before the user's folder,
-    which in a container is new and empty at each start. Where Numba has other names for this, nothing changes.
-    """
-    try:
-        from numba.core import caching  # noqa: PLC0415 - guarded
-
-        machinery = getattr(caching, 'CacheImpl', None) or getattr(caching, '_CacheImpl')  # noqa: B009 - either
-        locators = machinery._locator_classes  # noqa: SLF001 - there is no public way
-        names = [each.__name__.lstrip('_') for each in locators]
-        place, in_tree = names.index('UserWideCacheLocator'), locators[names.index('InTreeCacheLocator')]
-    except (ImportError, AttributeError, ValueError):
-        return
-
-    class InstalledCacheLocator(in_tree):  # type: ignore[misc,valid-type]
-        """The cache beside the source, if this function is in it."""
-
-        def __init__(self, function: Callable[..., object], file: str) -> None:
-            super().__init__(function, file)
-            version = f'py{sys.version_info.major}{sys.version_info.minor}'
-            line = function.__code__.co_firstlineno
-            name = function.__qualname__.replace('<', '').replace('>', '')  # as Numba does for inner functions
-            self._index = f'{Path(file).stem}.{name}-{line}.{version}*.nbi'
-
-        def ensure_cache_path(self) -> None:
-            """Check that the function is in the cache; it need not be written."""
-            if next(Path(self.get_cache_path()).glob(self._index), None) is None:
-                raise OSError(self._index)
-
-    locators.insert(place, InstalledCacheLocator)
-
-
-_read_caches_that_cannot_be_written()
 
 
 def _keep_bitcode_unread() -> None:
@@ -183,54 +135,29 @@ def _keep_bitcode_unread() -> None:
 _keep_bitcode_unread()
 
 
-def _keep_going_without_room(cache: _Cache) -> None:
-    """Let a kernel run that cannot be written into its cache: the disk is full, or the folder is read-only."""
-    save = cache.save_overload
-
-    def save_overload(signature: object, data: object) -> None:
-        with contextlib.suppress(OSError):
-            save(signature, data)
-
-    cache.save_overload = save_overload  # type: ignore[method-assign]
-
-
-_UNREADABLE = (AttributeError, ImportError, EOFError, TypeError, ValueError, pickle.UnpicklingError)
-"""What reading the cache of another version may raise."""
-
-
-def _pass_over_unreadable_entries(cache: _Cache) -> None:
-    """Make a cache that cannot be read empty, so that the kernel is compiled again.
-
-    The cache refers to NamedTuples by their name and module. Numba reads it before it compares the age of the
-    source, so a cache of another version of this package, in which such a name was another, would end the call.
-    """
-    load = cache.load_overload
-
-    def load_overload(signature: object, target: object) -> object:
-        try:
-            return load(signature, target)
-        except _UNREADABLE:
-            cache.flush()
-            return None
-
-    cache.load_overload = load_overload  # type: ignore[method-assign]
-
-
 def is_cached(compiled: Callable[[], object]) -> bool:
     """Whether a kernel without arguments is in the cache; it is not compiled."""
-    cache: _Cache | None = getattr(compiled, '_cache', None)
+    cache = _cache_of(compiled)
     target = getattr(compiled, 'targetctx', None)
-    with global_compiler_lock, contextlib.suppress(OSError):
+    with global_compiler_lock:
         return cache is not None and cache.load_overload((), target) is not None
-    return False  # it cannot be read
 
 
 def has_cached_code(compiled: Callable[..., object]) -> bool:
     """Whether a kernel is in the cache for some types of its arguments; its machine code is not loaded."""
-    file = getattr(getattr(compiled, '_cache', None), '_cache_file', None)
-    with contextlib.suppress(OSError, *_UNREADABLE):
-        return file is not None and bool(file._load_index())  # noqa: SLF001 - there is no public way
-    return False
+    cache = _cache_of(compiled)
+    return cache is not None and cache.has_code()
+
+
+def folder_of(compiled: Callable[..., object]) -> str | None:
+    """The folder from which a kernel was loaded, or into which it was written; None: neither."""
+    cache = _cache_of(compiled)
+    return None if cache is None else cache.used
+
+
+def _cache_of(compiled: Callable[..., object]) -> KernelCache | None:
+    cache = getattr(compiled, '_cache', None)
+    return cache if isinstance(cache, KernelCache) else None
 
 
 @kernel
@@ -239,7 +166,6 @@ def _nothing() -> int:
 
 
 def cache_folder() -> str | None:
-    """The folder of this room's cache, beside those of the others; None: none can be written or read."""
-    statistics = getattr(_nothing, 'stats')  # noqa: B009 - Numba's, which a plain function does not have
-    folder: str | None = statistics.cache_path
-    return folder
+    """The folder into which kernels of this room are written, beside those of the others; None: there is none."""
+    cache = _cache_of(_nothing)
+    return None if cache is None else cache.cache_path

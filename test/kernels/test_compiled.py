@@ -1,37 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cache of compiled kernels."""
+"""Kernels, and whether they are in the cache."""
 
-import errno
 import subprocess
 import sys
 from typing import NamedTuple
 
+import numba
 import numpy as np
 import numpy.typing as npt
-import pytest
 
 from socialcircle_ros.kernels import compiled, compiling
 from socialcircle_ros.kernels.compiled import kernel
-
-MODULE = """
-from typing import NamedTuple
-
-import numpy as np
-
-from socialcircle_ros.kernels.compiled import kernel
-
-
-class {name}(NamedTuple):
-    values: np.ndarray
-
-
-@kernel
-def total(arrays):
-    return arrays.values.sum()
-
-
-print(total({name}(np.arange(4.0))), sum(total.stats.cache_hits.values()))
-"""
 
 
 class Pair(NamedTuple):
@@ -50,8 +29,9 @@ def second_of(surface, row):
     return surface.heights[row, 1]
 
 
-def test_it_is_known_while_a_kernel_is_compiled(monkeypatch):
+def test_it_is_known_while_a_kernel_is_compiled(tmp_path, monkeypatch):
     seen = []
+    monkeypatch.setattr(numba.config, 'CACHE_DIR', str(tmp_path))  # where an earlier run left nothing
     monkeypatch.setattr(compiling, 'listeners', [lambda: seen.append(compiled.is_compiling())])
 
     @kernel
@@ -73,24 +53,6 @@ def test_a_kernel_runs_the_machine_code_for_the_tuple_that_is_given():
         of_rows, of_columns = heights.copy(), np.asfortranarray(heights)
         surface = Surface((of_rows, of_columns)[place % 2], slopes, predicted=False)
         assert (second_of(surface, 3), second_of(surface=surface, row=0)) == (79, 1)
-
-
-@pytest.fixture
-def run(tmp_path, monkeypatch):
-    """Runs the module, with a NamedTuple of a given name, in a process of its own and with one cache."""
-    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
-
-    def run(name):
-        path = tmp_path / 'sums.py'
-        text = MODULE.format(name=name)
-        if not path.exists() or path.read_text() != text:  # Numba before 0.59 looks at its time
-            path.write_text(text)
-        program = [sys.executable, '-c', 'import sums']
-        done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        return done.stdout.split()
-
-    return run
 
 
 CACHED = """
@@ -127,87 +89,6 @@ def test_a_kernel_is_cached_once_it_was_called_and_asking_compiles_nothing(tmp_p
     ):
         program = [sys.executable, str(tmp_path / 'cached.py'), *call]
         assert subprocess.run(program, capture_output=True, text=True, check=True).stdout.splitlines() == answer
-
-
-def test_a_cache_that_cannot_be_read_holds_nothing(monkeypatch):
-    def refuse(*_):
-        raise OSError(errno.EROFS, 'Read-only file system')
-
-    monkeypatch.setattr(compiled._nothing._cache, 'load_overload', refuse)
-    assert not compiled.is_cached(compiled._nothing)
-    monkeypatch.setattr(compiled._nothing._cache._cache_file, '_load_index', refuse)
-    assert not compiled.has_cached_code(compiled._nothing)
-
-
-def test_the_cache_is_read_by_the_next_process(run):
-    assert run('Arrays') == ['6.0', '0']
-    assert run('Arrays') == ['6.0', '1']
-
-
-def test_a_cache_that_names_a_class_of_another_version_is_compiled_anew(run):
-    run('Arrays')
-    assert run('Others') == ['6.0', '0']
-    assert run('Others') == ['6.0', '1']
-
-
-def test_a_damaged_cache_is_compiled_anew(run, tmp_path):
-    run('Arrays')
-    for path in (tmp_path / 'cache').rglob('*.nbi'):
-        path.write_bytes(path.read_bytes()[:-20])
-    assert run('Arrays') == ['6.0', '0']
-    assert run('Arrays') == ['6.0', '1']
-
-
-READ_ONLY = """
-import errno
-import tempfile
-
-from numba.core import caching
-
-
-def refuse(*_, **__):
-    raise OSError(errno.EROFS, 'Read-only file system')
-
-
-# The superuser may write everywhere, so the folder's permissions would not stop this test.
-tempfile.TemporaryFile = refuse
-caching.IndexDataCacheFile.save = refuse
-import sums
-"""
-
-
-INNER = """
-from socialcircle_ros.kernels.compiled import kernel
-
-
-def make():
-    @kernel
-    def six():
-        return 6.0
-
-    return six
-
-
-six = make()
-print(six(), sum(six.stats.cache_hits.values()))
-"""
-
-
-@pytest.mark.parametrize('module', [MODULE.format(name='Arrays'), INNER], ids=['a function', 'an inner function'])
-def test_a_read_only_installation_reads_the_cache_that_was_made_with_it(tmp_path, monkeypatch, module):
-    monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
-    (tmp_path / 'sums.py').write_text(module)
-
-    def run(program):
-        done = subprocess.run(
-            [sys.executable, '-c', program], cwd=tmp_path, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout.split()
-
-    assert run(READ_ONLY) == ['6.0', '0']  # nothing was compiled with it: each process compiles
-    assert run('import sums') == ['6.0', '0']
-    assert run(READ_ONLY) == ['6.0', '1']
 
 
 CALLED = """
