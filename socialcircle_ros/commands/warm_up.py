@@ -14,22 +14,34 @@ def command() -> None:
     whose files that user can read. It takes about half a minute the first time, and a second when nothing is new.
 
     The cache lies beside the package, or in NUMBA_CACHE_DIR. It may be read-only afterwards. Another processor, or
-    another version of Numba, compiles anew: build images on the kind of processor that they run on.
+    another version of Numba, compiles anew: build images on the kind of processor that they run on. What cannot be
+    written is an error: the kernels would be compiled again in each process.
     """
     from socialcircle_ros.errors import SettingError, SocialCircleError
+    from socialcircle_ros.kernels.caches import write_failure
     from socialcircle_ros.kernels.compiled import cache_folder
-    from socialcircle_ros.node.warm_up import steps
+    from socialcircle_ros.node import warm_up
     from socialcircle_ros.settings import require_runtime
 
-    if cache_folder() is None:
-        raise SocialCircleError(
-            'No folder for the cache can be written: set NUMBA_CACHE_DIR to one that can, here and for the node.'
-        )
+    nowhere = SocialCircleError(
+        'No folder for the cache can be written: set NUMBA_CACHE_DIR to one that can, here and for the node.'
+    )
+    if cache_folder() is None and not warm_up.is_warm():
+        raise nowhere
     began_s = time.monotonic()
-    with click.progressbar(list(steps()), label='Compiling') as bar:
+    with click.progressbar(list(warm_up.steps()), label='Compiling') as bar:
         for compile_some in bar:
             compile_some()
-    click.echo(f'The kernels are compiled ({time.monotonic() - began_s:.1f} s); they lie in {cache_folder()}.')
+    failure = write_failure()
+    if failure is not None and cache_folder() is None:
+        raise nowhere
+    if failure is not None:
+        raise SocialCircleError(
+            f'The kernels cannot be kept in {cache_folder()} ({failure}), so each process would compile them: make'
+            ' room there, or set NUMBA_CACHE_DIR to another folder, here and for the node.'
+        )
+    place = warm_up.folder() or cache_folder()
+    click.echo(f'The kernels are compiled ({time.monotonic() - began_s:.1f} s); they lie in {place}.')
     try:
         require_runtime()
     except SettingError as error:

@@ -24,7 +24,7 @@ from socialcircle_ros.circle.network.scales import scales_of
 from socialcircle_ros.cloud import load_row, measured_points
 from socialcircle_ros.errors import SettingError, SocialCircleError
 from socialcircle_ros.focus import FocusStack
-from socialcircle_ros.kernels.compiled import cache_folder, is_cached, kernel
+from socialcircle_ros.kernels.compiled import cache_folder, folder_of, is_cached, kernel
 from socialcircle_ros.kernels.imports import without_module
 from socialcircle_ros.kernels.memory import unmap_code
 from socialcircle_ros.messages.gray import gray_of_colour, gray_of_mosaic
@@ -155,6 +155,16 @@ def steps() -> Iterator[Callable[[], object]]:
     yield from _rare()
 
 
+def is_warm() -> bool:
+    """Whether all kernels of this version are in a cache; none is compiled."""
+    return is_cached(_all_rare())
+
+
+def folder() -> str | None:
+    """The folder of the cache that holds all kernels, once `steps` were done; None: there is none."""
+    return folder_of(_all_rare())
+
+
 def _is_cold() -> bool:
     """Whether the first kernel of every cloud was not in the cache; then the others are not either."""
     measured_points(np.zeros((1, 1, 3), np.float32))
@@ -207,7 +217,7 @@ def _cache_rare() -> None:
     A helper process compiles them, so that this one need not load them. Where nothing can be cached, this process
     compiles them.
     """
-    if is_cached(_all_rare()):
+    if is_warm():
         return
     helper = _helper('rare')
     if helper is None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiling at install time."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -10,8 +11,14 @@ import pytest
 from click.testing import CliRunner
 
 from socialcircle_ros.commands import warm_up
-from socialcircle_ros.kernels import compiled
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.kernels import caches, compiled
 from socialcircle_ros.node import warm_up as node_warm_up
+
+
+@pytest.fixture(autouse=True)
+def _nothing_failed_before(monkeypatch):
+    monkeypatch.setattr(caches, '_failures', [])
 
 
 def test_every_step_runs_and_the_folder_is_told(monkeypatch):
@@ -45,8 +52,31 @@ def test_the_folder_is_where_numba_is_told_to_write(tmp_path):
 
 def test_without_a_folder_a_sentence_says_what_to_set(monkeypatch):
     monkeypatch.setattr(compiled, 'cache_folder', lambda: None)
+    monkeypatch.setattr(node_warm_up, 'is_warm', lambda: False)
     result = CliRunner().invoke(warm_up.command)
     assert 'set NUMBA_CACHE_DIR' in str(result.exception)
+
+
+def test_kernels_that_cannot_be_kept_are_an_error_that_gives_the_reason(monkeypatch):
+    def full():
+        caches._failures.append(OSError(errno.ENOSPC, 'No space left on device'))
+
+    monkeypatch.setattr(node_warm_up, 'steps', lambda: iter([full]))
+    result = CliRunner().invoke(warm_up.command)
+    assert isinstance(result.exception, SocialCircleError)
+    assert '(No space left on device)' in str(result.exception)
+    assert 'set NUMBA_CACHE_DIR' in str(result.exception)
+    assert 'they lie in' not in result.output
+
+
+def test_a_full_cache_that_is_read_only_is_all_that_is_needed(monkeypatch):
+    monkeypatch.setattr(compiled, 'cache_folder', lambda: None)
+    monkeypatch.setattr(node_warm_up, 'is_warm', lambda: True)
+    monkeypatch.setattr(node_warm_up, 'folder', lambda: '/package/__pycache__')
+    monkeypatch.setattr(node_warm_up, 'steps', lambda: iter([]))
+    result = CliRunner().invoke(warm_up.command)
+    assert result.exit_code == 0, result.output
+    assert 'they lie in /package/__pycache__.' in result.output
 
 
 def signatures():

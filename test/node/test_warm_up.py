@@ -217,7 +217,7 @@ def test_a_helper_that_ended_too_early_is_started_again(tmp_path, monkeypatch):
 
 def test_where_nothing_can_be_cached_this_process_compiles_what_is_rare(monkeypatch):
     compiled = []
-    monkeypatch.setattr(warm_up, 'is_cached', lambda _: False)
+    monkeypatch.setattr(warm_up, 'is_warm', lambda: False)
     monkeypatch.setattr(warm_up, '_helper', lambda part: None)
     monkeypatch.setattr(warm_up, '_rare', lambda: [lambda: compiled.append(1)] * 2)
     warm_up._cache_rare()
