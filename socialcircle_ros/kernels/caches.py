@@ -4,6 +4,7 @@
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Protocol
 
@@ -60,30 +61,30 @@ class KernelCache:
     def load_overload(self, signature: object, target: object) -> object:
         """Load the machine code of a signature; None: no cache has it, or none that has it can be read.
 
-        A cache of another version of the package, of Numba or of a processor holds nothing of use here. Only the
-        next cache is asked then: which one is right is known for each signature only.
+        The next cache is asked for each signature that one lacks: a cache of another version of the package, of
+        another Numba or processor, or of a warm-up that was broken off lacks some or all.
         """
-        for cache in (*self._read_only, self._own):
-            code = self._load(cache, signature, target)
+        for each in (*self._read_only, self._own):
+            code = self._load(each, signature, target)
             if code is not None:
-                self.used = cache.cache_path
+                self.used = each.cache_path
                 return code
         return None
 
-    def _load(self, cache: NumbaCache, signature: object, target: object) -> object:
+    def _load(self, tried: NumbaCache, signature: object, target: object) -> object:
         """Load from one cache. One that is damaged is emptied, so that it can be written again.
 
         The cache refers to NamedTuples by their name and module. Numba reads it before it compares the age of the
         source, so a cache of another version of this package may name what is no more.
         """
-        if cache is self._own and not self._can_write:
+        if tried is self._own and not self._can_write:
             return None
         try:
-            return cache.load_overload(signature, target)
+            return tried.load_overload(signature, target)
         except MemoryError:
             return None  # the cache is as good as before
         except Exception:  # noqa: BLE001 - reading a damaged pickle can raise any
-            if cache is self._own:
+            if tried is self._own:
                 self._empty()
             return None
 
@@ -113,13 +114,14 @@ class KernelCache:
 
     def has_code(self) -> bool:
         """Whether a cache holds machine code for some signature; none is loaded."""
-        for cache in (*self._read_only, self._own):
+        for each in (*self._read_only, self._own):
             with contextlib.suppress(Exception):  # it cannot be read
-                if cache._cache_file._load_index():  # type: ignore[attr-defined] # noqa: SLF001 - no public way
+                if each._cache_file._load_index():  # type: ignore[attr-defined] # noqa: SLF001 - no public way
                     return True
         return False
 
 
+@cache
 def _readers() -> list[tuple[type, Callable[[Callable[..., object]], NumbaCache]]]:
     """Numba's locators of the folders that `socialcircle warm-up` may have filled, each with a reader.
 
@@ -132,7 +134,7 @@ def _readers() -> list[tuple[type, Callable[[Callable[..., object]], NumbaCache]
         machinery = getattr(caching, 'CacheImpl', None) or getattr(caching, '_CacheImpl')  # noqa: B009 - either
         locators = {each.__name__.lstrip('_'): each for each in machinery._locator_classes}  # noqa: SLF001 - as above
         found = [locators['UserProvidedCacheLocator'], locators['InTreeCacheLocator']]
-        maker, cache = caching.CompileResultCacheImpl, caching.FunctionCache
+        maker, whole = caching.CompileResultCacheImpl, caching.FunctionCache
     except (ImportError, AttributeError, KeyError):
         return []
 
@@ -154,15 +156,12 @@ def _readers() -> list[tuple[type, Callable[[Callable[..., object]], NumbaCache]
         class ReadOnlyMaker(maker):  # type: ignore[misc,valid-type]
             _locator_classes = (ReadOnlyLocator,)
 
-        class ReadOnlyCache(cache):  # type: ignore[misc,valid-type]
+        class ReadOnlyCache(whole):  # type: ignore[misc,valid-type]
             _impl_class = ReadOnlyMaker
 
         return ReadOnlyCache
 
     return [(each, reader(each)) for each in found]
-
-
-_READERS = _readers()
 
 
 def _read_only_caches(function: Callable[..., object], own: NumbaCache) -> Iterator[NumbaCache]:
@@ -172,7 +171,7 @@ def _read_only_caches(function: Callable[..., object], own: NumbaCache) -> Itera
     and empty at each start, while that of the image is full.
     """
     place = getattr(getattr(own, '_impl', None), 'locator', None)
-    for locator, reader in _READERS:
+    for locator, reader in _readers():
         if isinstance(place, locator):
             return
         with contextlib.suppress(RuntimeError, OSError):

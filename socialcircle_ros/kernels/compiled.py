@@ -5,12 +5,23 @@ import inspect
 from collections.abc import Callable
 from typing import Protocol, TypeVar, cast
 
-import numba
-from numba.core import event
-from numba.core.compiler_lock import global_compiler_lock
+from socialcircle_ros.errors import SocialCircleError
 
 from .caches import KernelCache, NumbaCache
 from .compiling import announce
+
+try:
+    import numba
+    from numba.core import event
+    from numba.core.compiler_lock import global_compiler_lock
+except (OSError, ValueError) as error:  # its library cannot be loaded, or a variable has a wrong value
+    raise SocialCircleError(
+        f'Numba, which compiles the filter, cannot start: {str(error).rstrip(".")}. Check the variables of the'
+        ' environment that begin with NUMBA_, and the memory that a process may have (ulimit -v).'
+    ) from None
+
+if numba.config.DISABLE_JIT:
+    raise SocialCircleError('NUMBA_DISABLE_JIT is set, so that each cloud would take minutes: unset it.')
 
 Function = TypeVar('Function', bound=Callable[..., object])
 

@@ -46,8 +46,12 @@ def _run(arguments: list[str] | None) -> int:
 
     from socialcircle_ros.errors import SocialCircleError  # noqa: PLC0415
 
-    from .social_circle_node import SocialCircleNode  # noqa: PLC0415
-    from .start import start_ros  # noqa: PLC0415
+    try:
+        from .social_circle_node import SocialCircleNode  # noqa: PLC0415
+        from .start import start_ros  # noqa: PLC0415
+    except SocialCircleError as error:  # the environment lets Numba compile nothing
+        sys.stderr.write(f'The node cannot start: {error}\n')
+        return 1
 
     given = sys.argv[1:] if arguments is None else arguments
     fault = fault_of_a_file(given)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kernels, and whether they are in the cache."""
 
+import os
 import subprocess
 import sys
 from typing import NamedTuple
@@ -8,6 +9,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from socialcircle_ros.kernels import compiled, compiling
 from socialcircle_ros.kernels.compiled import kernel
@@ -131,3 +133,24 @@ def test_bitcode_of_a_cached_kernel_is_read_when_a_kernel_that_calls_it_is_compi
     run()
     assert run() == ['12.0', '1', 'True']
     assert run('more') == ['12.0', '1', 'True', '13.0']
+
+
+@pytest.mark.parametrize(
+    ('variable', 'value', 'sentence'),
+    [
+        ('NUMBA_DISABLE_JIT', '1', 'NUMBA_DISABLE_JIT is set, so that each cloud would take minutes: unset it.'),
+        ('NUMBA_NUM_THREADS', '0', 'Number of threads specified must be > 0. Check the variables'),
+    ],
+)
+@pytest.mark.parametrize('module', ['commands.main', 'node.main'])
+def test_a_variable_that_forbids_compiling_is_named_by_commands_and_the_node(module, variable, value, sentence):
+    arguments = ['info', 'x.mcap'] if module == 'commands.main' else []
+    if not arguments:
+        pytest.importorskip('rclpy', reason='the node needs ROS 2')
+    done = subprocess.run(
+        [sys.executable, '-m', f'socialcircle_ros.{module}', *arguments],
+        env={**os.environ, variable: value}, capture_output=True, text=True, check=False, timeout=100,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert sentence in done.stderr
+    assert 'Traceback' not in done.stderr
