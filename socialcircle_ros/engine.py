@@ -10,6 +10,7 @@ import multiprocessing.resource_tracker
 import os
 import platform
 import signal
+import tempfile
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -72,6 +73,9 @@ class Engine(Generic[Item, Result]):
                 distributed.utils._forkserver_preload_set = True  # noqa: SLF001 - there is no setting for it
                 # A process that takes the place of one that ended is forked as well.
                 method = {'distributed.worker.multiprocessing-method': 'forkserver'}
+                folder = started.enter_context(_own_folder())
+                if folder is not None:
+                    started.enter_context(dask.config.set({'temporary-directory': folder}))
                 started.enter_context(dask.config.set(method))
                 cluster = distributed.LocalCluster(
                     n_workers=workers or usable_cores(),
@@ -191,6 +195,23 @@ class Engine(Generic[Item, Result]):
                 f'No Dask scheduler answers at {scheduler} ({type(error).__name__}): start one with `dask'
                 ' scheduler`, or leave --scheduler out.'
             ) from None
+
+
+@contextmanager
+def _own_folder() -> Iterator[str | None]:
+    """A folder for what Dask puts aside; None: it chooses one itself, and clears it up at its next start.
+
+    Where no folder for temporary files can be written, Python takes the current one, in which Dask would leave a
+    folder.
+
+    Raises:
+        FileNotFoundError: that cannot be written either.
+    """
+    if Path(tempfile.gettempdir()).samefile('.'):
+        with tempfile.TemporaryDirectory() as folder:
+            yield folder
+    else:
+        yield None
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The engine, with Dask in this process and with a process of its own."""
 
+import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
 
@@ -86,3 +87,27 @@ def test_without_dask_the_extra_is_told(monkeypatch):
     monkeypatch.setattr(engine.importlib.util, 'find_spec', lambda name: None)
     with pytest.raises(SocialCircleError, match='This needs Dask: pip install '):
         Engine()
+
+
+def test_dask_leaves_nothing_in_the_current_folder_where_that_has_to_serve_for_temporary_files(tmp_path):
+    program = f"""
+import os, sys, tempfile
+from pathlib import Path
+from socialcircle_ros.engine import Engine
+tempfile.tempdir = {str(tmp_path)!r}
+if __name__ == '__main__':
+    with Engine(workers=1) as running:
+        print(dict(running.run(abs, [-2])))
+        print(any(Path().iterdir()))
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', program], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=100
+    )
+    assert done.stdout.splitlines() == ['{-2: 2}', 'True']
+    assert not list(tmp_path.iterdir())
+
+
+def test_dask_chooses_its_folder_where_there_is_one_for_temporary_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with engine._own_folder() as folder:
+        assert folder is None
