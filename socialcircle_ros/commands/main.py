@@ -16,6 +16,7 @@ from socialcircle_ros.errors import ParameterFileWarning, SocialCircleError, Uni
 from socialcircle_ros.kernels import compiling
 from socialcircle_ros.storage import NotedSignal, SignalExit, lasting_interruption
 
+from .failures import Output, noted_output, sentence_of
 from .spelling import nearest_name
 
 _TOLD = UnitWarning, ParameterFileWarning
@@ -152,6 +153,24 @@ def main(arguments: list[str] | None = None) -> int:
     """
     # The last collection of a process would visit all objects of all libraries: 0.4 s at the end of a batch.
     atexit.register(gc.freeze)
+    with noted_output() as output:
+        code = _told_run(arguments, output)
+        unwritten = None if output is None else output.end()
+    if unwritten is not None:
+        click.echo(f'Error: {unwritten}', err=True)
+    return code or int(unwritten is not None)
+
+
+def _told_run(arguments: list[str] | None, output: Output | None) -> int:
+    """Run a command, and tell on stderr how it failed, unless it is that stdout cannot be written.
+
+    Args:
+        arguments: the command and its arguments.
+        output: takes the place of stdout; None: there is none.
+
+    Returns:
+        The exit code.
+    """
     try:
         with _told_warnings(), lasting_interruption() as interrupted:
             return _run(arguments, interrupted)
@@ -167,6 +186,14 @@ def main(arguments: list[str] | None = None) -> int:
     except (KeyboardInterrupt, click.Abort):
         click.echo('Stopped.', err=True)
         return 130
+    except Exception as error:
+        if output is not None and output.has_failed_by(error):
+            return 1
+        sentence = sentence_of(error)
+        if sentence is None:
+            raise
+        click.echo(f'Error: {sentence}', err=True)
+        return 1
 
 
 def _run(arguments: list[str] | None, interrupted: NotedSignal) -> int:

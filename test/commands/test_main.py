@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The group of commands."""
 
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from socialcircle_ros.commands.main import COMMANDS, GROUPS
+from socialcircle_ros.recording import open_recording
+
+BAGS = Path(__file__).resolve().parents[2] / 'bags'
 
 
 def test_help_lists_every_command(run):
@@ -170,3 +176,96 @@ def test_an_offline_command_says_once_that_it_compiles(name, times):
     done = subprocess.run([sys.executable, '-c', COMPILING, name], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stderr == 'The first use compiles the filter, which can take half a minute.\n' * times
+
+
+def run_with(program, folder, **options):
+    """Run `socialcircle` with what a program says before; its stdout is what `options` say."""
+    end = 'from socialcircle_ros.commands.main import main\nsys.exit(main())'
+    return subprocess.run(
+        [sys.executable, '-c', f'import sys\n{program}\n{end}'],
+        cwd=folder, stderr=subprocess.PIPE, text=True, check=False, timeout=100, **options,
+    )  # fmt: skip
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='no device that is always full')
+@pytest.mark.parametrize('unbuffered', ['', '1'])
+@pytest.mark.parametrize('arguments', [['--help'], ['filter', '--help'], ['--version'], ['info', 'clouds.mcap']])
+def test_an_output_on_a_full_disk_is_told_in_a_sentence(tmp_path, arguments, unbuffered):
+    shutil.copy(BAGS / 'padded.mcap', tmp_path / 'clouds.mcap')
+    with Path('/dev/full').open('wb') as full:
+        done = run_with(
+            f'sys.argv = ["socialcircle", *{arguments!r}]',
+            tmp_path,
+            stdout=full,
+            env={**os.environ, 'PYTHONUNBUFFERED': unbuffered},
+        )
+    assert (done.returncode, done.stderr) == (1, 'Error: The output cannot be written: No space left on device.\n')
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='no device that is always full')
+def test_a_result_is_whole_where_the_sentence_about_it_cannot_be_written(tmp_path):
+    shutil.copy(BAGS / 'padded.mcap', tmp_path / 'clouds.mcap')
+    with Path('/dev/full').open('wb') as full:
+        program = 'sys.argv = ["socialcircle", "filter", "clouds.mcap", "-o", "cleaned.mcap"]'
+        done = run_with(program, tmp_path, stdout=full)
+    assert done.returncode == 1
+    assert done.stderr.endswith('Error: The output cannot be written: No space left on device.\n')
+    with open_recording(tmp_path / 'cleaned.mcap') as reader:
+        assert reader.damage is None or not reader.damage
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['cleaned.mcap', 'clouds.mcap']
+
+
+def test_the_reader_of_a_pipe_may_go(tmp_path):
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = run_with('sys.argv = ["socialcircle", "--help"]', tmp_path, stdout=writing)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (1, '')
+
+
+FAILING = """
+import tempfile
+import click
+from socialcircle_ros.commands import main
+
+@click.command()
+def command():
+    {failure}
+
+main.socialcircle.get_command = lambda *_: command
+sys.argv = ["socialcircle", "filter"]
+"""
+
+NO_FOLDER = 'tempfile._get_candidate_names = lambda: iter(()); tempfile._candidate_tempdir_list = lambda: []; '
+
+
+@pytest.mark.parametrize(
+    ('failure', 'sentence'),
+    [
+        (NO_FOLDER + 'tempfile.mkdtemp()', 'No folder for temporary files can be written: set TMPDIR to one'),
+        (
+            NO_FOLDER + 'raise OSError("Matplotlib requires access to a writable cache")',
+            'set TMPDIR to one that can',
+        ),
+        (
+            'raise MemoryError("Unable to allocate 3 GiB.")',
+            'Memory is short (Unable to allocate 3 GiB): end other',
+        ),
+        ('raise MemoryError', 'Memory is short: end other programs'),
+        ('raise RuntimeError("can\'t start new thread")', 'No further thread can be started: allow more memory'),
+        ('raise ImportError("x.so: failed to map segment from shared object", name="x")', 'x cannot be loaded.'),
+    ],
+)
+def test_what_the_machine_lacks_is_told_in_a_sentence(tmp_path, failure, sentence):
+    done = run_with(FAILING.format(failure=failure), tmp_path, stdout=subprocess.DEVNULL)
+    assert done.returncode == 1
+    assert sentence in done.stderr
+    assert done.stderr.startswith('Error: ')
+    assert done.stderr.count('\n') == 1
+
+
+@pytest.mark.parametrize('failure', ['raise OSError(9, "a fault")', 'raise RuntimeError("a fault")'])
+def test_an_error_that_may_be_a_fault_of_the_program_shows_where_it_is(tmp_path, failure):
+    done = run_with(FAILING.format(failure=failure), tmp_path, stdout=subprocess.DEVNULL)
+    assert done.returncode == 1
+    assert 'Traceback' in done.stderr
