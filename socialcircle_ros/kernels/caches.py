@@ -2,6 +2,7 @@
 """Where the machine code of a kernel is kept. A cache that fails costs time, and never ends a call."""
 
 import contextlib
+import pickle
 import sys
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -26,12 +27,29 @@ class NumbaCache(Protocol):
         """Empty the cache."""
 
 
-_failures: list[OSError] = []
+_DAMAGED = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    ImportError,
+    LookupError,
+    PermissionError,
+    TypeError,
+    ValueError,
+    pickle.UnpicklingError,
+)
+"""What reading a cache may raise that is damaged, of another version or another user's. Other errors, as where
+memory is short, say nothing of the cache."""
+
+_failures: list[Exception] = []
 
 
 def write_failure() -> str | None:
     """Why a kernel that this process compiled could not be kept, the first time; None: all were kept."""
-    return (_failures[0].strerror or str(_failures[0])) if _failures else None
+    if not _failures:
+        return None
+    (first, *_) = _failures
+    return getattr(first, 'strerror', None) or str(first) or type(first).__name__
 
 
 class KernelCache:
@@ -81,19 +99,24 @@ class KernelCache:
             return None
         try:
             return tried.load_overload(signature, target)
-        except MemoryError:
-            return None  # the cache is as good as before
-        except Exception:  # noqa: BLE001 - reading a damaged pickle can raise any
+        except _DAMAGED:
             if tried is self._own:
                 self._empty()
-            return None
+        except Exception as error:  # noqa: BLE001 - whatever it is, the kernel can be compiled
+            if tried is self._own:
+                self._leave(error)
+        return None
 
     def _empty(self) -> None:
         try:
             self._own.flush()
         except OSError as error:
-            self._can_write = False  # Numba reads the cache again before it writes, which would fail again
-            _failures.append(error)
+            self._leave(error)
+
+    def _leave(self, error: Exception) -> None:
+        """Use the cache no more: Numba reads it before it writes, which would fail again."""
+        self._can_write = False
+        _failures.append(error)
 
     def save_overload(self, signature: object, data: object) -> None:
         """Write the machine code of a signature, unless there is no room, or no folder that can be written."""

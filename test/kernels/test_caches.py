@@ -324,11 +324,13 @@ def test_an_index_that_cannot_be_read_holds_nothing(installed):
     assert not is_cached(installed.kernel())
 
 
-def test_a_good_cache_is_not_emptied_where_memory_is_short(installed, monkeypatch):
+@pytest.mark.parametrize('error', [MemoryError(), OSError(errno.ENOMEM, 'short'), RuntimeError('LLVM')])
+def test_a_good_cache_is_not_emptied_where_the_machine_cannot_read_it(installed, monkeypatch, error):
     def refuse(*_):
-        raise MemoryError
+        raise error
 
     with monkeypatch.context() as short:
         short.setattr(caching.IndexDataCacheFile, 'load', refuse)
-        assert not is_cached(installed.kernel())
+        short.setattr(caching.IndexDataCacheFile, 'save', refuse)
+        assert not installed.call().was_cached
     assert installed.call().was_cached
