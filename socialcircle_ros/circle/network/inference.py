@@ -38,6 +38,8 @@ its surroundings a tile takes about 100 MB."""
 
 FEATURES, LOGITS = 'features', 'logits'
 """Names of the input and of the output."""
+_SHORT = 'thread', 'alloc', 'resource temporarily unavailable'
+"""Words of ONNX Runtime where the machine has too little memory or too few threads."""
 VERSION = '3'
 """Version of the input, in the metadata of the file."""
 
@@ -78,7 +80,14 @@ class NetworkJudge:
         try:
             self._session = onnxruntime.InferenceSession(str(path), options, providers=[provider])
         except Exception as error:  # noqa: BLE001 - the errors of ONNX Runtime share no other base
-            raise SocialCircleError(f'{path} cannot be read as a network: {error}') from None
+            said = (str(error).splitlines() or [type(error).__name__])[0]
+            cause = said.replace(str(path), '').lower()
+            if isinstance(error, MemoryError) or any(each in cause for each in _SHORT):
+                raise SocialCircleError(
+                    f'Memory or threads are short, so that {path.name} cannot be loaded: end other programs, or'
+                    f' allow more (ulimit -v, ulimit -u). ONNX Runtime says: {said}'
+                ) from None
+            raise SocialCircleError(f'{path} cannot be read as a network: {said}') from None
         # ONNX Runtime takes the CPU then, and says so in its log alone.
         if provider not in self._session.get_providers():
             raise SocialCircleError(

@@ -195,6 +195,27 @@ def test_the_rules_decide_where_the_depth_of_field_is_known():
     assert 'network' not in with_network.times_ms
 
 
+@pytest.mark.parametrize(
+    'error',
+    [
+        RuntimeError('posix/env.cc:PosixThread pthread_create failed, error code: 11\nand a trace'),
+        RuntimeError('Failed to allocate memory for requested buffer of size 64'),
+        RuntimeError('std::bad_alloc'),
+        MemoryError(),
+    ],
+)
+def test_where_memory_or_threads_are_short_the_file_is_not_blamed(monkeypatch, error):
+    onnxruntime = pytest.importorskip('onnxruntime')
+
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(onnxruntime, 'InferenceSession', fail)
+    with pytest.raises(SocialCircleError, match='^Memory or threads are short, so that network.onnx') as raised:
+        NetworkJudge(WEIGHTS, threads=1)
+    assert '\n' not in str(raised.value)
+
+
 def test_a_file_that_is_no_network_is_named(tmp_path):
     path = tmp_path / 'other.onnx'
     path.write_bytes(b'no network')
