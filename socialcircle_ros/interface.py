@@ -16,6 +16,9 @@ from .settings import Mode, OutputSettings, markdown_table
 
 NODE_NAME = 'social_circle'
 
+ACTIVE = 'Active: waiting for clouds on'
+"""How the sentence begins that the node logs when it is active."""
+
 PASSED, FAILED = 'passed', 'failed'
 """Values of the key `verdict` of `~/measurement`."""
 

@@ -22,11 +22,12 @@ from .connection import Connection
 from .health import NodeHealth, health_of
 from .message_types import message_class
 from .player import Player
-from .process import NodeProcess
+from .process import NodeProcess, is_active, not_found
 from .qos import reliable
 
 _CLOUD_RESULTS = (interface.FILTERED, interface.MASK, interface.MEASUREMENT)
 _STACK_RESULTS = (*_CLOUD_RESULTS, *interface.STACK_OUTPUTS)
+_DISCOVERY_S = 15.0  # in which a node is found that is there to be found; it takes 2 s at most on an idle machine
 _GRACE_S = 3.0  # a stack with a refused frame may still become a cloud
 
 
@@ -82,15 +83,27 @@ class Client:
         The diagnostics tell how many refusals there were before the first cloud.
 
         Raises:
-            SocialCircleError: the node ended, or is not ready in time; the message names its log.
+            SocialCircleError: the node ended, is not ready in time, or is not found although it says that it is
+                active; the message names its log.
         """
         deadline = time.monotonic() + timeout_s
+        active_since_s: float | None = None
         while not self._is_heard():
+            if active_since_s is None and is_active(process.log):
+                active_since_s = time.monotonic()
+            waited_s = 0.0 if active_since_s is None else time.monotonic() - active_since_s
+            if waited_s > _DISCOVERY_S and not self._is_found():
+                raise not_found(process.log)
             if process.process.poll() is not None:
                 raise SocialCircleError(f'The node ended at its start; read {process.log}.')
             if time.monotonic() > deadline:
                 raise SocialCircleError(f'The node is not ready after {timeout_s:.0f} s; read {process.log}.')
             time.sleep(0.02)
+
+    def _is_found(self) -> bool:
+        """Whether anything of the node was found."""
+        services = self._parameters.services_are_ready()
+        return bool(self._clouds.get_subscription_count() or services or self._health is not None)
 
     def _is_heard(self) -> bool:
         has_listener = self._clouds.get_subscription_count() > 0

@@ -7,7 +7,26 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.interface import ACTIVE
 from socialcircle_ros.storage import open_in_place
+
+
+def is_active(log: Path) -> bool:
+    """Whether a node says in its log that it is active."""
+    try:
+        return ACTIVE.encode() in log.read_bytes()
+    except OSError:
+        return False
+
+
+def not_found(log: Path) -> SocialCircleError:
+    """The error for a node that runs, as its log says, and does not appear in the graph."""
+    return SocialCircleError(
+        f'The node runs ({log} says so), but cannot be found over DDS. Check the network: an interface must be up'
+        ' (ip link set lo up), no firewall may drop UDP, and ROS_LOCALHOST_ONLY and'
+        ' ROS_AUTOMATIC_DISCOVERY_RANGE must let it be found.'
+    )
 
 
 class NodeProcess:

@@ -11,7 +11,7 @@ from socialcircle_ros.messages.header import stamp_of
 
 from .connection import Connection
 from .message_types import message_class
-from .process import NodeProcess
+from .process import NodeProcess, is_active, not_found
 from .qos import reliable
 
 _TIMEOUT_S = 60.0  # the first start of a node compiles
@@ -59,7 +59,10 @@ class RoundTrip:
         deadline = time.monotonic() + _TIMEOUT_S
         node = self._connection.node
         while not (self._publisher.get_subscription_count() and node.count_publishers(self._answers_topic)):
-            if process.process.poll() is not None or time.monotonic() > deadline:
+            ended = process.process.poll() is not None
+            if not ended and time.monotonic() > deadline and is_active(process.log):
+                raise not_found(process.log)
+            if ended or time.monotonic() > deadline:
                 raise SocialCircleError(f'The node is not ready; read {process.log}.')
             time.sleep(0.02)
         time.sleep(_SETTLING_S)

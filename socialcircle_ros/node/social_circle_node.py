@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 
 from socialcircle_ros.errors import StackError, printable
 from socialcircle_ros.interface import (
+    ACTIVE,
     DIAGNOSTICS,
     FINISH_STACK,
     NODE_NAME,
@@ -147,7 +148,7 @@ class SocialCircleNode(LifecycleNode):
             self._stack.listen()
         self._warn_of(self._live_parameters.unknown_overrides())
         self._active_since_s = time.monotonic()
-        self.get_logger().info(f'Active: waiting for clouds on {self.resolve_topic_name(POINTS.name)}.')
+        self.get_logger().info(f'{ACTIVE} {self.resolve_topic_name(POINTS.name)}.')
         return result
 
     @_reported
