@@ -37,7 +37,7 @@ def _temporary_failure() -> str | None:
     return None
 
 
-class Output:
+class NotedOutput:
     """A stream such as stdout that notes what went wrong as it was written.
 
     Attributes:
@@ -88,12 +88,12 @@ class Output:
 
 
 @contextmanager
-def noted_output() -> Iterator[Output | None]:
+def noted_output() -> Iterator[NotedOutput | None]:
     """Take the place of stdout meanwhile; None: the process has no stdout."""
     if sys.stdout is None:
         yield None
         return
-    before, output = sys.stdout, Output(sys.stdout)
+    before, output = sys.stdout, NotedOutput(sys.stdout)
     sys.stdout = cast('TextIO', output)
     yield output
     # After an error it stays: click has wrapped it where the reader of a pipe is gone.

@@ -16,7 +16,7 @@ from socialcircle_ros.errors import ParameterFileWarning, SocialCircleError, Uni
 from socialcircle_ros.kernels import compiling
 from socialcircle_ros.storage import NotedSignal, SignalExit, lasting_interruption
 
-from .failures import Output, noted_output, sentence_of
+from .failures import NotedOutput, noted_output, sentence_of
 from .spelling import nearest_name
 
 _TOLD = UnitWarning, ParameterFileWarning
@@ -161,7 +161,7 @@ def main(arguments: list[str] | None = None) -> int:
     return code or int(unwritten is not None)
 
 
-def _told_run(arguments: list[str] | None, output: Output | None) -> int:
+def _told_run(arguments: list[str] | None, output: NotedOutput | None) -> int:
     """Run a command, and tell on stderr how it failed, unless it is that stdout cannot be written.
 
     Args:
