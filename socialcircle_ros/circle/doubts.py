@@ -2,6 +2,7 @@
 """What a result says of itself: settings without effect, a circle that is too large, and too many outliers."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,13 +11,13 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.settings import CircleSettings
 
+from .adaptive import MANY_UNDECIDED, Sureness
+
 _TOO_MANY = 0.3
 """Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
 _RICH_TEXTURE = 0.04
 """Share of the points in shapes that are nearly islands above which the rules warn. Of 41 measured surfaces 15
 lose more than 0.5 % of their good points; 14 of these are above, and no other."""
-_MANY_UNDECIDED = 0.005
-"""Share of the points that the network is undecided about above which it warns, if fewer surely are outliers."""
 _FAR_TOO_LARGE = 10.0
 """A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
 about 5 of them."""
@@ -133,22 +134,25 @@ def texture_doubts(nearly: float) -> list[str]:
     return [f'{shapes}: good points may be among the removed ones; {cure}.']
 
 
-def unknown_texture(undecided: float, certain: float, removed: int) -> list[str]:
+def unknown_texture(sureness: Sequence[Sureness], removed: int) -> list[str]:
     """Warn of a surface that the network can hardly tell from outliers: it is unlike those that it was trained on.
 
     What became of the undecided points does not matter: where it removes most of them, that is as doubtful.
 
     Args:
-        undecided: share of the measured points, as `AdaptiveResult.nearly`.
-        certain: as `AdaptiveResult.certain`.
+        sureness: as `AdaptiveResult.sureness`. Single outliers raise the share of certain points, but not that of
+            those in sets.
         removed: number of outliers.
     """
-    if undecided <= _MANY_UNDECIDED or undecided <= certain:
-        return []
-    sure = f'more than the {100 * certain:.1f} % that surely are outliers'
-    points = f'the network is undecided about {100 * undecided:.1f} % of the points, {sure}'
     risk = 'outliers may have stayed' + (', and good points may be among the removed ones' if removed else '')
-    return [f'{points}: {risk}; teach this texture with `socialcircle teach`.']
+    for (undecided, certain), points in zip(
+        sureness, ('the points', 'the points, single ones aside'), strict=False
+    ):
+        if undecided > max(MANY_UNDECIDED, certain):
+            share = f'the network is undecided about {100 * undecided:.1f} % of {points}'
+            sure = f'more than the {100 * certain:.1f} % that surely are outliers'
+            return [f'{share}, {sure}: {risk}; teach this texture with `socialcircle teach`.']
+    return []
 
 
 def _too_large(found: _LargeCircle) -> str:

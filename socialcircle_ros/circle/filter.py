@@ -158,7 +158,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
 
         found = find_probable_outliers(heights, packaged_network(settings.provider).probabilities, judge)
         if lesson is None:
-            warnings = unknown_texture(found.nearly, found.certain, int(np.count_nonzero(found.outliers)))
+            warnings = unknown_texture(found.sureness, int(np.count_nonzero(found.outliers)))
     else:
         found = find_outliers(heights, settings.depth_of_field, judge=judge)
         if lesson is None and settings.depth_of_field is None and found.outliers.any():

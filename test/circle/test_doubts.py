@@ -8,6 +8,7 @@ import pytest
 
 from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.circle import network
+from socialcircle_ros.circle.adaptive import Sureness
 from socialcircle_ros.circle.doubts import doubts_of, unknown_texture
 
 PAPER, ADAPTIVE = CircleSettings(mode='paper'), CircleSettings()
@@ -109,10 +110,10 @@ def test_many_outliers_are_named(settings, removed, sentences):
     assert all(sentence in doubt for sentence, doubt in zip(sentences, found, strict=True))
 
 
-def islands(height):
+def islands(height, smoothed=6):
     """A surface with irregular islands of its own."""
     hills = np.random.default_rng(2).normal(size=(150, 200))
-    for _ in range(6):
+    for _ in range(smoothed):
         hills = (2 * hills + sum(np.roll(hills, step, axis) for step in (1, -1) for axis in (0, 1))) / 6
     noise = np.random.default_rng(3).normal(size=hills.shape)
     return noise + height * np.maximum(hills / hills.std() - 1.2, 0)
@@ -130,20 +131,36 @@ def test_a_texture_that_resembles_outliers_is_named_with_the_cure():
 
 
 @pytest.mark.parametrize(
-    ('undecided', 'certain', 'removed', 'warns'),
+    ('sureness', 'removed', 'said'),
     [
-        (0.004, 0.0, 0, False), (0.02, 0.0, 0, True), (0.02, 0.01, 90, True), (0.02, 0.01, 0, True),
-        (0.02, 0.03, 90, False),
+        ([(0.004, 0.0)], 0, None),
+        ([(0.02, 0.0)], 0, 'undecided about 2.0 % of the points, more than the 0.0 %'),
+        ([(0.02, 0.01)], 90, 'undecided about 2.0 % of the points, more than the 1.0 %'),
+        ([(0.02, 0.01)], 0, 'undecided about 2.0 % of the points, more'),
+        ([(0.02, 0.03)], 90, None),
+        ([(0.02, 0.03), (0.011, 0.002)], 90, 'undecided about 1.1 % of the points, single ones aside, more'),
+        ([(0.02, 0.03), (0.011, 0.012)], 90, None),
+        ([(0.02, 0.03), (0.004, 0.002)], 90, None),
     ],
-)  # fmt: skip
-def test_a_texture_that_the_network_does_not_know_is_named_with_the_cure(undecided, certain, removed, warns):
-    found = unknown_texture(undecided, certain, removed)
-    assert bool(found) == warns
+)
+def test_a_texture_that_the_network_does_not_know_is_named_with_the_cure(sureness, removed, said):
+    found = unknown_texture([Sureness(*each) for each in sureness], removed)
+    assert bool(found) == bool(said)
     for each in found:
-        assert 'undecided about 2.0 % of the points' in each
+        assert said in each
         assert 'outliers may have stayed' in each
         assert ('good points may be among the removed ones' in each) == (removed > 0)
         assert 'socialcircle teach' in each
+
+
+@pytest.mark.parametrize('singles', [0.0, 0.005, 0.01, 0.02])
+def test_single_outliers_do_not_silence_the_warning_of_a_texture(singles):
+    random = np.random.default_rng(8)
+    heights = islands(8.0, smoothed=20)
+    outliers = random.random(heights.shape) < singles
+    heights[outliers] += random.choice([-1, 1], outliers.sum()) * random.uniform(60, 300, outliers.sum())
+    result = remove_outliers(heights.astype(np.float32), pitch=(1.0, 2.0))
+    assert any('the network is undecided' in warning for warning in result.warnings)
 
 
 @pytest.mark.parametrize(('probability', 'warns'), [(0, False), (100, True)])

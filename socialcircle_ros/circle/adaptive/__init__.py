@@ -24,10 +24,10 @@ Both compare neighbours. `lonely` finds points far off that have none.
 from .detection import AdaptiveResult, Rules, find_outliers, find_probable_outliers
 from .isolated import TOUCH
 from .lesson import CommunityJudge, LessonJudge, unlike
-from .likelihood import UNDECIDED, Likelihood, Probabilities
+from .likelihood import MANY_UNDECIDED, UNDECIDED, Likelihood, Probabilities, Sureness
 from .lonely import lonely_outliers
 
 __all__ = [
-    'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood', 'Probabilities',
-    'Rules', 'find_outliers', 'find_probable_outliers', 'lonely_outliers', 'unlike',
+    'MANY_UNDECIDED', 'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood',
+    'Probabilities', 'Rules', 'Sureness', 'find_outliers', 'find_probable_outliers', 'lonely_outliers', 'unlike',
 ]  # fmt: skip

@@ -18,7 +18,15 @@ from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
 from .lesson import CommunityJudge
-from .likelihood import ONE, UNDECIDED, Likelihood, probable_outliers
+from .likelihood import (
+    MANY_UNDECIDED,
+    ONE,
+    UNDECIDED,
+    Likelihood,
+    Sureness,
+    probable_outliers,
+    sureness_about_sets,
+)
 from .optics import beside_walls, beyond_tolerance
 from .pyramid import halved, mark_expanded, raise_expanded
 from .relief import relief_of
@@ -69,10 +77,10 @@ class AdaptiveResult:
         spread: standard deviation of the differences between neighbours, the mean over the four directions, in the
             unit of the cloud.
         islands_kept: number of islands of one height that were kept as the texture of the surface.
-        nearly: share of the measured points that are nearly outliers: by the rules and with a lesson, those that
-            were kept but are nearly as certain as an outlier; by probability, the undecided ones, kept or not.
-        certain: share of the measured points with a probability above `likelihood.CERTAIN`; 0 by the rules and
-            with a lesson.
+        nearly: share of the measured points that are nearly outliers: those that were kept but are nearly as
+            certain as an outlier. By probability without a lesson 0.
+        sureness: how sure the probabilities are about all points; and about those in sets if many of all are
+            undecided, but more are certain. Empty by the rules and with a lesson.
         times_ms: time of each step in ms.
     """
 
@@ -81,7 +89,7 @@ class AdaptiveResult:
     spread: float
     islands_kept: int
     nearly: float
-    certain: float
+    sureness: tuple[Sureness, ...]
     times_ms: dict[str, float]
 
 
@@ -142,7 +150,7 @@ def find_outliers(
     score = search.steepness
     nearly = _scale_scores(score, outliers, search.measured) / int(np.count_nonzero(search.measured))
     stopwatch.lap('score')
-    return AdaptiveResult(outliers, score, spread, islands_kept, nearly, 0.0, stopwatch.times_ms)
+    return AdaptiveResult(outliers, score, spread, islands_kept, nearly, (), stopwatch.times_ms)
 
 
 def find_probable_outliers(
@@ -169,10 +177,13 @@ def find_probable_outliers(
     probabilities = likelihood(relative)
     stopwatch.lap('network')
     measured, mean_spread = np.isfinite(relative), float(spread.by_direction.mean())
-    islands_kept = 0
+    islands_kept, nearly = 0, 0.0
+    sureness: tuple[Sureness, ...] = ()
     if judge is None:
         decided = probable_outliers(probabilities, measured)
-        undecided, certain = decided.undecided, decided.certain
+        sureness = (decided.sureness,)
+        if MANY_UNDECIDED < decided.sureness.undecided <= decided.sureness.certain:
+            sureness += (sureness_about_sets(probabilities, measured),)
         stopwatch.lap('communities')
         far = far_points(relative, spread, decided.outliers, probabilities > round(UNDECIDED * ONE))
         stopwatch.lap('far points')
@@ -192,11 +203,9 @@ def find_probable_outliers(
         probabilities[far] = ONE
         score = np.divide(probabilities, ONE, dtype=np.float32)
         outliers = _judged(relative, found | far, score, mean_spread, judge)
-        undecided, certain = _scale_scores(score, outliers, measured), 0
+        nearly = _scale_scores(score, outliers, measured) / int(np.count_nonzero(measured))
     stopwatch.lap('communities')
-    number = int(np.count_nonzero(measured))
-    shares = undecided / number, certain / number
-    return AdaptiveResult(outliers, score, mean_spread, islands_kept, *shares, stopwatch.times_ms)
+    return AdaptiveResult(outliers, score, mean_spread, islands_kept, nearly, sureness, stopwatch.times_ms)
 
 
 class _IslandSearch:
