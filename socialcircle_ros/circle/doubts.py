@@ -11,13 +11,14 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import HeightMap
 from socialcircle_ros.settings import CircleSettings
 
-from .adaptive import MANY_UNDECIDED, Sureness
+from .adaptive import MANY_UNDECIDED, Islands, Sureness
 
 _TOO_MANY = 0.3
 """Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
 _RICH_TEXTURE = 0.04
 """Share of the points in shapes that are nearly islands above which the rules warn. Of 41 measured surfaces 15
 lose more than 0.5 % of their good points; 14 of these are above, and no other."""
+_IF_PARTS = 'if they are parts of the surface, teach it with `socialcircle teach`'
 _FAR_TOO_LARGE = 10.0
 """A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
 about 5 of them."""
@@ -153,6 +154,35 @@ def unknown_texture(sureness: Sequence[Sureness], removed: int) -> list[str]:
             sure = f'more than the {100 * certain:.1f} % that surely are outliers'
             return [f'{share}, {sure}: {risk}; teach this texture with `socialcircle teach`.']
     return []
+
+
+def kept_islands(number: int, *, narrowly: bool) -> list[str]:
+    """Warn of islands of one height that were kept: outliers may be among them.
+
+    Args:
+        number: as `AdaptiveResult.islands_kept`.
+        narrowly: as `AdaptiveResult.kept_narrowly`.
+    """
+    if not number:
+        return []
+    how = ', narrowly: with a few points more or less they would have been removed' if narrowly else ''
+    kept = f'{number} islands of one height were kept as the texture of the surface{how}'
+    return [f'{kept}; this mode cannot tell such islands from outliers.']
+
+
+def removed_islands(alike: Islands) -> list[str]:
+    """Warn of removed islands that may be parts of the surface.
+
+    Args:
+        alike: as in `AdaptiveResult`.
+    """
+    if not alike.number:
+        return []
+    return [f'{_counted(alike)} of one height were removed; {_IF_PARTS}.']
+
+
+def _counted(islands: Islands) -> str:
+    return f'{islands.number} islands ({islands.points} points, the largest has {islands.largest})'
 
 
 def _too_large(found: _LargeCircle) -> str:

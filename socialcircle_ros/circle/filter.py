@@ -14,7 +14,13 @@ from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
 
 from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, lonely_outliers, unlike
-from .doubts import doubts_of, texture_doubts, unknown_texture
+from .doubts import (
+    doubts_of,
+    kept_islands,
+    removed_islands,
+    texture_doubts,
+    unknown_texture,
+)
 from .expansion import divide
 from .not_measured import recognise
 from .radius import circle_limit
@@ -173,9 +179,8 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         )
     stopwatch.lap('lonely points')
     inliers = measured & ~found.outliers
-    if found.islands_kept:
-        kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
-        warnings.append(f'{kept}; this mode cannot tell such islands from outliers.')
+    warnings += kept_islands(found.islands_kept, narrowly=found.kept_narrowly)
+    warnings += removed_islands(found.alike)
     return CircleResult(
         inliers=inliers,
         outliers=found.outliers,

@@ -8,8 +8,13 @@ import pytest
 
 from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.circle import network
-from socialcircle_ros.circle.adaptive import Sureness
-from socialcircle_ros.circle.doubts import doubts_of, unknown_texture
+from socialcircle_ros.circle.adaptive import Islands, Sureness
+from socialcircle_ros.circle.doubts import (
+    doubts_of,
+    kept_islands,
+    removed_islands,
+    unknown_texture,
+)
 
 PAPER, ADAPTIVE = CircleSettings(mode='paper'), CircleSettings()
 
@@ -199,3 +204,39 @@ def test_outliers_on_a_plain_surface_are_no_texture():
     result = remove_outliers(heights, pitch=(1.0, 2.0))
     assert result.outliers.mean() > 0.01
     assert result.warnings == ()
+
+
+def test_islands_that_were_kept_are_named_and_narrow_decisions_said():
+    assert kept_islands(0, narrowly=False) == []
+    (sure,), (narrow,) = kept_islands(9, narrowly=False), kept_islands(9, narrowly=True)
+    assert sure.startswith(
+        '9 islands of one height were kept as the texture of the surface; this mode cannot tell'
+    )
+    assert 'kept as the texture of the surface, narrowly: with a few points more or less' in narrow
+
+
+def test_removed_islands_of_one_height_are_named():
+    assert removed_islands(Islands(0, 0, 0)) == []
+    (said,) = removed_islands(Islands(5, 700, 200))
+    assert said.startswith(
+        '5 islands (700 points, the largest has 200) of one height were removed; if they are parts'
+    )
+    assert 'socialcircle teach' in said
+
+
+def plate_with_pins(number, judge, side=9):
+    """A plate with square pins of one height, and what becomes of it."""
+    heights = np.random.default_rng(0).normal(0, 0.02, (150, 210))
+    for pin in range(number):
+        row, column = 15 + 40 * (pin // 4), 20 + 45 * (pin % 4)
+        heights[row : row + side, column : column + side] += 5
+    return remove_outliers(heights.astype(np.float32), CircleSettings(judge=judge), pitch=(1.0, 1.0))
+
+
+@pytest.mark.parametrize('judge', ['network', 'rules'])
+@pytest.mark.parametrize('number', [4, 5, 6, 7])
+def test_pins_are_not_removed_in_silence(number, judge):
+    result = plate_with_pins(number, judge)
+    assert np.count_nonzero(result.outliers) >= 81 * number
+    (warning,) = result.warnings
+    assert warning.startswith(f'{number} islands ({np.count_nonzero(result.outliers)} points')

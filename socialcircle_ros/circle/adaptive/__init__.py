@@ -8,7 +8,7 @@ Its steps, in order:
 - `isolated`: points in touch with at most one neighbour.
 - `relief`: a surface of the significant differences alone.
 - `islands`: communities that rise from their surroundings on all sides.
-- `texture`: islands that belong to the surface.
+- `texture`: islands that belong to the surface, and removed ones that may.
 - `communities`, `lesson`: a lesson about one kind of part, which judges what the other steps found.
 - `pyramid`: the same at reduced resolution.
 - `optics`: for focus stacks, the tolerance that the depth of field gives, and walls.
@@ -26,8 +26,10 @@ from .isolated import TOUCH
 from .lesson import CommunityJudge, LessonJudge, unlike
 from .likelihood import MANY_UNDECIDED, UNDECIDED, Likelihood, Probabilities, Sureness
 from .lonely import lonely_outliers
+from .texture import Islands
 
 __all__ = [
-    'MANY_UNDECIDED', 'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood',
-    'Probabilities', 'Rules', 'Sureness', 'find_outliers', 'find_probable_outliers', 'lonely_outliers', 'unlike',
+    'MANY_UNDECIDED', 'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'Islands', 'LessonJudge',
+    'Likelihood', 'Probabilities', 'Rules', 'Sureness', 'find_outliers', 'find_probable_outliers',
+    'lonely_outliers', 'unlike',
 ]  # fmt: skip

@@ -31,7 +31,7 @@ from .optics import beside_walls, beyond_tolerance
 from .pyramid import halved, mark_expanded, raise_expanded
 from .relief import relief_of
 from .spread import estimate_spread
-from .texture import islands_of_one_height
+from .texture import NO_ISLANDS, Islands, OneHeight, islands_of_one_height
 
 STEEPER = {1: 0.0, 2: 0.01, 4: 0.03}
 """Additional steepness by reduction: the fewer points a border has, the more chance does to its mean."""
@@ -77,6 +77,8 @@ class AdaptiveResult:
         spread: standard deviation of the differences between neighbours, the mean over the four directions, in the
             unit of the cloud.
         islands_kept: number of islands of one height that were kept as the texture of the surface.
+        kept_narrowly: whether few points more or less would have made these outliers.
+        alike: removed islands of one height, which may be parts of the surface.
         nearly: share of the measured points that are nearly outliers: those that were kept but are nearly as
             certain as an outlier. By probability without a lesson 0.
         sureness: how sure the probabilities are about all points; and about those in sets if many of all are
@@ -87,10 +89,12 @@ class AdaptiveResult:
     outliers: Mask
     score: npt.NDArray[np.float32]
     spread: float
-    islands_kept: int
-    nearly: float
-    sureness: tuple[Sureness, ...]
     times_ms: dict[str, float]
+    islands_kept: int = 0
+    kept_narrowly: bool = False
+    alike: Islands = NO_ISLANDS
+    nearly: float = 0.0
+    sureness: tuple[Sureness, ...] = ()
 
 
 def find_outliers(
@@ -127,17 +131,17 @@ def find_outliers(
     predicted = search.remove_islands(steep[1], rules.clip, may_predict=depth_of_field is None)
     stopwatch.lap('islands')
 
-    texture, islands_kept = search.texture(by_rule=judge is None)
+    texture = search.texture(by_rule=judge is None)
     stopwatch.lap('texture')
 
     # A surface with predicted differences has been smoothed: at reduced resolution its own hills would be steep.
     # So would be the gaps between the islands of a texture.
-    if not predicted and not islands_kept:
+    if not predicted and not texture.number:
         search.remove_reduced_islands(steep, rules.clip)
         stopwatch.lap('reduced')
-        texture, islands_kept = search.texture(by_rule=judge is None)
+        texture = search.texture(by_rule=judge is None)
         stopwatch.lap('texture')
-    outliers = search.found & ~texture
+    outliers = search.found & ~texture.kept
     if judge is not None:
         outliers = _judged(relative, search.found, search.steepness, spread, judge)
         stopwatch.lap('lesson')
@@ -150,7 +154,16 @@ def find_outliers(
     score = search.steepness
     nearly = _scale_scores(score, outliers, search.measured) / int(np.count_nonzero(search.measured))
     stopwatch.lap('score')
-    return AdaptiveResult(outliers, score, spread, islands_kept, nearly, (), stopwatch.times_ms)
+    return AdaptiveResult(
+        outliers,
+        score,
+        spread,
+        stopwatch.times_ms,
+        islands_kept=texture.number,
+        kept_narrowly=texture.narrowly,
+        alike=texture.removed if outliers.flat[texture.alike].any() else NO_ISLANDS,  # the optics may keep them
+        nearly=nearly,
+    )
 
 
 def find_probable_outliers(
@@ -177,26 +190,7 @@ def find_probable_outliers(
     probabilities = likelihood(relative)
     stopwatch.lap('network')
     measured, mean_spread = np.isfinite(relative), float(spread.by_direction.mean())
-    islands_kept, nearly = 0, 0.0
-    sureness: tuple[Sureness, ...] = ()
-    if judge is None:
-        decided = probable_outliers(probabilities, measured)
-        sureness = (decided.sureness,)
-        if MANY_UNDECIDED < decided.sureness.undecided <= decided.sureness.certain:
-            sureness += (sureness_about_sets(probabilities, measured),)
-        stopwatch.lap('communities')
-        far = far_points(relative, spread, decided.outliers, probabilities > round(UNDECIDED * ONE))
-        stopwatch.lap('far points')
-        if far.any():
-            probabilities[far] = ONE
-            decided = probable_outliers(probabilities, measured)
-        texture, islands_kept = islands_of_one_height(relative, decided.outliers, decided.communities)
-        stopwatch.lap('texture')
-        if islands_kept:
-            probabilities[texture] = 0
-            decided = probable_outliers(probabilities, measured)
-        outliers, score = decided.outliers, decided.score
-    else:
+    if judge is not None:
         found = probabilities > round(judge.least * ONE)
         far = far_points(relative, spread, found, found)
         stopwatch.lap('far points')
@@ -204,8 +198,35 @@ def find_probable_outliers(
         score = np.divide(probabilities, ONE, dtype=np.float32)
         outliers = _judged(relative, found | far, score, mean_spread, judge)
         nearly = _scale_scores(score, outliers, measured) / int(np.count_nonzero(measured))
+        stopwatch.lap('communities')
+        return AdaptiveResult(outliers, score, mean_spread, stopwatch.times_ms, nearly=nearly)
+
+    decided = probable_outliers(probabilities, measured)
+    sureness: tuple[Sureness, ...] = (decided.sureness,)
+    if MANY_UNDECIDED < decided.sureness.undecided <= decided.sureness.certain:
+        sureness += (sureness_about_sets(probabilities, measured),)
     stopwatch.lap('communities')
-    return AdaptiveResult(outliers, score, mean_spread, islands_kept, nearly, sureness, stopwatch.times_ms)
+    far = far_points(relative, spread, decided.outliers, probabilities > round(UNDECIDED * ONE))
+    stopwatch.lap('far points')
+    if far.any():
+        probabilities[far] = ONE
+        decided = probable_outliers(probabilities, measured)
+    texture = islands_of_one_height(relative, decided.outliers, decided.communities)
+    stopwatch.lap('texture')
+    if texture.number:
+        probabilities[texture.kept] = 0
+        decided = probable_outliers(probabilities, measured)
+    stopwatch.lap('communities')
+    return AdaptiveResult(
+        decided.outliers,
+        decided.score,
+        mean_spread,
+        stopwatch.times_ms,
+        islands_kept=texture.number,
+        kept_narrowly=texture.narrowly,
+        alike=texture.removed,
+        sureness=sureness,
+    )
 
 
 class _IslandSearch:
@@ -272,11 +293,10 @@ class _IslandSearch:
             heights = with_holes_filled(heights, islands)
         self.found &= self.measured
 
-    def texture(self, *, by_rule: bool) -> tuple[Mask, int]:
-        """Find the islands that belong to the surface, and their number; none unless the rule decides that."""
-        if not by_rule:
-            return np.zeros(self.found.shape, np.bool_), 0
-        return islands_of_one_height(self._given, self.found, label_communities(self.found))
+    def texture(self, *, by_rule: bool) -> OneHeight:
+        """Find the islands that belong to the surface; none unless the rule decides that."""
+        found = self.found if by_rule else np.zeros_like(self.found)
+        return islands_of_one_height(self._given, found, label_communities(found))
 
     def _normalised_differences(self, *, may_predict: bool) -> tuple[Spread, Differences]:
         spread = estimate_spread(self.heights, _TILE_SIDE, may_predict=may_predict)

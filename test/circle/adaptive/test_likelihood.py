@@ -182,3 +182,4 @@ def test_islands_of_one_height_are_kept_whatever_their_probability():
     np.testing.assert_array_equal(result.outliers, single)
     np.testing.assert_array_equal(result.score > 0.5, single)
     assert result.islands_kept == 35
+    assert not result.kept_narrowly
