@@ -472,14 +472,16 @@ def islands_of_one_height(heights, islands):
     """The islands that are kept, the removed ones that may be parts, and whether the former are kept narrowly."""
     points = {tuple(map(int, place)) for place in np.argwhere(islands)}
     parts = {component(place, points) for place in points}
+    level = heights.astype(float)
+    for axis in (1, 0):
+        differences = np.diff(heights, axis=axis)
+        tilt = np.median(differences[np.isfinite(differences)]) if np.isfinite(differences).any() else 0
+        level -= float(tilt) * np.indices(heights.shape)[axis]
     rises = []
     for part in parts:
-        inner = [float(heights[point]) for point in part]
+        inner = [level[point] for point in part]
         outer = [
-            float(heights[other])
-            for point in part
-            for other in neighbours(*point, heights.shape)
-            if other not in points
+            level[other] for point in part for other in neighbours(*point, heights.shape) if other not in points
         ]
         inner, outer = ([value for value in values if not np.isnan(value)] for values in (inner, outer))
         if inner and outer and sum(inner) / len(inner) != sum(outer) / len(outer):

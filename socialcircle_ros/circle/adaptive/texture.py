@@ -93,6 +93,7 @@ _TEXTURE = _Alike(size=4, ratio=1.35, number=8, even=7.0, share=0.5, cover=LEAST
 """`even` is below `number`, so that eight islands need not be equal to the point."""
 _SUSPECT = _Alike(size=36, ratio=1.1, number=4, even=3.0, share=0.5, cover=0.0)
 """Four of that size have heights within a tenth by chance in about 1 of 100 clouds."""
+_SAMPLE = 16_384  # points that tell the tilt
 
 
 def islands_of_one_height(heights: RelativeHeights, islands: Mask, communities: Labelled) -> OneHeight:
@@ -107,7 +108,7 @@ def islands_of_one_height(heights: RelativeHeights, islands: Mask, communities: 
     points, labels, count = communities
     sizes = np.bincount(labels, minlength=count)
     # Rises and falls count alike: a layer that covers half of the surface has islands on both sides.
-    rises = np.abs(_rises(heights, islands, communities))
+    rises = np.abs(_rises(heights, _tilt(heights), islands, communities))
     measured = int(np.count_nonzero(np.isfinite(heights)))
 
     def points_of(chosen: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -151,9 +152,25 @@ def _sums(values: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(values)])
 
 
+def _tilt(heights: RelativeHeights) -> tuple[float, float]:
+    """The median differences from a column to the next, and from a row to the next, of some rows."""
+    stride = heights.size // _SAMPLE | 1  # odd, so that fields of every second row play no part
+    with np.errstate(invalid='ignore', over='ignore'):
+        along_rows = np.diff(heights[::stride], axis=1)
+        along_columns = heights[1::stride] - heights[:-1:stride]
+    known = (differences[np.isfinite(differences)] for differences in (along_rows, along_columns))
+    column, row = (float(np.median(each)) if each.size else 0.0 for each in known)
+    return column, row
+
+
 @kernel
-def _rises(heights: RelativeHeights, islands: Mask, communities: Labelled) -> npt.NDArray[np.float64]:
-    """(n,) mean height of each island above the kept points that touch it, 0 where it is unknown."""
+def _rises(
+    heights: RelativeHeights, tilt: tuple[float, float], islands: Mask, communities: Labelled
+) -> npt.NDArray[np.float64]:
+    """(n,) mean height of each island above the kept points that touch it, 0 where it is unknown.
+
+    Heights count from the tilt: the points that touch an island do not lie evenly around it.
+    """
     height, width = islands.shape
     number = communities.number
     inside, inside_count = np.zeros(number), np.zeros(number, np.int64)
@@ -162,12 +179,12 @@ def _rises(heights: RelativeHeights, islands: Mask, communities: Labelled) -> np
         point, label = communities.points[index], communities.labels[index]
         row, column = point // width, point % width
         if not np.isnan(heights[row, column]):
-            inside[label] += heights[row, column]
+            inside[label] += heights[row, column] - tilt[0] * column - tilt[1] * row
             inside_count[label] += 1
         for y in range(max(0, row - 1), min(height, row + 2)):
             for x in range(max(0, column - 1), min(width, column + 2)):
                 if not islands[y, x] and not np.isnan(heights[y, x]):
-                    outside[label] += heights[y, x]
+                    outside[label] += heights[y, x] - tilt[0] * x - tilt[1] * y
                     outside_count[label] += 1
     rises = np.zeros(number)
     for label in range(number):

@@ -28,6 +28,10 @@ def dotted(rows, columns, random, heights_of_dots, share, pitch):
             dot = slice(top, top + side), slice(left, left + side)
             heights[dot] += generator.choice(heights_of_dots)
             islands[dot] = generator.random() < share
+    heights += (
+        generator.choice([0, 8, -40]) * np.arange(columns)
+        + generator.choice([0, 0.25]) * np.indices(heights.shape)[0]
+    )
     heights[generator.random(heights.shape) < 0.05] = np.nan
     return heights.astype(np.float32), islands
 
@@ -152,6 +156,19 @@ def test_a_narrow_decision_is_told(islands, kept, narrowly, removed):
     texture = found(islands, islands != 0)
 
     assert (texture.number, texture.narrowly, texture.removed.number) == (kept, narrowly, removed)
+
+
+@pytest.mark.parametrize('tilt', [(0, 0), (0.5, 0), (-300, 40)])
+@pytest.mark.parametrize('size', [1, 8])
+def test_a_tilt_does_not_matter(tilt, size):
+    heights = np.kron(lattice(18, [5.0]), np.ones((size, size), np.float32))
+    row, column = np.indices(heights.shape)
+    random = np.random.default_rng(4)
+    islands = (heights > 0) & (random.random(heights.shape) < 0.8)  # ragged, so that what touches them is uneven
+    expected = found(heights, islands)
+    assert expected.number >= 12
+    tilted = (heights.astype(float) + tilt[0] * row + tilt[1] * column).astype(np.float32)
+    np.testing.assert_array_equal(found(tilted, islands).kept, expected.kept)
 
 
 def pins(rises, side=7):
