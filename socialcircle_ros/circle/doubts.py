@@ -18,6 +18,9 @@ _TOO_MANY = 0.3
 _RICH_TEXTURE = 0.04
 """Share of the points in shapes that are nearly islands above which the rules warn. Of 41 measured surfaces 15
 lose more than 0.5 % of their good points; 14 of these are above, and no other."""
+_MANY_PARTS = 3
+"""Number of removed islands that the network takes for parts of the surface from which the result warns: fewer may
+well be dirt."""
 _IF_PARTS = 'if they are parts of the surface, teach it with `socialcircle teach`'
 _FAR_TOO_LARGE = 10.0
 """A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
@@ -170,18 +173,37 @@ def kept_islands(number: int, *, narrowly: bool) -> list[str]:
     return [f'{kept}; this mode cannot tell such islands from outliers.']
 
 
-def removed_islands(alike: Islands) -> list[str]:
+def removed_islands(alike: Islands, taken_for_parts: Islands) -> list[str]:
     """Warn of removed islands that may be parts of the surface.
 
     Args:
         alike: as in `AdaptiveResult`.
+        taken_for_parts: as in `AdaptiveResult`.
     """
-    if not alike.number:
+    if alike.number:
+        return [f'{_counted(alike)} of one height were removed; {_IF_PARTS}.']
+    if taken_for_parts.number >= _MANY_PARTS:
+        found = f'{_counted(taken_for_parts)} far off a plain surface were removed'
+        return [f'{found}, though the network takes them for parts of it; {_IF_PARTS}.']
+    return []
+
+
+def notes_of_removed_islands(alike: Islands, taken_for_parts: Islands) -> list[str]:
+    """Note removed islands that may be parts of the surface, where they are too few for a warning.
+
+    Args:
+        alike: as in `AdaptiveResult`.
+        taken_for_parts: as in `AdaptiveResult`.
+    """
+    if alike.number or not 0 < taken_for_parts.number < _MANY_PARTS:
         return []
-    return [f'{_counted(alike)} of one height were removed; {_IF_PARTS}.']
+    verb = 'was' if taken_for_parts.number == 1 else 'were'
+    return [f'{_counted(taken_for_parts)} far off a plain surface {verb} removed.']
 
 
 def _counted(islands: Islands) -> str:
+    if islands.number == 1:
+        return f'1 island of {islands.points} points'
     return f'{islands.number} islands ({islands.points} points, the largest has {islands.largest})'
 
 

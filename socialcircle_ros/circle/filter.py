@@ -17,6 +17,7 @@ from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers,
 from .doubts import (
     doubts_of,
     kept_islands,
+    notes_of_removed_islands,
     removed_islands,
     texture_doubts,
     unknown_texture,
@@ -51,7 +52,8 @@ class CircleResult:
     warnings: tuple[str, ...] = ()
     """What the method could not decide, what it did, and which settings have no effect."""
     notes: tuple[str, ...] = ()
-    """What was done before the method: which points count as not measured."""
+    """What was done before the method: which points count as not measured. And single islands that were removed,
+    though the network takes them for parts of the surface."""
 
     def __repr__(self) -> str:
         """The counts, the seed and the radius."""
@@ -129,7 +131,7 @@ def remove_outliers(
     unclear = (unmeasured.doubt,) if unmeasured.doubt else ()
     kept, removed = int(np.count_nonzero(result.inliers)), int(np.count_nonzero(result.outliers))
     doubts = doubts_of(cloud[..., 2], kept, removed, result.radius, settings)
-    return replace(result, notes=notes, warnings=(*unclear, *doubts, *result.warnings))
+    return replace(result, notes=(*notes, *result.notes), warnings=(*unclear, *doubts, *result.warnings))
 
 
 def _remove_as_in_the_paper(cloud: Cloud, settings: CircleSettings) -> CircleResult:
@@ -180,7 +182,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     stopwatch.lap('lonely points')
     inliers = measured & ~found.outliers
     warnings += kept_islands(found.islands_kept, narrowly=found.kept_narrowly)
-    warnings += removed_islands(found.alike)
+    warnings += removed_islands(found.alike, found.taken_for_parts)
     return CircleResult(
         inliers=inliers,
         outliers=found.outliers,
@@ -189,6 +191,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         times_ms=found.times_ms | stopwatch.times_ms,
         score=found.score,
         warnings=tuple(warnings),
+        notes=tuple(notes_of_removed_islands(found.alike, found.taken_for_parts)),
     )
 
 

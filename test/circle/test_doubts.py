@@ -12,6 +12,7 @@ from socialcircle_ros.circle.adaptive import Islands, Sureness
 from socialcircle_ros.circle.doubts import (
     doubts_of,
     kept_islands,
+    notes_of_removed_islands,
     removed_islands,
     unknown_texture,
 )
@@ -206,6 +207,9 @@ def test_outliers_on_a_plain_surface_are_no_texture():
     assert result.warnings == ()
 
 
+NONE, ONE, MANY = Islands(0, 0, 0), Islands(1, 90, 90), Islands(5, 700, 200)
+
+
 def test_islands_that_were_kept_are_named_and_narrow_decisions_said():
     assert kept_islands(0, narrowly=False) == []
     (sure,), (narrow,) = kept_islands(9, narrowly=False), kept_islands(9, narrowly=True)
@@ -215,13 +219,23 @@ def test_islands_that_were_kept_are_named_and_narrow_decisions_said():
     assert 'kept as the texture of the surface, narrowly: with a few points more or less' in narrow
 
 
-def test_removed_islands_of_one_height_are_named():
-    assert removed_islands(Islands(0, 0, 0)) == []
-    (said,) = removed_islands(Islands(5, 700, 200))
-    assert said.startswith(
-        '5 islands (700 points, the largest has 200) of one height were removed; if they are parts'
-    )
-    assert 'socialcircle teach' in said
+@pytest.mark.parametrize(
+    ('alike', 'parts', 'warning', 'note'),
+    [
+        (NONE, NONE, None, None),
+        (MANY, NONE, '5 islands (700 points, the largest has 200) of one height were removed; if', None),
+        (MANY, MANY, '5 islands (700 points, the largest has 200) of one height were removed', None),
+        (MANY, ONE, '5 islands (700 points, the largest has 200) of one height were removed', None),
+        (NONE, MANY, 'far off a plain surface were removed, though the network takes them for parts of it', None),
+        (NONE, ONE, None, '1 island of 90 points far off a plain surface was removed.'),
+        (NONE, Islands(2, 150, 80), None, '2 islands (150 points, the largest has 80) far off a plain'),
+    ],
+)  # fmt: skip
+def test_removed_islands_that_may_be_parts_are_named(alike, parts, warning, note):
+    warnings, notes = removed_islands(alike, parts), notes_of_removed_islands(alike, parts)
+    assert [warning in said for said in warnings] == [True] * (warning is not None)
+    assert [note in said for said in notes] == [True] * (note is not None)
+    assert all('socialcircle teach' in said for said in warnings)
 
 
 def plate_with_pins(number, judge, side=9):
@@ -240,3 +254,10 @@ def test_pins_are_not_removed_in_silence(number, judge):
     assert np.count_nonzero(result.outliers) >= 81 * number
     (warning,) = result.warnings
     assert warning.startswith(f'{number} islands ({np.count_nonzero(result.outliers)} points')
+
+
+def test_two_pins_are_noted_where_the_network_takes_them_for_parts():
+    result = plate_with_pins(2, 'network', side=16)
+    assert np.count_nonzero(result.outliers) == 512
+    assert result.warnings == ()
+    assert result.notes == ('2 islands (512 points, the largest has 256) far off a plain surface were removed.',)

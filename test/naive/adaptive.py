@@ -521,6 +521,13 @@ def evenness(parts):
     return cover(parts) ** 2 / sum(len(part) ** 2 for part in parts)
 
 
+def taken_for_parts(outliers, known):
+    """The sizes of the communities of at least 64 outliers of which less than half are known."""
+    points = {tuple(map(int, place)) for place in np.argwhere(outliers)}
+    communities = {component(place, points) for place in points}
+    return [len(each) for each in communities if len(each) >= 64 and 2 * sum(known[p] for p in each) < len(each)]
+
+
 def cover(parts):
     return sum(len(part) for part in parts)
 

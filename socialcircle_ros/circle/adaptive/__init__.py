@@ -14,7 +14,7 @@ Its steps, in order:
 - `optics`: for focus stacks, the tolerance that the depth of field gives, and walls.
 
 In their place `likelihood` decides by the probability of each point, which a network gives. `far` finds the
-islands far off a plain surface that the network takes for parts of it.
+islands far off a plain surface that the network takes for parts of it; `parts` counts these.
 
 Both compare neighbours. `lonely` finds points far off that have none.
 

@@ -28,6 +28,7 @@ from .likelihood import (
     sureness_about_sets,
 )
 from .optics import beside_walls, beyond_tolerance
+from .parts import taken_for_parts
 from .pyramid import halved, mark_expanded, raise_expanded
 from .relief import relief_of
 from .spread import estimate_spread
@@ -79,6 +80,7 @@ class AdaptiveResult:
         islands_kept: number of islands of one height that were kept as the texture of the surface.
         kept_narrowly: whether few points more or less would have made these outliers.
         alike: removed islands of one height, which may be parts of the surface.
+        taken_for_parts: removed islands that the network takes for parts of the surface.
         nearly: share of the measured points that are nearly outliers: those that were kept but are nearly as
             certain as an outlier. By probability without a lesson 0.
         sureness: how sure the probabilities are about all points; and about those in sets if many of all are
@@ -93,6 +95,7 @@ class AdaptiveResult:
     islands_kept: int = 0
     kept_narrowly: bool = False
     alike: Islands = NO_ISLANDS
+    taken_for_parts: Islands = NO_ISLANDS
     nearly: float = 0.0
     sureness: tuple[Sureness, ...] = ()
 
@@ -206,7 +209,8 @@ def find_probable_outliers(
     if MANY_UNDECIDED < decided.sureness.undecided <= decided.sureness.certain:
         sureness += (sureness_about_sets(probabilities, measured),)
     stopwatch.lap('communities')
-    far = far_points(relative, spread, decided.outliers, probabilities > round(UNDECIDED * ONE))
+    known = decided.outliers
+    far = far_points(relative, spread, known, probabilities > round(UNDECIDED * ONE))
     stopwatch.lap('far points')
     if far.any():
         probabilities[far] = ONE
@@ -225,6 +229,7 @@ def find_probable_outliers(
         islands_kept=texture.number,
         kept_narrowly=texture.narrowly,
         alike=texture.removed,
+        taken_for_parts=taken_for_parts(decided.communities, known),
         sureness=sureness,
     )
 

@@ -183,3 +183,17 @@ def test_islands_of_one_height_are_kept_whatever_their_probability():
     np.testing.assert_array_equal(result.score > 0.5, single)
     assert result.islands_kept == 35
     assert not result.kept_narrowly
+    assert result.taken_for_parts.number == 0
+
+
+def test_islands_far_off_that_the_probabilities_do_not_know_are_counted():
+    heights = noise()
+    heights[10:20, 10:20] += 200
+    heights[50:60, 70:79] += 300
+    heights[70:75, 20:25] += 300
+    result = find_probable_outliers(heights, lambda given: np.zeros(given.shape, np.uint8))
+    assert result.outliers[70:75, 20:25].all()  # too small to count
+    assert result.taken_for_parts == (2, 190, 100)
+    known = np.zeros(heights.shape)
+    known[10:20, 10:20] = 1
+    assert find_probable_outliers(heights, lambda given: in_255ths(known)).taken_for_parts == (1, 90, 90)
