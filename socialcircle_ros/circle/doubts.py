@@ -2,6 +2,7 @@
 """What a result says of itself: settings without effect, a circle that is too large, and too many outliers."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,16 +11,20 @@ import numpy.typing as npt
 from socialcircle_ros.cloud import HeightMap, Mask
 from socialcircle_ros.settings import CircleSettings
 
+from .adaptive import MANY_UNDECIDED, Islands, Sureness
+
 _TOO_MANY = 0.3
 """Share of outliers above which the adaptive mode warns: in tests it then took good points for outliers."""
 _RICH_TEXTURE = 0.04
 """Share of the points in shapes that are nearly islands above which the rules warn. Of 41 measured surfaces 15
 lose more than 0.5 % of their good points; 14 of these are above, and no other."""
-_MANY_UNDECIDED = 0.005
-"""Share of the points that the network is undecided about above which it warns, if fewer surely are outliers."""
 _ONE_STEP, _OFF_A_STEP, _FEWEST_STEPS, _SHARE_OF_STEPS = 0.7, 0.01, 30, 2e-3
 """Single outliers may be noise of stored steps if this share of them differ from their neighbours by one height,
 within this share of it. Fewer than so many, or than this share of the points, do no harm."""
+_MANY_PARTS = 3
+"""Number of removed islands that the network takes for parts of the surface from which the result warns: fewer may
+well be dirt."""
+_IF_PARTS = 'if they are parts of the surface, teach it with `socialcircle teach`'
 _FAR_TOO_LARGE = 10.0
 """A circle of more than this many median differences is far larger than the roughness: in the adaptive mode it is
 about 5 of them."""
@@ -136,22 +141,73 @@ def texture_doubts(nearly: float) -> list[str]:
     return [f'{shapes}: good points may be among the removed ones; {cure}.']
 
 
-def unknown_texture(undecided: float, certain: float, removed: int) -> list[str]:
+def unknown_texture(sureness: Sequence[Sureness], removed: int) -> list[str]:
     """Warn of a surface that the network can hardly tell from outliers: it is unlike those that it was trained on.
 
     What became of the undecided points does not matter: where it removes most of them, that is as doubtful.
 
     Args:
-        undecided: share of the measured points, as `AdaptiveResult.nearly`.
-        certain: as `AdaptiveResult.certain`.
+        sureness: as `AdaptiveResult.sureness`. Single outliers raise the share of certain points, but not that of
+            those in sets.
         removed: number of outliers.
     """
-    if undecided <= _MANY_UNDECIDED or undecided <= certain:
-        return []
-    sure = f'more than the {100 * certain:.1f} % that surely are outliers'
-    points = f'the network is undecided about {100 * undecided:.1f} % of the points, {sure}'
     risk = 'outliers may have stayed' + (', and good points may be among the removed ones' if removed else '')
-    return [f'{points}: {risk}; teach this texture with `socialcircle teach`.']
+    for (undecided, certain), points in zip(
+        sureness, ('the points', 'the points, single ones aside'), strict=False
+    ):
+        if undecided > max(MANY_UNDECIDED, certain):
+            share = f'the network is undecided about {100 * undecided:.1f} % of {points}'
+            sure = f'more than the {100 * certain:.1f} % that surely are outliers'
+            return [f'{share}, {sure}: {risk}; teach this texture with `socialcircle teach`.']
+    return []
+
+
+def kept_islands(number: int, *, narrowly: bool) -> list[str]:
+    """Warn of islands of one height that were kept: outliers may be among them.
+
+    Args:
+        number: as `AdaptiveResult.islands_kept`.
+        narrowly: as `AdaptiveResult.kept_narrowly`.
+    """
+    if not number:
+        return []
+    how = ', narrowly: with a few points more or less they would have been removed' if narrowly else ''
+    kept = f'{number} islands of one height were kept as the texture of the surface{how}'
+    return [f'{kept}; this mode cannot tell such islands from outliers.']
+
+
+def removed_islands(alike: Islands, taken_for_parts: Islands) -> list[str]:
+    """Warn of removed islands that may be parts of the surface.
+
+    Args:
+        alike: as in `AdaptiveResult`.
+        taken_for_parts: as in `AdaptiveResult`.
+    """
+    if alike.number:
+        return [f'{_counted(alike)} of one height were removed; {_IF_PARTS}.']
+    if taken_for_parts.number >= _MANY_PARTS:
+        found = f'{_counted(taken_for_parts)} far off a plain surface were removed'
+        return [f'{found}, though the network takes them for parts of it; {_IF_PARTS}.']
+    return []
+
+
+def notes_of_removed_islands(alike: Islands, taken_for_parts: Islands) -> list[str]:
+    """Note removed islands that may be parts of the surface, where they are too few for a warning.
+
+    Args:
+        alike: as in `AdaptiveResult`.
+        taken_for_parts: as in `AdaptiveResult`.
+    """
+    if alike.number or not 0 < taken_for_parts.number < _MANY_PARTS:
+        return []
+    verb = 'was' if taken_for_parts.number == 1 else 'were'
+    return [f'{_counted(taken_for_parts)} far off a plain surface {verb} removed.']
+
+
+def _counted(islands: Islands) -> str:
+    if islands.number == 1:
+        return f'1 island of {islands.points} points'
+    return f'{islands.number} islands ({islands.points} points, the largest has {islands.largest})'
 
 
 def single_steps(heights: HeightMap, outliers: Mask) -> list[str]:

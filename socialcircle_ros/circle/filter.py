@@ -15,7 +15,15 @@ from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
 
 from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, lonely_outliers, unlike
-from .doubts import doubts_of, single_steps, texture_doubts, unknown_texture
+from .doubts import (
+    doubts_of,
+    kept_islands,
+    notes_of_removed_islands,
+    removed_islands,
+    single_steps,
+    texture_doubts,
+    unknown_texture,
+)
 from .expansion import divide
 from .not_measured import recognise
 from .radius import circle_limit
@@ -47,7 +55,8 @@ class CircleResult:
     warnings: tuple[str, ...] = ()
     """What the method could not decide, what it did, and which settings have no effect."""
     notes: tuple[str, ...] = ()
-    """What was done before the method: which points count as not measured."""
+    """What was done before the method: which points count as not measured. And single islands that were removed,
+    though the network takes them for parts of the surface."""
 
     def __repr__(self) -> str:
         """The counts, the seed and the radius."""
@@ -130,7 +139,7 @@ def remove_outliers(
     unclear = (unmeasured.doubt,) if unmeasured.doubt else ()
     kept, removed = int(np.count_nonzero(result.inliers)), int(np.count_nonzero(result.outliers))
     doubts = doubts_of(cloud[..., 2], kept, removed, result.radius, settings)
-    return replace(result, notes=notes, warnings=(*unclear, *doubts, *result.warnings))
+    return replace(result, notes=(*notes, *result.notes), warnings=(*unclear, *doubts, *result.warnings))
 
 
 def _remove_as_in_the_paper(cloud: Cloud, settings: CircleSettings) -> CircleResult:
@@ -165,7 +174,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
 
         found = find_probable_outliers(heights, packaged_network(settings.provider).probabilities, judge)
         if lesson is None:
-            warnings = unknown_texture(found.nearly, found.certain, int(np.count_nonzero(found.outliers)))
+            warnings = unknown_texture(found.sureness, int(np.count_nonzero(found.outliers)))
     else:
         found = find_outliers(heights, settings.depth_of_field, judge=judge)
         if lesson is None and settings.depth_of_field is None and found.outliers.any():
@@ -181,9 +190,8 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     stopwatch.lap('lonely points')
     inliers = measured & ~found.outliers
     warnings += single_steps(heights, found.outliers)
-    if found.islands_kept:
-        kept = f'{found.islands_kept} islands of one height were kept as the texture of the surface'
-        warnings.append(f'{kept}; this mode cannot tell such islands from outliers.')
+    warnings += kept_islands(found.islands_kept, narrowly=found.kept_narrowly)
+    warnings += removed_islands(found.alike, found.taken_for_parts)
     return CircleResult(
         inliers=inliers,
         outliers=found.outliers,
@@ -192,6 +200,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         times_ms=found.times_ms | stopwatch.times_ms,
         score=found.score,
         warnings=tuple(warnings),
+        notes=tuple(notes_of_removed_islands(found.alike, found.taken_for_parts)),
     )
 
 

@@ -8,7 +8,14 @@ import pytest
 
 from socialcircle_ros import CircleSettings, remove_outliers
 from socialcircle_ros.circle import network
-from socialcircle_ros.circle.doubts import doubts_of, unknown_texture
+from socialcircle_ros.circle.adaptive import Islands, Sureness
+from socialcircle_ros.circle.doubts import (
+    doubts_of,
+    kept_islands,
+    notes_of_removed_islands,
+    removed_islands,
+    unknown_texture,
+)
 
 PAPER, ADAPTIVE = CircleSettings(mode='paper'), CircleSettings()
 
@@ -109,10 +116,10 @@ def test_many_outliers_are_named(settings, removed, sentences):
     assert all(sentence in doubt for sentence, doubt in zip(sentences, found, strict=True))
 
 
-def islands(height):
+def islands(height, smoothed=6):
     """A surface with irregular islands of its own."""
     hills = np.random.default_rng(2).normal(size=(150, 200))
-    for _ in range(6):
+    for _ in range(smoothed):
         hills = (2 * hills + sum(np.roll(hills, step, axis) for step in (1, -1) for axis in (0, 1))) / 6
     noise = np.random.default_rng(3).normal(size=hills.shape)
     return noise + height * np.maximum(hills / hills.std() - 1.2, 0)
@@ -130,20 +137,36 @@ def test_a_texture_that_resembles_outliers_is_named_with_the_cure():
 
 
 @pytest.mark.parametrize(
-    ('undecided', 'certain', 'removed', 'warns'),
+    ('sureness', 'removed', 'said'),
     [
-        (0.004, 0.0, 0, False), (0.02, 0.0, 0, True), (0.02, 0.01, 90, True), (0.02, 0.01, 0, True),
-        (0.02, 0.03, 90, False),
+        ([(0.004, 0.0)], 0, None),
+        ([(0.02, 0.0)], 0, 'undecided about 2.0 % of the points, more than the 0.0 %'),
+        ([(0.02, 0.01)], 90, 'undecided about 2.0 % of the points, more than the 1.0 %'),
+        ([(0.02, 0.01)], 0, 'undecided about 2.0 % of the points, more'),
+        ([(0.02, 0.03)], 90, None),
+        ([(0.02, 0.03), (0.011, 0.002)], 90, 'undecided about 1.1 % of the points, single ones aside, more'),
+        ([(0.02, 0.03), (0.011, 0.012)], 90, None),
+        ([(0.02, 0.03), (0.004, 0.002)], 90, None),
     ],
-)  # fmt: skip
-def test_a_texture_that_the_network_does_not_know_is_named_with_the_cure(undecided, certain, removed, warns):
-    found = unknown_texture(undecided, certain, removed)
-    assert bool(found) == warns
+)
+def test_a_texture_that_the_network_does_not_know_is_named_with_the_cure(sureness, removed, said):
+    found = unknown_texture([Sureness(*each) for each in sureness], removed)
+    assert bool(found) == bool(said)
     for each in found:
-        assert 'undecided about 2.0 % of the points' in each
+        assert said in each
         assert 'outliers may have stayed' in each
         assert ('good points may be among the removed ones' in each) == (removed > 0)
         assert 'socialcircle teach' in each
+
+
+@pytest.mark.parametrize('singles', [0.0, 0.005, 0.01, 0.02])
+def test_single_outliers_do_not_silence_the_warning_of_a_texture(singles):
+    random = np.random.default_rng(8)
+    heights = islands(8.0, smoothed=20)
+    outliers = random.random(heights.shape) < singles
+    heights[outliers] += random.choice([-1, 1], outliers.sum()) * random.uniform(60, 300, outliers.sum())
+    result = remove_outliers(heights.astype(np.float32), pitch=(1.0, 2.0))
+    assert any('the network is undecided' in warning for warning in result.warnings)
 
 
 @pytest.mark.parametrize(('probability', 'warns'), [(0, False), (100, True)])
@@ -202,3 +225,59 @@ def test_heights_that_were_stored_in_steps_and_then_levelled_lose_no_good_points
     heights = np.round(np.random.default_rng(1).normal(0, noise, x.shape)) + tilt[0] * x + tilt[1] * y
     result = remove_outliers(heights, CircleSettings(judge=judge), pitch=(1.0, 2.0))
     assert result.outliers.mean() < 1e-3
+
+
+NONE, ONE, MANY = Islands(0, 0, 0), Islands(1, 90, 90), Islands(5, 700, 200)
+
+
+def test_islands_that_were_kept_are_named_and_narrow_decisions_said():
+    assert kept_islands(0, narrowly=False) == []
+    (sure,), (narrow,) = kept_islands(9, narrowly=False), kept_islands(9, narrowly=True)
+    assert sure.startswith(
+        '9 islands of one height were kept as the texture of the surface; this mode cannot tell'
+    )
+    assert 'kept as the texture of the surface, narrowly: with a few points more or less' in narrow
+
+
+@pytest.mark.parametrize(
+    ('alike', 'parts', 'warning', 'note'),
+    [
+        (NONE, NONE, None, None),
+        (MANY, NONE, '5 islands (700 points, the largest has 200) of one height were removed; if', None),
+        (MANY, MANY, '5 islands (700 points, the largest has 200) of one height were removed', None),
+        (MANY, ONE, '5 islands (700 points, the largest has 200) of one height were removed', None),
+        (NONE, MANY, 'far off a plain surface were removed, though the network takes them for parts of it', None),
+        (NONE, ONE, None, '1 island of 90 points far off a plain surface was removed.'),
+        (NONE, Islands(2, 150, 80), None, '2 islands (150 points, the largest has 80) far off a plain'),
+    ],
+)  # fmt: skip
+def test_removed_islands_that_may_be_parts_are_named(alike, parts, warning, note):
+    warnings, notes = removed_islands(alike, parts), notes_of_removed_islands(alike, parts)
+    assert [warning in said for said in warnings] == [True] * (warning is not None)
+    assert [note in said for said in notes] == [True] * (note is not None)
+    assert all('socialcircle teach' in said for said in warnings)
+
+
+def plate_with_pins(number, judge, side=9):
+    """A plate with square pins of one height, and what becomes of it."""
+    heights = np.random.default_rng(0).normal(0, 0.02, (150, 210))
+    for pin in range(number):
+        row, column = 15 + 40 * (pin // 4), 20 + 45 * (pin % 4)
+        heights[row : row + side, column : column + side] += 5
+    return remove_outliers(heights.astype(np.float32), CircleSettings(judge=judge), pitch=(1.0, 1.0))
+
+
+@pytest.mark.parametrize('judge', ['network', 'rules'])
+@pytest.mark.parametrize('number', [4, 5, 6, 7])
+def test_pins_are_not_removed_in_silence(number, judge):
+    result = plate_with_pins(number, judge)
+    assert np.count_nonzero(result.outliers) >= 81 * number
+    (warning,) = result.warnings
+    assert warning.startswith(f'{number} islands ({np.count_nonzero(result.outliers)} points')
+
+
+def test_two_pins_are_noted_where_the_network_takes_them_for_parts():
+    result = plate_with_pins(2, 'network', side=16)
+    assert np.count_nonzero(result.outliers) == 512
+    assert result.warnings == ()
+    assert result.notes == ('2 islands (512 points, the largest has 256) far off a plain surface were removed.',)

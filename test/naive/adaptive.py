@@ -502,32 +502,63 @@ def far_points(heights, outliers, suspected, differences, find):
 
 
 def islands_of_one_height(heights, islands):
+    """The islands that are kept, the removed ones that may be parts, and whether the former are kept narrowly."""
     points = {tuple(map(int, place)) for place in np.argwhere(islands)}
     parts = {component(place, points) for place in points}
-    sized = []
+    level = heights.astype(float)
+    for axis in (1, 0):
+        differences = np.diff(heights, axis=axis)
+        tilt = np.median(differences[np.isfinite(differences)]) if np.isfinite(differences).any() else 0
+        level -= float(tilt) * np.indices(heights.shape)[axis]
+    rises = []
     for part in parts:
-        inner = [float(heights[point]) for point in part]
+        inner = [level[point] for point in part]
         outer = [
-            float(heights[other])
-            for point in part
-            for other in neighbours(*point, heights.shape)
-            if other not in points
+            level[other] for point in part for other in neighbours(*point, heights.shape) if other not in points
         ]
         inner, outer = ([value for value in values if not np.isnan(value)] for values in (inner, outer))
-        if len(part) >= 4 and inner and outer:
-            sized.append((sum(inner) / len(inner) - sum(outer) / len(outer), part))
-    kept, number = np.zeros(islands.shape, bool), 0
-    candidates = sorted(((abs(rise), part) for rise, part in sized if rise != 0), key=lambda c: c[0])
-    if len(candidates) >= 8:
-        groups = [[part for rise, part in candidates if low <= rise <= 1.35 * low] for low, _ in candidates]
-        group = max(groups, key=cover)
-        least = max(0.5 * cover([part for _, part in candidates]), LEAST_COVER * np.isfinite(heights).sum())
-        effective = cover(group) ** 2 / sum(len(part) ** 2 for part in group)
-        if effective >= 8 and cover(group) >= least:
-            number = len(group)
-            for point in itertools.chain.from_iterable(group):
-                kept[point] = True
-    return kept, number
+        if inner and outer and sum(inner) / len(inner) != sum(outer) / len(outer):
+            rises.append((abs(sum(inner) / len(inner) - sum(outer) / len(outer)), part))
+    rises.sort(key=lambda rise: rise[0])
+    measured = np.isfinite(heights).sum()
+    group = group_of_one_height(rises, measured, 1.0)
+    if group:
+        return group, [], not group_of_one_height(rises, measured, 1 / 0.85)
+    return [], group_of_one_height(rises, measured, 0.85) or few_of_one_height(rises), False
+
+
+def groups_of_one_height(rises, size, ratio):
+    rises = [(rise, part) for rise, part in rises if len(part) >= size]
+    groups = [[part for rise, part in rises if low <= rise <= ratio * low] for low, _ in rises]
+    return sorted(groups, key=cover, reverse=True), cover([part for _, part in rises])
+
+
+def group_of_one_height(rises, measured, factor):
+    groups, whole = groups_of_one_height(rises, 4, 1.35)
+    for group in groups:
+        enough = len(group) >= 8 * factor and evenness(group) >= 7 * factor
+        if enough and cover(group) >= factor * max(0.5 * whole, LEAST_COVER * measured):
+            return group
+    return []
+
+
+def few_of_one_height(rises):
+    groups, whole = groups_of_one_height(rises, 36, 1.1)
+    for group in groups:
+        if len(group) >= 4 and evenness(group) >= 3 and cover(group) >= 0.5 * whole:
+            return group
+    return []
+
+
+def evenness(parts):
+    return cover(parts) ** 2 / sum(len(part) ** 2 for part in parts)
+
+
+def taken_for_parts(outliers, known):
+    """The sizes of the communities of at least 64 outliers of which less than half are known."""
+    points = {tuple(map(int, place)) for place in np.argwhere(outliers)}
+    communities = {component(place, points) for place in points}
+    return [len(each) for each in communities if len(each) >= 64 and 2 * sum(known[p] for p in each) < len(each)]
 
 
 def cover(parts):

@@ -8,13 +8,13 @@ Its steps, in order:
 - `isolated`: points in touch with at most one neighbour.
 - `relief`: a surface of the significant differences alone.
 - `islands`: communities that rise from their surroundings on all sides.
-- `texture`: islands that belong to the surface.
+- `texture`: islands that belong to the surface, and removed ones that may.
 - `communities`, `lesson`: a lesson about one kind of part, which judges what the other steps found.
 - `pyramid`: the same at reduced resolution.
 - `optics`: for focus stacks, the tolerance that the depth of field gives, and walls.
 
 In their place `likelihood` decides by the probability of each point, which a network gives. `far` finds the
-islands far off a plain surface that the network takes for parts of it.
+islands far off a plain surface that the network takes for parts of it; `parts` counts these.
 
 Both compare neighbours. `lonely` finds points far off that have none.
 
@@ -24,10 +24,12 @@ Both compare neighbours. `lonely` finds points far off that have none.
 from .detection import AdaptiveResult, Rules, find_outliers, find_probable_outliers
 from .isolated import TOUCH
 from .lesson import CommunityJudge, LessonJudge, unlike
-from .likelihood import UNDECIDED, Likelihood, Probabilities
+from .likelihood import MANY_UNDECIDED, UNDECIDED, Likelihood, Probabilities, Sureness
 from .lonely import lonely_outliers
+from .texture import Islands
 
 __all__ = [
-    'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'LessonJudge', 'Likelihood', 'Probabilities',
-    'Rules', 'find_outliers', 'find_probable_outliers', 'lonely_outliers', 'unlike',
+    'MANY_UNDECIDED', 'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'Islands', 'LessonJudge',
+    'Likelihood', 'Probabilities', 'Rules', 'Sureness', 'find_outliers', 'find_probable_outliers',
+    'lonely_outliers', 'unlike',
 ]  # fmt: skip

@@ -18,13 +18,22 @@ from .heights import RelativeHeights, relative_heights, with_holes_filled
 from .islands import find_islands
 from .isolated import isolated_points
 from .lesson import CommunityJudge
-from .likelihood import ONE, UNDECIDED, Likelihood, probable_outliers
+from .likelihood import (
+    MANY_UNDECIDED,
+    ONE,
+    UNDECIDED,
+    Likelihood,
+    Sureness,
+    probable_outliers,
+    sureness_about_sets,
+)
 from .optics import beside_walls, beyond_tolerance
+from .parts import taken_for_parts
 from .pyramid import halved, mark_expanded, raise_expanded
 from .quantisation import quantisation_step
 from .relief import relief_of
 from .spread import estimate_spread
-from .texture import islands_of_one_height
+from .texture import NO_ISLANDS, Islands, OneHeight, islands_of_one_height
 
 STEEPER = {1: 0.0, 2: 0.01, 4: 0.03}
 """Additional steepness by reduction: the fewer points a border has, the more chance does to its mean."""
@@ -70,20 +79,26 @@ class AdaptiveResult:
         spread: standard deviation of the differences between neighbours, the mean over the four directions, in the
             unit of the cloud.
         islands_kept: number of islands of one height that were kept as the texture of the surface.
-        nearly: share of the measured points that are nearly outliers: by the rules and with a lesson, those that
-            were kept but are nearly as certain as an outlier; by probability, the undecided ones, kept or not.
-        certain: share of the measured points with a probability above `likelihood.CERTAIN`; 0 by the rules and
-            with a lesson.
+        kept_narrowly: whether few points more or less would have made these outliers.
+        alike: removed islands of one height, which may be parts of the surface.
+        taken_for_parts: removed islands that the network takes for parts of the surface.
+        nearly: share of the measured points that are nearly outliers: those that were kept but are nearly as
+            certain as an outlier. By probability without a lesson 0.
+        sureness: how sure the probabilities are about all points; and about those in sets if many of all are
+            undecided, but more are certain. Empty by the rules and with a lesson.
         times_ms: time of each step in ms.
     """
 
     outliers: Mask
     score: npt.NDArray[np.float32]
     spread: float
-    islands_kept: int
-    nearly: float
-    certain: float
     times_ms: dict[str, float]
+    islands_kept: int = 0
+    kept_narrowly: bool = False
+    alike: Islands = NO_ISLANDS
+    taken_for_parts: Islands = NO_ISLANDS
+    nearly: float = 0.0
+    sureness: tuple[Sureness, ...] = ()
 
 
 def find_outliers(
@@ -122,17 +137,17 @@ def find_outliers(
     predicted = search.remove_islands(steep[1], rules.clip, may_predict=depth_of_field is None)
     stopwatch.lap('islands')
 
-    texture, islands_kept = search.texture(by_rule=judge is None)
+    texture = search.texture(by_rule=judge is None)
     stopwatch.lap('texture')
 
     # A surface with predicted differences has been smoothed: at reduced resolution its own hills would be steep.
     # So would be the gaps between the islands of a texture.
-    if not predicted and not islands_kept:
+    if not predicted and not texture.number:
         search.remove_reduced_islands(steep, rules.clip)
         stopwatch.lap('reduced')
-        texture, islands_kept = search.texture(by_rule=judge is None)
+        texture = search.texture(by_rule=judge is None)
         stopwatch.lap('texture')
-    outliers = search.found & ~texture
+    outliers = search.found & ~texture.kept
     if judge is not None:
         outliers = _judged(relative, search.found, search.steepness, spread, judge)
         stopwatch.lap('lesson')
@@ -145,8 +160,16 @@ def find_outliers(
     score = search.steepness
     nearly = _scale_scores(score, outliers, search.measured) / int(np.count_nonzero(search.measured))
     stopwatch.lap('score')
-    in_cloud = math.ldexp(spread, exponent)
-    return AdaptiveResult(outliers, score, in_cloud, islands_kept, nearly, 0.0, stopwatch.times_ms)
+    return AdaptiveResult(
+        outliers,
+        score,
+        math.ldexp(spread, exponent),
+        stopwatch.times_ms,
+        islands_kept=texture.number,
+        kept_narrowly=texture.narrowly,
+        alike=texture.removed if outliers.flat[texture.alike].any() else NO_ISLANDS,  # the optics may keep them
+        nearly=nearly,
+    )
 
 
 def find_probable_outliers(
@@ -173,35 +196,46 @@ def find_probable_outliers(
     probabilities = likelihood(relative)
     stopwatch.lap('network')
     measured, mean_spread = np.isfinite(relative), float(spread.by_direction.mean())
-    islands_kept = 0
-    if judge is None:
-        decided = probable_outliers(probabilities, measured)
-        undecided, certain = decided.undecided, decided.certain
-        stopwatch.lap('communities')
-        far = far_points(relative, spread, decided.outliers, probabilities > round(UNDECIDED * ONE))
-        stopwatch.lap('far points')
-        if far.any():
-            probabilities[far] = ONE
-            decided = probable_outliers(probabilities, measured)
-        texture, islands_kept = islands_of_one_height(relative, decided.outliers, decided.communities)
-        stopwatch.lap('texture')
-        if islands_kept:
-            probabilities[texture] = 0
-            decided = probable_outliers(probabilities, measured)
-        outliers, score = decided.outliers, decided.score
-    else:
+    if judge is not None:
         found = probabilities > round(judge.least * ONE)
         far = far_points(relative, spread, found, found)
         stopwatch.lap('far points')
         probabilities[far] = ONE
         score = np.divide(probabilities, ONE, dtype=np.float32)
         outliers = _judged(relative, found | far, score, mean_spread, judge)
-        undecided, certain = _scale_scores(score, outliers, measured), 0
+        nearly = _scale_scores(score, outliers, measured) / int(np.count_nonzero(measured))
+        stopwatch.lap('communities')
+        in_cloud = math.ldexp(mean_spread, exponent)
+        return AdaptiveResult(outliers, score, in_cloud, stopwatch.times_ms, nearly=nearly)
+
+    decided = probable_outliers(probabilities, measured)
+    sureness: tuple[Sureness, ...] = (decided.sureness,)
+    if MANY_UNDECIDED < decided.sureness.undecided <= decided.sureness.certain:
+        sureness += (sureness_about_sets(probabilities, measured),)
     stopwatch.lap('communities')
-    number = int(np.count_nonzero(measured))
-    shares = undecided / number, certain / number
-    in_cloud = math.ldexp(mean_spread, exponent)
-    return AdaptiveResult(outliers, score, in_cloud, islands_kept, *shares, stopwatch.times_ms)
+    known = decided.outliers
+    far = far_points(relative, spread, known, probabilities > round(UNDECIDED * ONE))
+    stopwatch.lap('far points')
+    if far.any():
+        probabilities[far] = ONE
+        decided = probable_outliers(probabilities, measured)
+    texture = islands_of_one_height(relative, decided.outliers, decided.communities)
+    stopwatch.lap('texture')
+    if texture.number:
+        probabilities[texture.kept] = 0
+        decided = probable_outliers(probabilities, measured)
+    stopwatch.lap('communities')
+    return AdaptiveResult(
+        decided.outliers,
+        decided.score,
+        math.ldexp(mean_spread, exponent),
+        stopwatch.times_ms,
+        islands_kept=texture.number,
+        kept_narrowly=texture.narrowly,
+        alike=texture.removed,
+        taken_for_parts=taken_for_parts(decided.communities, known),
+        sureness=sureness,
+    )
 
 
 class _IslandSearch:
@@ -271,11 +305,10 @@ class _IslandSearch:
             heights = with_holes_filled(heights, islands)
         self.found &= self.measured
 
-    def texture(self, *, by_rule: bool) -> tuple[Mask, int]:
-        """Find the islands that belong to the surface, and their number; none unless the rule decides that."""
-        if not by_rule:
-            return np.zeros(self.found.shape, np.bool_), 0
-        return islands_of_one_height(self._given, self.found, label_communities(self.found))
+    def texture(self, *, by_rule: bool) -> OneHeight:
+        """Find the islands that belong to the surface; none unless the rule decides that."""
+        found = self.found if by_rule else np.zeros_like(self.found)
+        return islands_of_one_height(self._given, found, label_communities(found))
 
     def _normalised_differences(self, *, may_predict: bool) -> tuple[Spread, Differences]:
         spread = estimate_spread(self.heights, _TILE_SIDE, may_predict=may_predict, step=self._step)

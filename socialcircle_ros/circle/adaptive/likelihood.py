@@ -34,6 +34,22 @@ FEW, MANY = 0.1, 0.2
 """Shares of the measured points, by the mean probability of all points."""
 UNDECIDED = 0.2
 """A point between this probability and `CERTAIN` may be an outlier or not. A lesson decides about all above it."""
+MANY_UNDECIDED = 0.005
+"""A larger share of undecided points is many."""
+SET = 6
+"""Least points of a connected set above `UNDECIDED` that is no single outlier with the points beside it."""
+
+
+class Sureness(NamedTuple):
+    """How sure the probabilities are.
+
+    Attributes:
+        undecided: share of the measured points with a probability above `UNDECIDED` and not above `CERTAIN`.
+        certain: share of the measured points with a probability above `CERTAIN`.
+    """
+
+    undecided: float
+    certain: float
 
 
 class Decided(NamedTuple):
@@ -42,15 +58,13 @@ class Decided(NamedTuple):
     Attributes:
         outliers: (H, W) bool.
         score: (H, W) float32, as in `AdaptiveResult`.
-        undecided: number of points with a probability above `UNDECIDED` and not above `CERTAIN`.
-        certain: number of points with a probability above `CERTAIN`.
+        sureness: about all points.
         communities: of the outliers.
     """
 
     outliers: Mask
     score: npt.NDArray[np.float32]
-    undecided: int
-    certain: int
+    sureness: Sureness
     communities: Labelled
 
 
@@ -61,7 +75,8 @@ def probable_outliers(probabilities: Probabilities, measured: Mask) -> Decided:
         probabilities: of the points.
         measured: (H, W) bool, one of them at least.
     """
-    share = int(probabilities.sum(dtype=np.int64)) / ONE / np.count_nonzero(measured)
+    known = int(np.count_nonzero(measured))
+    share = int(probabilities.sum(dtype=np.int64)) / ONE / known
     probable = float(np.interp(share, (FEW, MANY), (PROBABLE, PROBABLE_AMONG_MANY)))
     certain = float(np.interp(share, (FEW, MANY), (CERTAIN, CERTAIN_AMONG_MANY)))
     points, labels, number = label_communities(probabilities > round(probable * ONE))
@@ -72,7 +87,21 @@ def probable_outliers(probabilities: Probabilities, measured: Mask) -> Decided:
     outliers.flat[communities.points] = True
     score = np.empty(probabilities.shape, np.float32)
     undecided, sure_points = _write_scores(probabilities, outliers, measured, round(certain * ONE), score)
-    return Decided(outliers, score, undecided, sure_points, communities)
+    return Decided(outliers, score, Sureness(undecided / known, sure_points / known), communities)
+
+
+def sureness_about_sets(probabilities: Probabilities, measured: Mask) -> Sureness:
+    """How sure the probabilities are about points in sets, which single outliers do not raise.
+
+    Args:
+        probabilities: of the points.
+        measured: (H, W) bool, one of them at least.
+    """
+    points, labels, number = label_communities(probabilities > round(UNDECIDED * ONE))
+    in_sets = (np.bincount(labels, minlength=number) >= SET)[labels]
+    certain = int(np.count_nonzero(probabilities.flat[points[in_sets]] > ONE * CERTAIN))
+    known = int(np.count_nonzero(measured))
+    return Sureness((int(np.count_nonzero(in_sets)) - certain) / known, certain / known)
 
 
 @kernel

@@ -245,3 +245,15 @@ def test_a_height_beyond_the_range_of_float32_is_an_outlier(height):
 
     assert result.outliers[3, 4]
     assert result.score[3, 4] > 0.5
+
+
+@pytest.mark.parametrize(('depth_of_field', 'number'), [(None, 5), (1.0, 5), (1e3, 0)])
+def test_removed_islands_of_one_height_are_counted_unless_the_optics_keep_them(depth_of_field, number):
+    heights = noise(160, 200)
+    for pin in range(5):
+        heights[20 + 30 * pin :, 30 + 30 * pin :][:8, :8] += 40
+
+    result = find_outliers(heights, depth_of_field)
+
+    assert result.alike.number == number
+    assert (np.count_nonzero(result.outliers) >= 320) == (number > 0)

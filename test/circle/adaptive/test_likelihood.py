@@ -15,8 +15,10 @@ from socialcircle_ros.circle.adaptive.likelihood import (
     ONE,
     PROBABLE,
     PROBABLE_AMONG_MANY,
+    SET,
     UNDECIDED,
     probable_outliers,
+    sureness_about_sets,
 )
 
 
@@ -61,7 +63,7 @@ def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, he
     measured = random.random((height, width)) < 0.9
     measured[0, 0] = True
     probabilities = in_255ths(random.random((height, width)) ** random.choice([1, 4, 30]) * measured)
-    outliers, score, undecided, certain, communities = probable_outliers(probabilities, measured)
+    outliers, score, sureness, communities = probable_outliers(probabilities, measured)
     np.testing.assert_array_equal(outliers, naively_found(probabilities, measured))
     labelled = {}
     for point, label in zip(communities.points.tolist(), communities.labels.tolist(), strict=True):
@@ -73,8 +75,21 @@ def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, he
     np.testing.assert_array_equal(np.isnan(score), ~measured)
     assert np.nanmin(score) >= 0
     assert np.nanmax(score) <= 1
-    assert certain == (probabilities > CERTAIN * ONE).sum()
-    assert undecided == (probabilities > UNDECIDED * ONE).sum() - certain
+    for shares, points in (
+        (sureness, measured),
+        (sureness_about_sets(probabilities, measured), in_sets(probabilities > UNDECIDED * ONE)),
+    ):
+        certain = (points & (probabilities > CERTAIN * ONE)).sum()
+        assert shares.certain == certain / measured.sum()
+        assert shares.undecided == ((points & (probabilities > UNDECIDED * ONE)).sum() - certain) / measured.sum()
+
+
+def in_sets(suspected):
+    found = np.zeros(suspected.shape, bool)
+    for members in naive_communities(suspected):
+        if len(members) >= SET:
+            found[tuple(zip(*members, strict=True))] = True
+    return found
 
 
 def noise():
@@ -93,8 +108,22 @@ def test_the_probabilities_decide_where_nothing_is_far_off():
     assert np.argwhere(result.outliers).tolist() == [[70, 80], [70, 81], [71, 82]]
     assert result.score[70, 80] > result.score[70, 81] > 0.5 > result.score[40, 60] > result.score[70, 83]
     assert result.islands_kept == 0
-    assert result.nearly == pytest.approx(45 / heights.size)  # those beside the certain one, too
-    assert result.certain == pytest.approx(1 / heights.size)
+    assert result.sureness == ((45 / heights.size, 1 / heights.size),)  # those beside the certain one, too
+    assert result.nearly == 0
+
+
+def test_single_outliers_do_not_hide_undecided_sets():
+    heights, probabilities = noise(), np.zeros((90, 120))
+    probabilities[40:46, 60:67] = 0.7
+    probabilities[::9, ::9] = 0.9
+    probabilities[1::18, ::9] = 0.7  # beside single outliers
+    singles = np.count_nonzero(probabilities == 0.9)
+    result = find_probable_outliers(heights, lambda given: in_255ths(probabilities))
+    everywhere, sets = result.sureness
+    assert everywhere.certain * heights.size == pytest.approx(singles)
+    assert everywhere.undecided < everywhere.certain
+    assert sets.undecided * heights.size == pytest.approx(42, abs=3)
+    assert sets.certain * heights.size <= 4
 
 
 @pytest.mark.parametrize(('elsewhere', 'falls'), [(0.0, False), (0.19, True)])
@@ -153,3 +182,18 @@ def test_islands_of_one_height_are_kept_whatever_their_probability():
     np.testing.assert_array_equal(result.outliers, single)
     np.testing.assert_array_equal(result.score > 0.5, single)
     assert result.islands_kept == 35
+    assert not result.kept_narrowly
+    assert result.taken_for_parts.number == 0
+
+
+def test_islands_far_off_that_the_probabilities_do_not_know_are_counted():
+    heights = noise()
+    heights[10:20, 10:20] += 200
+    heights[50:60, 70:79] += 300
+    heights[70:75, 20:25] += 300
+    result = find_probable_outliers(heights, lambda given: np.zeros(given.shape, np.uint8))
+    assert result.outliers[70:75, 20:25].all()  # too small to count
+    assert result.taken_for_parts == (2, 190, 100)
+    known = np.zeros(heights.shape)
+    known[10:20, 10:20] = 1
+    assert find_probable_outliers(heights, lambda given: in_255ths(known)).taken_for_parts == (1, 90, 90)
