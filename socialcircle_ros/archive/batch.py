@@ -110,15 +110,20 @@ def run_batch(
     with results.created():
         all_inputs = find_inputs(inputs, found, results, left_out.append)
         result = BatchResult(inputs=len(all_inputs), left_out=len(left_out))
-        earlier = {entry.location: entry for entry in Ledger(results).entries() if entry.failure is None}
+        ledger = Ledger(results)
+        earlier: dict[str, list[LedgerEntry]] = {}
+        for entry in ledger.entries():
+            earlier.setdefault(entry.location, []).append(entry)
         tasks = []
         for each in all_inputs:
-            entry = earlier.get(each.location)
-            if entry is not None and entry.is_of(each, template.digest):
+            here = earlier.get(each.location, [])
+            done = next((entry for entry in here if entry.is_of(each, template.digest)), None)
+            if done is not None:
+                ledger.forget_others(here, each.location, done.content)
                 result.skipped += 1
-                _note_findings(result, entry)
+                _note_findings(result, done)
             else:
-                tasks.append(replace(template, found=each))
+                tasks.append(replace(template, found=each, earlier=tuple(here)))
         if tasks:
             with Engine[BatchTask, TaskResult](scheduler, workers, ['socialcircle_ros.archive.preload']) as engine:
                 started(engine.dashboard)

@@ -6,8 +6,8 @@ version, is not opened again.
 """
 
 import json
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from .inputs import ArchiveInput, short_hash
@@ -30,6 +30,7 @@ class LedgerEntry:
         name: of the results, see `ArchiveInput`.
         files: the files of rows, relative to the folder of the results.
         failure: why nothing came of it; None: it did not fail.
+        content: hash of what was read; '': it could not be read.
     """
 
     location: str
@@ -43,6 +44,7 @@ class LedgerEntry:
     name: str = ''
     files: tuple[str, ...] = ()
     failure: str | None = None
+    content: str = ''
 
     def is_of(self, found: ArchiveInput, digest: str) -> bool:
         """Whether it is the entry of an unchanged input with the same settings, and nothing failed."""
@@ -64,14 +66,15 @@ class Ledger:
 
     def entries(self) -> Iterator[LedgerEntry]:
         """All entries; a file that is not an entry is passed over, and its input is done again."""
-        for content in self._output.read_all(LEDGER, '.json'):
-            entry = _parsed(content)
+        for name, text in self._output.read_all(LEDGER, '.json'):
+            entry = _parsed(text)
             if entry is not None:
-                yield entry
+                yield entry if entry.failure is not None else replace(entry, content=name.removesuffix('.json'))
 
     def of_content(self, content: str) -> LedgerEntry | None:
         """The entry of a content; None: there is none."""
-        return _parsed(self._output.read(f'{LEDGER}/{content}.json'))
+        entry = _parsed(self._output.read(_file_of(content)))
+        return None if entry is None else replace(entry, content=content)
 
     def record(self, content: str, entry: LedgerEntry) -> None:
         """Record what is done, and remove the rows that an earlier run, or a failure, had left for this input.
@@ -83,8 +86,27 @@ class Ledger:
         for earlier in (self.of_content(content), _parsed(self._output.read(failed))):
             if earlier is not None:
                 self._remove(set(earlier.files) - set(entry.files))
-        self._write(f'{LEDGER}/{content}.json', entry)
+        self._write(_file_of(content), replace(entry, content=content))
         self._output.remove(failed)
+
+    def forget_others(self, earlier: Iterable[LedgerEntry], location: str, content: str) -> None:
+        """Forget failures and other contents of a location, with their rows.
+
+        Args:
+            earlier: entries of the location, as `entries` gave them.
+            location: of the input.
+            content: hash of what is there now.
+        """
+        for each in earlier:
+            if each.failure is not None:
+                self._remove(set(each.files))
+                self._output.remove(_failure_file(location))
+            elif each.content != content:
+                # Another worker may have found this content at another location since.
+                current = self.of_content(each.content)
+                if current is not None and current.location == location:
+                    self._remove(set(current.files))
+                    self._output.remove(_file_of(each.content))
 
     def record_failure(self, entry: LedgerEntry) -> None:
         """Record a failure, in the place of an earlier one at the same location.
@@ -113,6 +135,10 @@ def failure_name(location: str) -> str:
 
 def _failure_file(location: str) -> str:
     return f'{LEDGER}/{failure_name(location)}.json'
+
+
+def _file_of(content: str) -> str:
+    return f'{LEDGER}/{content}.json'
 
 
 def _parsed(content: bytes | None) -> LedgerEntry | None:

@@ -123,22 +123,23 @@ class ResultFolder:
             raise self._not_read(name, error) from None
         return content
 
-    def read_all(self, folder: str, suffix: str) -> Iterator[bytes]:
-        """The contents of all files of a folder with names that end with `suffix`, by their names.
+    def read_all(self, folder: str, suffix: str) -> Iterator[tuple[str, bytes]]:
+        """Name and content of all files of a folder with names that end with `suffix`, by their names.
 
         Raises:
             SocialCircleError: the URL cannot be read.
         """
         if self._files is None:
             names = sorted(path.name for path in Path(self.location, folder).glob(f'*{suffix}'))
-            yield from (content for name in names if (content := self.read(f'{folder}/{name}')) is not None)
+            found = ((name, self.read(f'{folder}/{name}')) for name in names)
+            yield from ((name, content) for name, content in found if content is not None)
             return
         try:
             paths = [path for path in sorted(self._files.find(f'{self._top}/{folder}')) if path.endswith(suffix)]
             contents: dict[str, bytes] = self._files.cat(paths, on_error='omit') if paths else {}
         except Exception as error:  # noqa: BLE001 - each file system has errors of its own
             raise self._not_read(folder, error) from None
-        yield from contents.values()
+        yield from ((PurePosixPath(path).name, content) for path, content in contents.items())
 
     def write(self, name: str, content: str) -> None:
         """Write a file; an earlier one of the same name is replaced.

@@ -26,6 +26,7 @@ class BatchTask:
         compression: of the cleaned recording.
         version: of this package.
         digest: hash of all of these but the input and the output.
+        earlier: entries of the ledger with the location of the input, whatever its content was then.
     """
 
     found: ArchiveInput
@@ -38,6 +39,7 @@ class BatchTask:
     compression: Compression
     version: str
     digest: str
+    earlier: tuple[LedgerEntry, ...] = ()
 
 
 @dataclass(frozen=True)

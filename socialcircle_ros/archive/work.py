@@ -40,17 +40,33 @@ def do_task(task: BatchTask) -> TaskResult:
     try:
         with local_copy(task.found.location) as path:
             content = content_hash(path)
-            ledger = Ledger(task.output)
-            earlier = ledger.of_content(content)
-            if earlier is not None and earlier.digest == task.digest and earlier.failure is None:
-                return TaskResult(task.found.location, content, earlier, earlier.location)
-            try:
-                return _with_units(task, path, content)
-            except SocialCircleError as error:
-                # The copy of a URL has a name that nobody knows.
-                return failed_result(task, str(error).replace(str(path), task.found.location))
+            result = _done_before(task, content) or _done_now(task, path, content)
+            # An input that is still written, or copied again under its name, has had another content. What was
+            # made of that stays while the input cannot be read: it may be there again.
+            failed = result.entry.failure is not None
+            outdated = [each for each in task.earlier if not failed or each.failure is None]
+            Ledger(task.output).forget_others(outdated, task.found.location, content)
+            return result
     except SocialCircleError as error:
         return failed_result(task, str(error))
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are done
+        return failed_result(task, printable(f'{type(error).__name__}: {error}'))
+
+
+def _done_before(task: BatchTask, content: str) -> TaskResult | None:
+    """The result of an earlier run, or of another input with the same content; None: there is none."""
+    earlier = Ledger(task.output).of_content(content)
+    if earlier is not None and earlier.digest == task.digest and earlier.failure is None:
+        return TaskResult(task.found.location, content, earlier, earlier.location)
+    return None
+
+
+def _done_now(task: BatchTask, path: Path, content: str) -> TaskResult:
+    try:
+        return _with_units(task, path, content)
+    except SocialCircleError as error:
+        # The copy of a URL has a name that nobody knows.
+        return failed_result(task, str(error).replace(str(path), task.found.location))
     except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are done
         return failed_result(task, printable(f'{type(error).__name__}: {error}'))
 

@@ -17,6 +17,7 @@ from clusters import cluster_in_this_process, cluster_of_processes
 from examples import surface
 
 from socialcircle_ros import open_measurements, run_batch
+from socialcircle_ros.archive.ledger import Ledger, LedgerEntry
 from socialcircle_ros.archive.trend_page import write_trend
 from socialcircle_ros.errors import SettingError, SocialCircleError, UnitWarning
 from socialcircle_ros.recording import open_recording
@@ -96,6 +97,29 @@ def test_a_damaged_recording_is_told_by_every_run(tmp_path, scheduler):
     for _ in range(2):
         result = run_batch([tmp_path / 'cut.mcap'], tmp_path / 'out', scheduler=scheduler)
         assert 'cut.mcap is damaged' in result.damaged[str(tmp_path / 'cut.mcap')]
+
+
+def test_a_recording_that_grows_is_measured_once(tmp_path, scheduler):
+    path, out = tmp_path / 'nights/a.mcap', tmp_path / 'out'
+    content = recorded(tmp_path / 'whole.mcap', clouds=3).read_bytes()
+    path.parent.mkdir()
+    for share in (0.5, 0.8, 1):
+        path.write_bytes(content[: int(len(content) * share)])
+        os.utime(path, (share, share))
+        result = run_batch([path.parent], out, scheduler=scheduler)
+    assert (result.done, result.damaged) == (1, {})
+    assert rows(out) == [(str(path), number, 'ok') for number in range(3)]
+    assert run_batch([path.parent], out, scheduler=scheduler).skipped == 1
+
+
+def test_a_run_forgets_what_a_run_of_an_earlier_version_left_of_another_content(tmp_path, scheduler):
+    path, out = recorded(tmp_path / 'nights/a.mcap'), tmp_path / 'out'
+    run_batch([path.parent], out, scheduler=scheduler)
+    ledger = Ledger(out)
+    ledger.record('half', LedgerEntry(str(path), 1, '1', 'd', damage='a.mcap is damaged.'))
+    result = run_batch([path.parent], out, scheduler=scheduler)
+    assert (result.skipped, result.damaged) == (1, {})
+    assert [entry.damage for entry in ledger.entries()] == [None]
 
 
 def test_a_unit_that_an_input_does_not_state_is_told(tmp_path, scheduler, recwarn):

@@ -12,6 +12,7 @@ from archive.archives import BAGS, NOON, recorded
 from examples import cloud, surface
 
 from socialcircle_ros.archive import NamePattern, find_inputs
+from socialcircle_ros.archive.ledger import Ledger
 from socialcircle_ros.archive.work import BatchTask, do_task
 from socialcircle_ros.formats import MeasuredSurface, write_surface
 from socialcircle_ros.kernels import bands
@@ -175,6 +176,49 @@ def test_what_fails_is_a_row_and_success_removes_it(tmp_path):
     do_task(task(path, tmp_path / 'out'))
     assert [row[-1] for row in asked(tmp_path / 'out')] == ['ok', 'ok']
     assert [each.name[:6] for each in (tmp_path / 'out/inputs').iterdir()] != ['failed']
+
+
+def entries_at(output, path):
+    return tuple(entry for entry in Ledger(output).entries() if entry.location == str(path))
+
+
+def again(path, output, **changes):
+    """The task that a further run makes of an input."""
+    return do_task(task(path, output, earlier=entries_at(output, path), **changes))
+
+
+def test_a_recording_that_grows_is_measured_once(tmp_path):
+    path, out = tmp_path / 'a.mcap', tmp_path / 'out'
+    content = recorded(tmp_path / 'whole.mcap', clouds=3).read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    assert again(path, out).entry.damage
+    path.write_bytes(content)
+    again(path, out)
+    assert [row[-1] for row in asked(out)] == ['ok'] * 3
+    assert [entry.damage for entry in Ledger(out).entries()] == [None]
+
+
+def test_what_a_location_held_before_is_gone_when_it_fails_but_not_while_it_cannot_be_read(tmp_path):
+    path, out = recorded(tmp_path / 'a.mcap'), tmp_path / 'out'
+    again(path, out)
+    before = task(path, out, earlier=entries_at(out, path))
+    path.rename(tmp_path / 'away')  # as on a drive that is not mounted
+    assert do_task(before).entry.failure
+    assert sorted(row[-1] for row in asked(out)) == ['failed', 'ok', 'ok']
+    path.write_bytes(b'half a re')
+    assert again(path, out).entry.failure
+    assert [row[-1] for row in asked(out)] == ['failed']
+
+
+def test_a_copy_takes_the_place_of_what_its_location_held_and_of_its_failure(tmp_path):
+    path, copy, out = recorded(tmp_path / 'a.mcap'), tmp_path / 'b.mcap', tmp_path / 'out'
+    again(path, out)
+    again(recorded(copy, seed=1), out)
+    copy.write_bytes(path.read_bytes()[:200])
+    assert again(copy, out).entry.failure
+    copy.write_bytes(path.read_bytes())
+    assert again(copy, out).same_as == str(path)
+    assert {row[0] for row in asked(out)} == {str(path)}
 
 
 def test_an_unexpected_error_is_told_as_well(tmp_path, monkeypatch):

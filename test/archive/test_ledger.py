@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is done, as files."""
+
+import json
+
+import pytest
+
+from socialcircle_ros.archive.ledger import Ledger, LedgerEntry
+
+
+@pytest.fixture
+def ledger(tmp_path):
+    return Ledger(tmp_path)
+
+
+def rows(folder, *names):
+    """Files in the place of rows."""
+    for name in names:
+        (folder / name).write_text('')
+    return names
+
+
+def test_an_entry_knows_its_content_and_one_of_an_earlier_version_does_too(ledger, tmp_path):
+    ledger.record('aa', LedgerEntry('a.mcap', 1, '1', 'd'))
+    record = json.loads((tmp_path / 'inputs/aa.json').read_text())
+    del record['content']
+    (tmp_path / 'inputs/bb.json').write_text(json.dumps({**record, 'location': 'b.mcap'}))
+    (tmp_path / 'inputs/cc.json').write_text('half an ent')
+    ledger.record_failure(LedgerEntry('c.mcap', 1, '1', 'd', failure='It is no recording.'))
+    contents = {entry.location: entry.content for entry in ledger.entries()}
+    assert contents == {'a.mcap': 'aa', 'b.mcap': 'bb', 'c.mcap': ''}
+    assert ledger.of_content('bb').content == 'bb'
+
+
+def test_other_contents_and_failures_of_a_location_are_forgotten_with_their_rows(ledger, tmp_path):
+    for content in ('half', 'whole'):
+        ledger.record(content, LedgerEntry('a.mcap', 1, '1', 'd', files=rows(tmp_path, content)))
+    failed = LedgerEntry('a.mcap', 1, '1', 'd', files=rows(tmp_path, 'failed'), failure='It is no recording.')
+    ledger.record_failure(failed)
+    ledger.record('other', LedgerEntry('b.mcap', 1, '1', 'd', files=rows(tmp_path, 'other')))
+    ledger.forget_others([each for each in ledger.entries() if each.location == 'a.mcap'], 'a.mcap', 'whole')
+    assert sorted(entry.content for entry in ledger.entries()) == ['other', 'whole']
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['inputs', 'other', 'whole']
+
+
+def test_a_content_that_another_worker_found_elsewhere_meanwhile_is_not_forgotten(ledger, tmp_path):
+    earlier = LedgerEntry('a.mcap', 1, '1', 'd', files=rows(tmp_path, 'moved'), content='moved')
+    ledger.record('moved', LedgerEntry('b.mcap', 1, '1', 'd', files=earlier.files))
+    ledger.forget_others([earlier], 'a.mcap', 'new')
+    assert [entry.location for entry in ledger.entries()] == ['b.mcap']
+    assert (tmp_path / 'moved').exists()
