@@ -14,7 +14,7 @@ from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.report.page import environment
 from socialcircle_ros.settings import PipelineSettings
 
-from .inputs import ArchiveInput, find_inputs
+from .inputs import ArchiveInput, find_inputs, result_name
 from .ledger import Ledger, LedgerEntry
 from .names import NamePattern
 from .results import ResultFolder
@@ -108,12 +108,14 @@ def run_batch(
     template = _template(results.location, settings, pattern, several(topics), recordings, reports, compression)
     left_out: list[str] = []
     with results.created():
-        all_inputs = find_inputs(inputs, found, results, left_out.append)
-        result = BatchResult(inputs=len(all_inputs), left_out=len(left_out))
         ledger = Ledger(results)
         earlier: dict[str, list[LedgerEntry]] = {}
+        owners: dict[str, set[str]] = {}
         for entry in ledger.entries():
             earlier.setdefault(entry.location, []).append(entry)
+            owners.setdefault(result_name(entry.name), set()).add(entry.location)
+        all_inputs = find_inputs(inputs, found, results, left_out.append, owners)
+        result = BatchResult(inputs=len(all_inputs), left_out=len(left_out))
         tasks = []
         for each in all_inputs:
             here = earlier.get(each.location, [])

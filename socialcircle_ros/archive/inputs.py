@@ -5,7 +5,7 @@ import errno
 import os
 import tempfile
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -37,7 +37,7 @@ class ArchiveInput:
 
     Attributes:
         location: absolute path, or URL.
-        name: of its results, relative to their folder, without a suffix; unique in a batch.
+        name: of its results, relative to their folder, without a suffix; no other input of the folder has it.
         size: in bytes.
         changed: what changes when the content does: the time of the last change, or the ETag; '': unknown.
         time_ns: time of the last change, ns since 1970; 0: unknown.
@@ -64,6 +64,7 @@ def find_inputs(
     progress: Callable[[int], None] = lambda count: None,
     results: ResultFolder | None = None,
     left_out: Callable[[str], None] = lambda location: None,
+    owners: Mapping[str, Collection[str]] | None = None,
 ) -> list[ArchiveInput]:
     """Find all inputs, in the order of their locations; an input that is given twice is one input.
 
@@ -74,6 +75,7 @@ def find_inputs(
         progress: called with the number of inputs found so far.
         results: what is in its folders is no input, however it is named; None: there is no such folder.
         left_out: called with the location of each such result that would have been an input.
+        owners: locations of earlier inputs by `result_name`; no other input gets the names of their results.
 
     Raises:
         SocialCircleError: none is given; one of them does not exist, cannot be read, holds no input, or is a
@@ -102,17 +104,19 @@ def find_inputs(
             f'{", ".join(texts)} holds nothing but the results: give the recordings that they came from.'
         )
     ordered = [found[location] for location in sorted(found)]
-    counts = Counter(each.relative for each in ordered)
-    return [
-        ArchiveInput(
-            each.location,
-            each.relative if counts[each.relative] == 1 else f'{each.relative}-{short_hash(each.location)}',
-            each.size,
-            each.changed,
-            each.time_ns,
-        )
-        for each in ordered
-    ]
+    counts = Counter(result_name(each.relative) for each in ordered)
+
+    def name_of(each: _Found) -> str:
+        name = result_name(each.relative)
+        is_alone = counts[name] == 1 and set((owners or {}).get(name, ())) <= {each.location}
+        return each.relative if is_alone else f'{each.relative}-{short_hash(each.location)}'
+
+    return [ArchiveInput(each.location, name_of(each), each.size, each.changed, each.time_ns) for each in ordered]
+
+
+def result_name(name: str) -> str:
+    """The name of an input as its cleaned recording has it: `night` and `night.mcap` become the same file."""
+    return name.removesuffix('.mcap')
 
 
 def short_hash(text: str) -> str:

@@ -25,7 +25,7 @@ from socialcircle_ros.recording.origins import origins_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.report.report import make_report
 
-from .inputs import content_hash, local_copy
+from .inputs import content_hash, local_copy, result_name
 from .ledger import Ledger, LedgerEntry, failure_name
 from .results import RECORDINGS, REPORTS, ResultFolder
 from .tasks import BatchTask, TaskResult
@@ -130,7 +130,7 @@ def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
 def _filtered(task: BatchTask, path: Path, folder: Path, collector: '_RowCollector') -> Summary:
     if not task.recordings:
         return measure_recording(path, task.settings, collector, topics=task.topics)
-    target = folder / RECORDINGS / f'{task.found.name.removesuffix(".mcap")}.mcap'
+    target = folder / RECORDINGS / f'{result_name(task.found.name)}.mcap'
     target.parent.mkdir(parents=True, exist_ok=True)
     return filter_recording(
         path,

@@ -122,6 +122,17 @@ def test_a_run_forgets_what_a_run_of_an_earlier_version_left_of_another_content(
     assert [entry.damage for entry in ledger.entries()] == [None]
 
 
+def test_results_of_one_name_do_not_replace_those_of_another_run(tmp_path, scheduler):
+    out = tmp_path / 'out'
+    for number, name in enumerate(['cell1/night.mcap', 'cell2/night.mcap', 'both/night.mcap']):
+        recorded(tmp_path / name, seed=number, clouds=1)
+        run_batch([(tmp_path / name).parent], out, scheduler=scheduler)
+    kept = (out / 'recordings/night.mcap').read_bytes()
+    assert run_batch([tmp_path / 'cell1'], out, scheduler=scheduler).skipped == 1
+    assert (out / 'recordings/night.mcap').read_bytes() == kept
+    assert len(list((out / 'recordings').iterdir())) == 3
+
+
 def test_a_unit_that_an_input_does_not_state_is_told(tmp_path, scheduler, recwarn):
     for name in 'ab':
         np.savez(tmp_path / f'{name}.npz', z=surface(seed=ord(name))[..., 2], dx=1.0, dy=2.0)

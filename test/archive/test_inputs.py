@@ -8,7 +8,7 @@ import pytest
 from archive.archives import BAGS, object_store
 
 from socialcircle_ros.archive import find_inputs
-from socialcircle_ros.archive.inputs import content_hash, local_copy
+from socialcircle_ros.archive.inputs import content_hash, local_copy, result_name
 from socialcircle_ros.archive.results import FOLDERS, ResultFolder
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.measurements import FOLDER
@@ -50,6 +50,21 @@ def test_inputs_of_one_name_get_different_names(archive):
     found = names(archive / 'cell1/b.mcap', archive / 'cell2/b.mcap')
     assert len(set(found)) == 2
     assert all(name.startswith('b.mcap-') for name in found)
+
+
+def test_a_directory_and_a_file_whose_results_would_be_one_file_get_different_names(archive):
+    (archive / 'bag.mcap').write_bytes(b'1')
+    found = [each.name for each in find_inputs([archive])]
+    assert [name.partition('-')[0] for name in found[1:3]] == ['bag', 'bag.mcap']
+    assert len({result_name(name) for name in found}) == len(found)
+
+
+def test_no_input_gets_a_name_that_belongs_to_another_location(archive):
+    owners = {'b': [str(archive / 'cell1/b.mcap')]}
+    (owner,) = find_inputs([archive / 'cell1/b.mcap'], owners=owners)
+    (other,) = find_inputs([archive / 'cell2/b.mcap'], owners=owners)
+    assert owner.name == 'b.mcap'
+    assert other.name.startswith('b.mcap-')
 
 
 @pytest.mark.parametrize(
