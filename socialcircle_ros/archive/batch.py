@@ -14,10 +14,10 @@ from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.report.page import environment
 from socialcircle_ros.settings import PipelineSettings
 
-from .inputs import ArchiveInput, find_inputs, result_name
+from .inputs import ArchiveInput, find_inputs
 from .ledger import Ledger, LedgerEntry
 from .names import NamePattern
-from .results import ResultFolder
+from .results import ResultFolder, result_name
 from .tasks import BatchTask, TaskResult, do_in_worker
 
 

@@ -17,7 +17,7 @@ from socialcircle_ros.arguments import OneOrSeveral, several
 from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.storage import file_system, is_below, is_url, real_location, reason_of
 
-from .results import ResultFolder
+from .results import ResultFolder, result_name
 
 if TYPE_CHECKING:
     import fsspec
@@ -112,11 +112,6 @@ def find_inputs(
         return each.relative if is_alone else f'{each.relative}-{short_hash(each.location)}'
 
     return [ArchiveInput(each.location, name_of(each), each.size, each.changed, each.time_ns) for each in ordered]
-
-
-def result_name(name: str) -> str:
-    """The name of an input as its cleaned recording has it: `night` and `night.mcap` become the same file."""
-    return name.removesuffix('.mcap')
 
 
 def short_hash(text: str) -> str:

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from .inputs import ArchiveInput, short_hash
-from .results import LEDGER, ResultFolder
+from .results import LEDGER, ResultFolder, recording_of, report_of
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,8 @@ class LedgerEntry:
         files: the files of rows, relative to the folder of the results.
         failure: why nothing came of it; None: it did not fail.
         content: hash of what was read; '': it could not be read.
+        outputs: the cleaned recording and the report, if they were made, relative to the folder of the results;
+            None: an earlier version made them and did not say which.
     """
 
     location: str
@@ -45,6 +47,7 @@ class LedgerEntry:
     files: tuple[str, ...] = ()
     failure: str | None = None
     content: str = ''
+    outputs: tuple[str, ...] | None = None
 
     def is_of(self, found: ArchiveInput, digest: str) -> bool:
         """Whether it is the entry of an unchanged input with the same settings, and nothing failed."""
@@ -52,6 +55,17 @@ class LedgerEntry:
             found.location, found.size, found.changed, digest,
         )  # fmt: skip
         return same and bool(found.changed) and self.failure is None
+
+    def made(self, name: str = '') -> set[str]:
+        """All that was made of the input, relative to the folder of the results.
+
+        Args:
+            name: what an earlier version may have made under this name counts; '': only what is certain.
+        """
+        outputs = self.outputs
+        if outputs is None:
+            outputs = (recording_of(name), report_of(name)) if name and name == self.name else ()
+        return {*self.files, *outputs}
 
 
 class Ledger:
@@ -77,7 +91,7 @@ class Ledger:
         return None if entry is None else replace(entry, content=content)
 
     def record(self, content: str, entry: LedgerEntry) -> None:
-        """Record what is done, and remove the rows that an earlier run, or a failure, had left for this input.
+        """Record what is done, and remove what an earlier run, or a failure, had left for this input.
 
         Raises:
             SocialCircleError: it cannot be written.
@@ -85,28 +99,33 @@ class Ledger:
         failed = _failure_file(entry.location)
         for earlier in (self.of_content(content), _parsed(self._output.read(failed))):
             if earlier is not None:
-                self._remove(set(earlier.files) - set(entry.files))
+                self._remove(earlier.made(entry.name) - entry.made())
         self._write(_file_of(content), replace(entry, content=content))
         self._output.remove(failed)
 
     def forget_others(self, earlier: Iterable[LedgerEntry], location: str, content: str) -> None:
-        """Forget failures and other contents of a location, with their rows.
+        """Forget failures and other contents of a location, with what was made of them.
 
         Args:
             earlier: entries of the location, as `entries` gave them.
             location: of the input.
             content: hash of what is there now.
         """
-        for each in earlier:
+        others = [each for each in earlier if each.failure is not None or each.content != content]
+        if not others:  # as for nearly all inputs of a rerun, of which nothing is read from an object store then
+            return
+        now = self.of_content(content)
+        kept = set() if now is None else now.made(now.name)
+        for each in others:
             if each.failure is not None:
-                self._remove(set(each.files))
+                self._remove(each.made())
                 self._output.remove(_failure_file(location))
-            elif each.content != content:
-                # Another worker may have found this content at another location since.
-                current = self.of_content(each.content)
-                if current is not None and current.location == location:
-                    self._remove(set(current.files))
-                    self._output.remove(_file_of(each.content))
+                continue
+            # Another worker may have found this content at another location since.
+            current = self.of_content(each.content)
+            if current is not None and current.location == location:
+                self._remove(current.made() - kept)
+                self._output.remove(_file_of(each.content))
 
     def record_failure(self, entry: LedgerEntry) -> None:
         """Record a failure, in the place of an earlier one at the same location.
@@ -117,14 +136,14 @@ class Ledger:
         path = _failure_file(entry.location)
         earlier = _parsed(self._output.read(path))
         if earlier is not None:
-            self._remove(set(earlier.files) - set(entry.files))
+            self._remove(earlier.made() - entry.made())
         self._write(path, entry)
 
     def _write(self, name: str, entry: LedgerEntry) -> None:
         self._output.write(name, json.dumps(asdict(entry)))
 
-    def _remove(self, files: set[str]) -> None:
-        for name in files:
+    def _remove(self, names: set[str]) -> None:
+        for name in names:
             self._output.remove(name)
 
 
@@ -144,6 +163,8 @@ def _file_of(content: str) -> str:
 def _parsed(content: bytes | None) -> LedgerEntry | None:
     try:
         record = json.loads(content or b'')
-        return LedgerEntry(**{**record, 'files': tuple(record['files'])})
+        outputs = record.get('outputs')
+        tuples = {'files': tuple(record['files']), 'outputs': None if outputs is None else tuple(outputs)}
+        return LedgerEntry(**{**record, **tuples})
     except (ValueError, TypeError, KeyError):
         return None

@@ -29,6 +29,29 @@ FOLDERS = (RECORDINGS, REPORTS, LEDGER, 'measurements')  # the last is `measurem
 """All folders of the results."""
 
 
+def recording_of(name: str) -> str:
+    """The cleaned recording of an input, relative to the folder of the results.
+
+    Args:
+        name: of its results, see `ArchiveInput`.
+    """
+    return f'{RECORDINGS}/{result_name(name)}.mcap'
+
+
+def report_of(name: str) -> str:
+    """The report of an input, relative to the folder of the results.
+
+    Args:
+        name: of its results, see `ArchiveInput`.
+    """
+    return f'{REPORTS}/{name}.html'
+
+
+def result_name(name: str) -> str:
+    """The name of an input as its cleaned recording has it: `night` and `night.mcap` become the same file."""
+    return name.removesuffix('.mcap')
+
+
 class ResultFolder:
     """The folder of the results of a batch. Each file appears in it whole or not at all.
 

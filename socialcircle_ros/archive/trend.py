@@ -21,7 +21,7 @@ from socialcircle_ros.storage import is_url
 
 from .control_chart import ControlLimits, control_limits, signals
 from .ledger import Ledger
-from .results import REPORTS
+from .results import report_of
 
 MEASURES = {
     'outlier_share': 'share of outliers [%]',
@@ -215,9 +215,12 @@ def _reports(folder: Path, start: Path) -> dict[str, str]:
     """Links to the reports of recordings, by the location of the recording."""
     links = {}
     for entry in Ledger(folder).entries():
-        path = folder / REPORTS / f'{entry.name}.html'
-        if entry.name and path.exists():
-            links[entry.location] = quote(os.path.relpath(path, start))
+        report = report_of(entry.name)
+        # A report that the last run did not make shows other settings; an earlier version did not say what it
+        # made.
+        is_of_entry = bool(entry.name) if entry.outputs is None else report in entry.outputs
+        if is_of_entry and (folder / report).exists():
+            links[entry.location] = quote(os.path.relpath(folder / report, start))
     return links
 
 

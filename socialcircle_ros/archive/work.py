@@ -25,9 +25,9 @@ from socialcircle_ros.recording.origins import origins_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.report.report import make_report
 
-from .inputs import content_hash, local_copy, result_name
+from .inputs import content_hash, local_copy
 from .ledger import Ledger, LedgerEntry, failure_name
-from .results import RECORDINGS, REPORTS, ResultFolder
+from .results import ResultFolder, recording_of, report_of
 from .tasks import BatchTask, TaskResult
 
 
@@ -107,8 +107,10 @@ def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
         if not summary.clouds and not collector.rows:
             reasons = ' '.join([*summary.refused, *([summary.damage] if summary.damage else [])])
             raise SocialCircleError(f'{task.found.location} has no cloud. {reasons}'.strip())
+        outputs = [recording_of(task.found.name)] if task.recordings and summary.clouds else []
         if task.reports and summary.clouds:
-            make_report(path, folder / REPORTS / f'{task.found.name}.html', task.settings, topics=task.topics)
+            outputs.append(report_of(task.found.name))
+            make_report(path, folder / outputs[-1], task.settings, topics=task.topics)
         files = tuple(write_rows(folder, content, collector.rows))
     found = task.found
     entry = LedgerEntry(
@@ -122,6 +124,7 @@ def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
         name=found.name,
         limits_failed=sum(row.limits_passed is False for row in collector.rows),
         files=files,
+        outputs=tuple(outputs),
     )
     Ledger(results).record(content, entry)
     return TaskResult(found.location, content, entry)
@@ -130,7 +133,7 @@ def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
 def _filtered(task: BatchTask, path: Path, folder: Path, collector: '_RowCollector') -> Summary:
     if not task.recordings:
         return measure_recording(path, task.settings, collector, topics=task.topics)
-    target = folder / RECORDINGS / f'{result_name(task.found.name)}.mcap'
+    target = folder / recording_of(task.found.name)
     target.parent.mkdir(parents=True, exist_ok=True)
     return filter_recording(
         path,

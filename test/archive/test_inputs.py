@@ -8,8 +8,8 @@ import pytest
 from archive.archives import BAGS, object_store
 
 from socialcircle_ros.archive import find_inputs
-from socialcircle_ros.archive.inputs import content_hash, local_copy, result_name
-from socialcircle_ros.archive.results import FOLDERS, ResultFolder
+from socialcircle_ros.archive.inputs import content_hash, local_copy
+from socialcircle_ros.archive.results import FOLDERS, ResultFolder, result_name
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.measurements import FOLDER
 

@@ -32,6 +32,19 @@ def test_an_entry_knows_its_content_and_one_of_an_earlier_version_does_too(ledge
     assert ledger.of_content('bb').content == 'bb'
 
 
+def test_what_an_earlier_version_may_have_made_goes_only_under_its_own_name(ledger, tmp_path):
+    """It did not say what it made, and results of several inputs could have one name."""
+    for name in ('recordings/a.mcap', 'reports/a.mcap.html', 'reports/b.mcap.html'):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text('')
+    for content in 'ab':
+        ledger.record(content, LedgerEntry(f'{content}.mcap', 1, '1', 'd', name=f'{content}.mcap'))
+    ledger.record('a', LedgerEntry('a.mcap', 1, '1', 'e', name='a.mcap', outputs=('recordings/a.mcap',)))
+    ledger.record('b', LedgerEntry('b.mcap', 1, '1', 'e', name='b.mcap-12ab', outputs=()))
+    left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.glob('re*/*'))
+    assert left == ['recordings/a.mcap', 'reports/b.mcap.html']
+
+
 def test_other_contents_and_failures_of_a_location_are_forgotten_with_their_rows(ledger, tmp_path):
     for content in ('half', 'whole'):
         ledger.record(content, LedgerEntry('a.mcap', 1, '1', 'd', files=rows(tmp_path, content)))

@@ -179,6 +179,14 @@ def test_a_cloud_links_to_its_report_where_there_is_one(out, tmp_path):
     assert one.links[7] == '../out/reports/a%20b.mcap.html#measurement--cell1-points-7'
 
 
+def test_a_report_that_the_last_run_did_not_make_is_not_linked(out, tmp_path):
+    (out / 'reports').mkdir()
+    (out / 'reports/a.mcap.html').write_text('')
+    for made, is_linked in (((), False), (('reports/a.mcap.html',), True)):
+        Ledger(out).record('abc', LedgerEntry('nights/a.mcap', 1, '1', 'd', name='a.mcap', outputs=made))
+        assert bool(read_series(out, tmp_path / 'trend.html')[0].links[7]) is is_linked
+
+
 ON_THE_SCREEN = """() => {
   const below = (view) => [view, ...[...(view.children?.() ?? [])].flatMap(below)]
   const plot = [...Bokeh.index.roots].flatMap(below).find((view) => view.model.title?.text?.startsWith('Sq'))

@@ -245,6 +245,27 @@ def test_a_report_is_written_on_request(tmp_path):
     assert 'id="measurement--cell1-points-0"' in page
 
 
+def test_what_a_run_does_not_make_again_is_removed(tmp_path):
+    pytest.importorskip('matplotlib')
+    path, out = recorded(tmp_path / 'a.mcap', clouds=1), tmp_path / 'out'
+
+    def made():
+        return sorted(
+            str(each.relative_to(out)) for name in ('recordings', 'reports') for each in out.glob(f'{name}/*')
+        )
+
+    do_task(task(path, out, reports=True))
+    assert made() == ['recordings/a.mcap', 'reports/a.mcap.html']
+    do_task(task(path, out, digest='other'))
+    assert made() == ['recordings/a.mcap']
+    do_task(task(path, out, digest='rows', recordings=False))
+    assert made() == []
+    do_task(task(path, out, reports=True, digest='again'))
+    path.write_bytes(b'half a re')
+    again(path, out)
+    assert made() == []
+
+
 def test_an_input_of_an_object_store_is_copied_for_a_while(tmp_path):
     fsspec = pytest.importorskip('fsspec')
     files = fsspec.filesystem('memory')
