@@ -22,7 +22,8 @@ class LedgerEntry:
         location: of the input.
         size: of the input in bytes.
         changed: state of the input, see `ArchiveInput`.
-        digest: hash of the settings, the options and the version.
+        digest: hash of the settings, the options and the version; '': a run began to replace the results, and did
+            not end.
         clouds: number of filtered clouds.
         refused: number of refused clouds and frames by reason.
         damage: where the recording is damaged; None: it is sound.
@@ -89,6 +90,18 @@ class Ledger:
         """The entry of a content; None: there is none."""
         entry = _parsed(self._output.read(_file_of(content)))
         return None if entry is None else replace(entry, content=content)
+
+    def begin(self, content: str) -> None:
+        """Tell that what was made of a content is about to be replaced, so that no settings count as done.
+
+        The entry stays, because it says what is to be removed.
+
+        Raises:
+            SocialCircleError: it cannot be written.
+        """
+        entry = self.of_content(content)
+        if entry is not None and entry.digest:
+            self._write(_file_of(content), replace(entry, digest=''))
 
     def record(self, content: str, entry: LedgerEntry) -> None:
         """Record what is done, and remove what an earlier run, or a failure, had left for this input.

@@ -102,6 +102,8 @@ def _with_units(task: BatchTask, path: Path, content: str) -> TaskResult:
 def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
     collector = _RowCollector(task, path, content)
     results = ResultFolder(task.output)
+    # Interrupted from here on, the results are of two settings.
+    Ledger(results).begin(content)
     with results.writing() as folder:
         summary = _filtered(task, path, folder, collector)
         if not summary.clouds and not collector.rows:

@@ -146,6 +146,23 @@ def test_what_is_done_is_not_done_again_and_other_settings_replace_the_rows(tmp_
     assert len(asked(tmp_path / 'out')) == 2
 
 
+def test_an_interrupted_run_with_other_settings_leaves_nothing_that_counts_as_done(tmp_path, monkeypatch):
+    path, out = recorded(tmp_path / 'a.mcap'), tmp_path / 'out'
+    do_task(task(path, out))
+    before = (out / 'recordings/a.mcap').read_bytes()
+    limited = PipelineSettings.from_ros({'limits.outlier_share_max': 0.01})
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr('socialcircle_ros.archive.work.write_rows', interrupted)
+        do_task(task(path, out, settings=limited, digest='limited'))
+    assert (out / 'recordings/a.mcap').read_bytes() != before
+    assert do_task(task(path, out)).same_as == ''
+    assert (out / 'recordings/a.mcap').read_bytes() == before
+
+
 def test_a_copy_of_a_recording_is_not_measured_twice(tmp_path):
     path = recorded(tmp_path / 'a.mcap')
     (tmp_path / 'b.mcap').write_bytes(path.read_bytes())
