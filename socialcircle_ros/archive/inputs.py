@@ -109,9 +109,14 @@ def find_inputs(
     def name_of(each: _Found) -> str:
         name = result_name(each.relative)
         is_alone = counts[name] == 1 and set((owners or {}).get(name, ())) <= {each.location}
-        return each.relative if is_alone else f'{each.relative}-{short_hash(each.location)}'
+        return each.relative if is_alone else with_hash(each.relative, each.location)
 
     return [ArchiveInput(each.location, name_of(each), each.size, each.changed, each.time_ns) for each in ordered]
+
+
+def with_hash(name: str, location: str) -> str:
+    """The name of the results of an input where its own name belongs to another one as well."""
+    return f'{name}-{short_hash(location)}'
 
 
 def short_hash(text: str) -> str:
@@ -159,6 +164,27 @@ def content_hash(path: Path) -> str:
     except OSError as error:
         raise RecordingError(f'{path} cannot be read ({error.strerror}): check its permissions.') from None
     return digest.hexdigest()
+
+
+def still_holds(location: str, size: int, changed: str, content: str) -> bool:
+    """Whether a location holds a content that it held before.
+
+    Args:
+        location: of an input.
+        size: of it, then.
+        changed: its state then, see `ArchiveInput`.
+        content: the hash of its content.
+    """
+    try:
+        found = find_inputs([location])
+        if len(found) != 1:
+            return False
+        if changed and (found[0].size, found[0].changed) == (size, changed):
+            return True
+        with local_copy(location) as path:
+            return content_hash(path) == content
+    except SocialCircleError:
+        return False
 
 
 class _OwnResults:

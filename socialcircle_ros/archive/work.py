@@ -25,7 +25,7 @@ from socialcircle_ros.recording.origins import origins_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.report.report import make_report
 
-from .inputs import content_hash, local_copy
+from .inputs import content_hash, local_copy, still_holds, with_hash
 from .ledger import Ledger, LedgerEntry, failure_name
 from .results import ResultFolder, recording_of, report_of
 from .tasks import BatchTask, TaskResult
@@ -40,7 +40,10 @@ def do_task(task: BatchTask) -> TaskResult:
     try:
         with local_copy(task.found.location) as path:
             content = content_hash(path)
-            result = _done_before(task, content) or _done_now(task, path, content)
+            earlier = Ledger(task.output).of_content(content)
+            moved_from = None if earlier is None or _is_there(earlier, task) else earlier
+            result = None if moved_from else _done_before(task, content, earlier)
+            result = result or _done_now(_named_as(task, moved_from), path, content)
             # An input that is still written, or copied again under its name, has had another content. What was
             # made of that stays while the input cannot be read: it may be there again.
             failed = result.entry.failure is not None
@@ -53,9 +56,26 @@ def do_task(task: BatchTask) -> TaskResult:
         return failed_result(task, printable(f'{type(error).__name__}: {error}'))
 
 
-def _done_before(task: BatchTask, content: str) -> TaskResult | None:
+def _is_there(entry: LedgerEntry, task: BatchTask) -> bool:
+    """Whether a content is still where it was measured, and has not been moved to where the task found it."""
+    return entry.location == task.found.location or still_holds(
+        entry.location, entry.size, entry.changed, entry.content
+    )
+
+
+def _named_as(task: BatchTask, moved_from: LedgerEntry | None) -> BatchTask:
+    """The task with the name of results that the earlier location of a moved recording owned.
+
+    A name that belongs to another location ends in a hash; here that location is gone.
+    """
+    found = task.found
+    if moved_from is not None and found.name == with_hash(moved_from.name, found.location):
+        return replace(task, found=replace(found, name=moved_from.name))
+    return task
+
+
+def _done_before(task: BatchTask, content: str, earlier: LedgerEntry | None) -> TaskResult | None:
     """The result of an earlier run, or of another input with the same content; None: there is none."""
-    earlier = Ledger(task.output).of_content(content)
     if earlier is not None and earlier.digest == task.digest and earlier.failure is None:
         return TaskResult(task.found.location, content, earlier, earlier.location)
     return None

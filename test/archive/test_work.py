@@ -36,8 +36,8 @@ def threads_of_kernels():
     bands.limit = before
 
 
-def task(path, output, **changes):
-    (found,) = find_inputs([path])
+def task(path, output, *, owners=None, **changes):
+    (found,) = find_inputs([path], owners=owners)
     values = {
         'settings': PipelineSettings(), 'names': NamePattern(), 'topics': (), 'recordings': True, 'reports': False,
         'compression': 'none', 'version': '1', 'digest': 'abc',
@@ -236,6 +236,40 @@ def test_a_copy_takes_the_place_of_what_its_location_held_and_of_its_failure(tmp
     copy.write_bytes(path.read_bytes())
     assert again(copy, out).same_as == str(path)
     assert {row[0] for row in asked(out)} == {str(path)}
+
+
+def test_a_recording_that_is_moved_is_measured_at_its_new_place(tmp_path):
+    path, out = recorded(tmp_path / 'cell1/a.mcap'), tmp_path / 'out'
+    (tmp_path / 'cell2').mkdir()
+    pattern = NamePattern('{cell}/*')
+    again(path, out, names=pattern)
+    moved = path.rename(tmp_path / 'cell2/a.mcap')
+    owners = {'a': [str(path)]}
+    assert do_task(task(moved, out, names=pattern, owners=owners)).same_as == ''
+    assert {row[:2] for row in asked(out)} == {(str(moved), 'cell2')}
+    assert [each.name for each in (out / 'recordings').iterdir()] == ['a.mcap']
+    assert again(moved, out, names=pattern).same_as == str(moved)
+
+
+def test_a_copy_of_what_its_location_holds_no_more_is_measured(tmp_path):
+    """Whichever of the two inputs is done first."""
+    path, copy, out = recorded(tmp_path / 'a.mcap'), tmp_path / 'b.mcap', tmp_path / 'out'
+    again(path, out)
+    copy.write_bytes(path.read_bytes())
+    new = recorded(tmp_path / 'new.mcap', seed=1).rename(path)
+    os.utime(new, (1, 1))
+    task_of_new = task(new, out, earlier=entries_at(out, new))
+    again(copy, out)
+    do_task(task_of_new)
+    assert [row[:1] + row[-1:] for row in asked(out)] == [(str(each), 'ok') for each in (new, new, copy, copy)]
+
+
+def test_an_original_that_is_only_touched_is_still_there(tmp_path):
+    path, copy, out = recorded(tmp_path / 'a.mcap'), tmp_path / 'b.mcap', tmp_path / 'out'
+    again(path, out)
+    copy.write_bytes(path.read_bytes())
+    os.utime(path, (1, 1))
+    assert again(copy, out).same_as == str(path)
 
 
 def test_an_unexpected_error_is_told_as_well(tmp_path, monkeypatch):
