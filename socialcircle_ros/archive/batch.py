@@ -152,6 +152,8 @@ def _template(
         'settings': sorted(settings.to_ros().items()), 'names': names.text, 'topics': sorted(topics),
         'recordings': recordings, 'reports': reports, 'compression': compression, 'version': version,
     }  # fmt: skip
+    if settings.circle.taught is not None:
+        options['lesson'] = settings.circle.taught.digest
     digest = blake2b(json.dumps(options).encode(), digest_size=8).hexdigest()
     none = ArchiveInput('', '', 0, '', 0)
     return BatchTask(none, output, settings, names, topics, recordings, reports, compression, version, digest)

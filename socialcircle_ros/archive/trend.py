@@ -301,7 +301,7 @@ def _change(before: TrendRow, after: TrendRow) -> str:
         for name in sorted({*old, *new})
         if old.get(name) != new.get(name)
     ]
-    return ', '.join(words) or 'settings'
+    return ', '.join(words) or ('circle.lesson taught again' if 'circle.lesson' in new else 'settings')
 
 
 def _link(row: TrendRow, reports: Mapping[str, str]) -> str:

@@ -166,7 +166,8 @@ class MeasurementRow:
         default=None, metadata=_column('text', 'Parameters with other values than their defaults, as JSON.')
     )
     settings_hash: str | None = field(
-        default=None, metadata=_column('text', 'Hash of all parameters that have an effect on the numbers.')
+        default=None,
+        metadata=_column('text', 'Hash of all parameters that have an effect on the numbers, and of the lesson.'),
     )
     version: str | None = field(default=None, metadata=_column('text', 'Version of this package.'))
     unit: str | None = field(

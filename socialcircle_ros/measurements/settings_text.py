@@ -18,7 +18,8 @@ class SettingsText:
 
     Attributes:
         text: JSON of the parameters with other values than their defaults, by their full names in their order.
-        digest: 16 hexadecimal digits of all parameters with an effect on the numbers of a cloud.
+        digest: 16 hexadecimal digits of all parameters with an effect on the numbers of a cloud, and of the
+            lesson.
     """
 
     text: str
@@ -29,5 +30,7 @@ class SettingsText:
         """Describe settings."""
         values = {name: value for name, value in settings.to_ros().items() if name in _WITH_EFFECT}
         changed = {name: value for name, value in values.items() if value != PARAMETERS[name].default}
-        digest = blake2b(json.dumps(sorted(values.items())).encode(), digest_size=_HASH_BYTES).hexdigest()
+        lesson = settings.circle.taught
+        hashed = [*sorted(values.items()), *([lesson.digest] if lesson is not None else [])]
+        digest = blake2b(json.dumps(hashed).encode(), digest_size=_HASH_BYTES).hexdigest()
         return cls(json.dumps(changed, ensure_ascii=False), digest)

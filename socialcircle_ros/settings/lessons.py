@@ -10,6 +10,7 @@ import os
 import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from hashlib import blake2b
 from typing import Literal, cast, get_args
 
 from socialcircle_ros.errors import SettingError
@@ -69,6 +70,11 @@ class Lesson:
     weights: tuple[float, ...]
     threshold: float
     check: Mapping[str, float]
+
+    @property
+    def digest(self) -> str:
+        """16 hexadecimal digits of all of it: another lesson may be taught under the name of its file."""
+        return blake2b(self.to_text().encode(), digest_size=8).hexdigest()
 
     def to_text(self) -> str:
         """The content of a lesson file."""

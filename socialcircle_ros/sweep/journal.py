@@ -68,8 +68,8 @@ class TrialJournal:
             names = self._optuna.study.get_all_study_names(self.storage)
         if names and fingerprint not in names:
             raise SocialCircleError(
-                f'{path} holds trials on other clouds or with other fixed parameters; choose another output'
-                ' folder, or start over with --restart.'
+                f'{path} holds trials on other clouds, or with other fixed parameters or another lesson; choose'
+                ' another output folder, or start over with --restart.'
             )
         with self._errors():
             # Also where it exists, Optuna would write that it is to be created.

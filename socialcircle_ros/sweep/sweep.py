@@ -28,6 +28,7 @@ from .page import sweep_page, trials_table
 from .result import SweepResult
 from .search import Search
 from .search_space import (
+    Choice,
     ParameterValues,
     SearchDimension,
     check_search_space,
@@ -41,6 +42,7 @@ from .work import SweptClouds, TrialTask, do_trial
 
 PAGE, TABLE, BEST, TRIALS, CANDIDATES = 'sweep.html', 'sweep.csv', 'best.yaml', 'trials.log', 'candidates'
 
+_LESSON = 'circle.lesson'
 _GROUPS: tuple[type[Settings], ...] = (FocusSettings, StackSettings, CircleSettings)
 
 TrialRunner = Callable[[Iterable[ParameterValues]], Iterator[Trial]]
@@ -140,8 +142,20 @@ def _swept(
     """What a worker needs to find the same clouds."""
     varied = tuple(dimension.name for dimension in search_space)
     fixed = {name: value for name, value in base.items() if name not in varied}
-    fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed)
-    return SweptClouds(str(recording.absolute()), json.dumps(base), varied, topics, max_clouds, fingerprint)
+    lessons = _lessons(base, search_space)
+    fingerprint = fingerprint_of(clouds(FocusSettings.from_ros(base)), fixed, lessons)
+    return SweptClouds(
+        str(recording.absolute()), json.dumps(base), varied, topics, max_clouds, fingerprint, lessons
+    )
+
+
+def _lessons(base: ParameterValues, search_space: Sequence[SearchDimension]) -> tuple[str, ...]:
+    """The lesson files of all settings."""
+    tried = {base[_LESSON]}
+    for dimension in search_space:
+        if dimension.name == _LESSON and isinstance(dimension, Choice):
+            tried.update(dimension.values)
+    return tuple(sorted(str(path) for path in tried if path))
 
 
 def _concluded(

@@ -14,6 +14,7 @@ from socialcircle_ros.errors import CloudError
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.settings import CircleSettings, FocusSettings, RosValue
+from socialcircle_ros.settings.lessons import read_lesson
 
 from .clouds import CloudSource, SweepCloud
 from .search_space import ParameterValues
@@ -125,14 +126,22 @@ def best_of(trials: Sequence[Trial]) -> Trial:
     return max(trials, key=lambda trial: (trial.score, -trial.removed))
 
 
-def fingerprint_of(clouds: Sequence[SweepCloud], fixed: Mapping[str, RosValue]) -> str:
+def fingerprint_of(
+    clouds: Sequence[SweepCloud], fixed: Mapping[str, RosValue], lessons: Sequence[str] = ()
+) -> str:
     """Hash what two sweeps must have in common to share trials.
 
     Args:
         clouds: the clouds, with their outliers.
         fixed: parameters that are not varied.
+        lessons: the lesson files that trials use; their content counts.
+
+    Raises:
+        SettingError: a lesson cannot be read.
     """
     digest = blake2b(json.dumps(sorted(fixed.items())).encode(), digest_size=16)
+    for path in lessons:
+        digest.update(read_lesson(path).digest.encode())
     for cloud in clouds:
         digest.update(cloud.points)
         digest.update(cloud.outlier.tobytes())

@@ -29,6 +29,7 @@ class SweptClouds:
         topics: names of the topics of clouds; empty: all topics named `points`, and all focus stacks.
         max_clouds: most clouds to filter.
         fingerprint: of the clouds, see `fingerprint_of`.
+        lessons: the lesson files that trials use.
     """
 
     recording: str
@@ -37,6 +38,7 @@ class SweptClouds:
     topics: tuple[str, ...]
     max_clouds: int
     fingerprint: str
+    lessons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,10 @@ def _read(clouds: SweptClouds) -> tuple[ParameterValues, CloudSource]:
     base = json.loads(clouds.parameters)
     load = cached(SweptRecording(Path(clouds.recording), base, clouds.topics, clouds.max_clouds).load)
     fixed = {name: value for name, value in base.items() if name not in clouds.varied}
-    if fingerprint_of(load(FocusSettings.from_ros(base)), fixed) != clouds.fingerprint:
+    if fingerprint_of(load(FocusSettings.from_ros(base)), fixed, clouds.lessons) != clouds.fingerprint:
+        lesson = ', or a lesson is another one,' if clouds.lessons else ''
         raise SocialCircleError(
-            f'{clouds.recording} is another recording on {platform.node()}: the workers must see the same files'
-            ' under the same names.'
+            f'{clouds.recording} is another recording{lesson} on {platform.node()}: the workers must see the same'
+            ' files under the same names.'
         )
     return base, load

@@ -9,12 +9,14 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from archive.archives import BAGS, object_store, recorded
 from clusters import cluster_in_this_process, cluster_of_processes
 from examples import surface
+from settings.test_lessons import PLAIN
 
 from socialcircle_ros import open_measurements, run_batch
 from socialcircle_ros.archive.ledger import Ledger, LedgerEntry
@@ -131,6 +133,16 @@ def test_results_of_one_name_do_not_replace_those_of_another_run(tmp_path, sched
     assert run_batch([tmp_path / 'cell1'], out, scheduler=scheduler).skipped == 1
     assert (out / 'recordings/night.mcap').read_bytes() == kept
     assert len(list((out / 'recordings').iterdir())) == 3
+
+
+def test_an_archive_is_done_again_with_a_lesson_that_was_taught_again(tmp_path, scheduler):
+    path, lesson = recorded(tmp_path / 'a.mcap', clouds=1), tmp_path / 'lid.json'
+    done = []
+    for threshold in (0.5, 0.5, 0.6):
+        lesson.write_text(replace(PLAIN, threshold=threshold).to_text())
+        settings = PipelineSettings.from_ros({'circle.lesson': str(lesson)})
+        done.append(run_batch([path], tmp_path / 'out', settings, scheduler=scheduler).done)
+    assert done == [1, 0, 1]
 
 
 def test_a_unit_that_an_input_does_not_state_is_told(tmp_path, scheduler, recwarn):

@@ -146,6 +146,14 @@ def test_limits_begin_anew_after_a_change_which_is_told(tmp_path, example):
     assert series.drifting() == []
 
 
+def test_a_lesson_that_was_taught_again_is_told_as_a_change(tmp_path, example):
+    first = list(rows_of(example, 'cell1', 0, count=9, settings='{"circle.lesson": "lid.json"}'))
+    later = [replace(each, time=each.time + timedelta(days=1), settings_hash='other') for each in first]
+    write_rows(tmp_path, 'a', [*first, *later])
+    (series,) = read_series(tmp_path, tmp_path / 'trend.html')
+    assert [phase.change for phase in series.phases] == ['', 'circle.lesson taught again']
+
+
 def test_the_time_of_the_filter_is_held_to_limits_for_live_clouds_only(tmp_path, example):
     slower = [replace(each, total_ms=1.0 + number) for number, each in enumerate(rows_of(example, 'cell1', 0))]
     live = [replace(each, cell='cell2', recording=None, latency_ms=each.total_ms) for each in slower]

@@ -8,6 +8,7 @@ from datetime import date, datetime, timezone
 
 from examples import cloud
 from measurements.row_examples import NOON, measurement, origin, row
+from settings.test_lessons import PLAIN
 
 from socialcircle_ros.measurements import MeasurementRow, SettingsText, refused_row, row_of
 from socialcircle_ros.metrics.areal import Texture
@@ -80,6 +81,16 @@ def test_settings_are_told_by_what_differs_and_by_a_hash_of_what_has_an_effect()
     assert json.loads(wide.text) == {'circle.radius_scale': 2.0}
     assert wide.digest != default.digest
     assert SettingsText.of(PipelineSettings(output=OutputSettings(mask=False))) == default
+
+
+def test_a_lesson_that_is_taught_again_under_its_name_has_another_hash(tmp_path):
+    path, digests = tmp_path / 'lid.json', []
+    for threshold in (0.5, 0.6, 0.5):
+        path.write_text(replace(PLAIN, threshold=threshold).to_text())
+        settings = SettingsText.of(PipelineSettings(circle=CircleSettings(lesson=str(path))))
+        assert json.loads(settings.text) == {'circle.lesson': str(path)}
+        digests.append(settings.digest)
+    assert digests[0] == digests[2] != digests[1]
 
 
 def test_every_column_is_described():

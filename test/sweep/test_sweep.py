@@ -10,6 +10,7 @@ from typing import ClassVar
 import pytest
 import yaml
 from clusters import cluster_of_processes
+from settings.test_lessons import PLAIN
 from sweep.sweep_examples import BASE
 
 import socialcircle_ros
@@ -64,6 +65,22 @@ def test_a_notebook_gets_the_trials_and_the_files(tmp_path):
 def test_one_cloud_has_no_standard_error(tmp_path, recording, caption):
     socialcircle_ros.run_sweep(BAGS / recording, SPACE, tmp_path)
     assert f'<figcaption>{caption}</figcaption>' in (tmp_path / 'sweep.html').read_text()
+
+
+@pytest.mark.parametrize('varied', [False, True])
+def test_trials_with_a_lesson_that_was_taught_again_are_not_taken_over(tmp_path, varied):
+    lesson = tmp_path / 'lid.json'
+    lesson.write_text(PLAIN.to_text())
+    space = [Choice('circle.lesson', ['', str(lesson)])] if varied else [Choice('circle.window', [3, 5])]
+    given = {} if varied else {'circle.lesson': str(lesson)}
+
+    def sweep():
+        return socialcircle_ros.run_sweep(BAGS / 'padded.mcap', space, tmp_path / 'out', parameters=given)
+
+    assert [sweep().resumed for _ in range(2)][1] > 0
+    lesson.write_text(replace(PLAIN, threshold=0.6).to_text())
+    with pytest.raises(SocialCircleError, match='another lesson; choose another output'):
+        sweep()
 
 
 def test_the_setting_as_given_is_in_its_own_mode_where_a_parameter_needs_another(tmp_path):

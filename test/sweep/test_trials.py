@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from examples import surface
+from settings.test_lessons import PLAIN
 from sweep.sweep_examples import BASE, labelled, scale, trial, truth
 
 from socialcircle_ros import CircleSettings, remove_outliers
@@ -77,6 +78,14 @@ def test_a_bad_setting_is_refused():
 def test_the_best_of_equal_trials_removes_the_fewest_points():
     trials = [trial(1.0, 0.8), trial(2.0, 0.9, 0.3), trial(3.0, 0.9, 0.2), trial(4.0, 0.9, 0.2)]
     assert best_of(trials) == trials[2]
+
+
+def test_a_fingerprint_depends_on_what_lessons_hold(tmp_path):
+    path, prints = tmp_path / 'lid.json', set()
+    for threshold in (0.5, 0.6):
+        path.write_text(replace(PLAIN, threshold=threshold).to_text())
+        prints.add(fingerprint_of([labelled()], BASE, [str(path)]))
+    assert len(prints | {fingerprint_of([labelled()], BASE)}) == 3
 
 
 def test_a_fingerprint_depends_on_clouds_truth_and_fixed_parameters():
