@@ -92,7 +92,20 @@ def _done_now(task: BatchTask, path: Path, content: str) -> TaskResult:
 
 
 def failed_result(task: BatchTask, reason: str) -> TaskResult:
-    """Record that an input failed, as a row and in the ledger."""
+    """Record that an input failed, as a row and in the ledger, if these can be written; the others go on."""
+    try:
+        return TaskResult(task.found.location, '', _recorded_failure(task, reason))
+    except Exception as error:  # noqa: BLE001 - whatever it is, the failure is told
+        text = str(error) if isinstance(error, SocialCircleError) else f'{type(error).__name__}: {error}'
+        # On a full disk, or where the folder of rows is a file, both have one reason.
+        told = reason if text in reason else printable(f'{reason} It has no row: {text}')
+        found = task.found
+        return TaskResult(
+            found.location, '', LedgerEntry(found.location, found.size, found.changed, task.digest, failure=told)
+        )
+
+
+def _recorded_failure(task: BatchTask, reason: str) -> LedgerEntry:
     found = task.found
     cell, part = task.names.read(found.location)
     origin = _origin(task, None, cell or '', part, '', 0, found.time_ns or time.time_ns())
@@ -102,7 +115,7 @@ def failed_result(task: BatchTask, reason: str) -> TaskResult:
         files = tuple(write_rows(folder, failure_name(found.location), rows))
     entry = LedgerEntry(found.location, found.size, found.changed, task.digest, files=files, failure=reason)
     Ledger(results).record_failure(entry)
-    return TaskResult(found.location, '', entry)
+    return entry
 
 
 def _with_units(task: BatchTask, path: Path, content: str) -> TaskResult:

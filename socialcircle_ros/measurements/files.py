@@ -2,6 +2,8 @@
 """Rows in Parquet files, partitioned by day and cell: `measurements/day=2026-11-28/cell=cell1/NAME.parquet`."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from hashlib import blake2b
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
@@ -19,11 +21,14 @@ if TYPE_CHECKING:
 FOLDER = 'measurements'
 """The folder of the files, in the folder of the results."""
 
+_LONGEST_NAME = 255  # bytes, on nearly all file systems
+
 
 def write_rows(folder: Path, name: str, rows: Sequence[MeasurementRow]) -> list[str]:
     """Write rows to one file for each day and cell; a file of the same name is replaced.
 
-    Each file is written whole or not at all.
+    Each file is written whole or not at all. A cell whose folder would have too long a name is cut, and ends in a
+    hash of the whole.
 
     Args:
         folder: of the results; the files are in `measurements` in it.
@@ -38,11 +43,11 @@ def write_rows(folder: Path, name: str, rows: Sequence[MeasurementRow]) -> list[
     """
     partitions: dict[tuple[date, str], list[MeasurementRow]] = {}
     for row in rows:
-        partitions.setdefault((row.day, row.cell), []).append(row)
+        cell = _cell_that_fits(row.cell)
+        partitions.setdefault((row.day, cell), []).append(replace(row, cell=cell))
     written = []
     for (day, cell), members in partitions.items():
-        # Without quoting, a cell such as `../x` would name another folder.
-        path = Path(FOLDER, f'day={day}', f'cell={quote(cell, safe=" ")}', f'{name}.parquet')
+        path = Path(FOLDER, f'day={day}', _folder_of(cell), f'{name}.parquet')
         content = _parquet(members)
         try:
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -51,6 +56,22 @@ def write_rows(folder: Path, name: str, rows: Sequence[MeasurementRow]) -> list[
         write_file(folder / path, content)
         written.append(str(path))
     return written
+
+
+def _folder_of(cell: str) -> str:
+    """Without quoting, a cell such as `../x` would name another folder."""
+    return f'cell={quote(cell, safe=" ")}'
+
+
+def _cell_that_fits(cell: str) -> str:
+    """The cell, or its beginning with a hash: DuckDB takes the cell from the folder, where letters can be long."""
+    if len(_folder_of(cell)) <= _LONGEST_NAME:
+        return cell
+    digest = blake2b(cell.encode(), digest_size=4).hexdigest()
+    kept = cell[:_LONGEST_NAME]
+    while len(_folder_of(f'{kept}-{digest}')) > _LONGEST_NAME:
+        kept = kept[:-1]
+    return f'{kept}-{digest}'
 
 
 def _parquet(rows: Sequence[MeasurementRow]) -> bytes:

@@ -282,6 +282,36 @@ def test_an_unexpected_error_is_told_as_well(tmp_path, monkeypatch):
     assert do_task(task(path, tmp_path / 'out')).entry.failure == 'ZeroDivisionError: division by zero'
 
 
+@pytest.mark.parametrize('blocked', ['measurements', 'inputs', 'recordings', 'reports'])
+def test_results_that_cannot_be_written_are_a_failure_that_is_told(tmp_path, blocked):
+    path, out = recorded(tmp_path / 'a.mcap', clouds=1), tmp_path / 'out'
+    out.mkdir()
+    (out / blocked).write_text('')
+    assert str(out / blocked) in do_task(task(path, out, reports=True)).entry.failure
+
+
+def test_a_failure_that_cannot_be_recorded_is_told(tmp_path, monkeypatch):
+    (tmp_path / 'a.mcap').write_bytes(b'no recording')
+
+    def broken(*_):
+        raise ZeroDivisionError('division by zero')
+
+    monkeypatch.setattr('socialcircle_ros.archive.work.write_rows', broken)
+    failure = do_task(task(tmp_path / 'a.mcap', tmp_path / 'out')).entry.failure
+    assert failure.endswith('It has no row: ZeroDivisionError: division by zero')
+    assert 'a.mcap' in failure
+
+
+def test_a_cell_with_a_name_too_long_for_a_folder_is_cut(tmp_path):
+    cells = [f'A{"測" * 30}{number}' for number in range(2)]
+    for cell in cells:
+        path = recorded(tmp_path / cell / 'a.mcap', clouds=1, seed=int(cell[-1]))
+        assert do_task(task(path, tmp_path / 'out', names=NamePattern('{cell}/*'))).entry.failure is None
+    found = asked(tmp_path / 'out', 'select cell from measurements')
+    assert len({cell for (cell,) in found}) == 2
+    assert all(cell.startswith('A測測') for (cell,) in found)
+
+
 def test_a_refused_cloud_is_a_row_between_the_others(tmp_path):
     path = recorded(tmp_path / 'a.mcap', message=cloud(1, 9))
     result = do_task(task(path, tmp_path / 'out'))
