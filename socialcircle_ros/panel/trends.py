@@ -57,9 +57,12 @@ class Trends:
         if path == PAGE:
             return self._page
         folder, _, name = unquote(path).partition('/')
-        if folder != _REPORTS or Path(name).name != name or not name.endswith('.html'):
+        if folder != _REPORTS:
             return None
         try:
-            return (Path(self.folder) / _REPORTS / name).read_bytes()
-        except (OSError, ValueError):  # ValueError: a name with a zero byte
+            reports = (Path(self.folder) / _REPORTS).resolve()
+            report = (reports / name).resolve()  # that to which links lead
+            is_report = report.is_relative_to(reports) and report.suffix == '.html' and report.is_file()
+            return report.read_bytes() if is_report else None
+        except (OSError, ValueError, RuntimeError):  # a name with a zero byte; links in a circle
             return None
