@@ -9,7 +9,7 @@ from pathlib import Path
 
 from socialcircle_ros.errors import SocialCircleError, UnitWarning, printable
 from socialcircle_ros.measurements import MeasurementRow, Origin, SettingsText, refused_row, row_of, write_rows
-from socialcircle_ros.messages.header import FIRST_DATE
+from socialcircle_ros.messages.header import FIRST_DATE, readable_header
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import CloudOutputs
 from socialcircle_ros.pipeline.stacks import Refusal
@@ -206,7 +206,7 @@ class _RowCollector:
             unit='m' if cloud.image is not None else self._units[cloud.topic],
         )
         if isinstance(outputs, Refusal):
-            self.rows.append(refused_row(origin, outputs.reason))
+            self.rows.append(refused_row(origin, outputs.reason, header=readable_header(cloud.points)))
         else:
             found = None if kept is None else texture(*kept)
             self.rows.append(row_of(origin, outputs.measurement, found))

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 from datetime import date, datetime, timedelta, timezone
 from typing import Literal
 
+from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import PASSED
 from socialcircle_ros.lengths import known_unit
 from socialcircle_ros.messages import diagnostics
-from socialcircle_ros.messages.header import FIRST_DATE
+from socialcircle_ros.messages.header import FIRST_DATE, Header, stamp_text
 from socialcircle_ros.metrics.areal import Texture
 from socialcircle_ros.pipeline.clouds import Measurement
 from socialcircle_ros.settings import markdown_table
@@ -196,7 +197,7 @@ def row_of(
     is_ok = measurement.level == diagnostics.OK
     return replace(
         _begun(origin, 'ok' if is_ok else 'warning', values.stamp),
-        frame=measurement.frame_id,
+        frame=printable(measurement.frame_id),
         reason=None if is_ok else measurement.message,
         points=values.points,
         measured=values.measured,
@@ -221,15 +222,23 @@ def row_of(
     )
 
 
-def refused_row(origin: Origin, reason: str, status: Literal['refused', 'failed'] = 'refused') -> MeasurementRow:
+def refused_row(
+    origin: Origin,
+    reason: str,
+    status: Literal['refused', 'failed'] = 'refused',
+    header: Header | None = None,
+) -> MeasurementRow:
     """The row of a cloud that cannot be filtered, or of a recording that cannot be read.
 
     Args:
         origin: where it comes from; an empty topic: a recording as a whole.
         reason: the sentence that says why.
         status: 'refused': a cloud; 'failed': a recording.
+        header: of the cloud; None: a recording, or a cloud that is damaged.
     """
-    begun = _begun(origin, status, None)
+    begun = _begun(origin, status, None if header is None else stamp_text(header.stamp))
+    if header is not None:
+        begun = replace(begun, frame=printable(header.frame_id))
     if not origin.topic:
         begun = replace(begun, topic=None, number=None)
     return replace(begun, reason=reason)

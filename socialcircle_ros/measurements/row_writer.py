@@ -10,6 +10,7 @@ from pathlib import Path
 
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.errors import SocialCircleError
+from socialcircle_ros.messages.header import Header
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import Measurement
 
@@ -35,6 +36,7 @@ class LiveCloud:
         latency_ms: from arrival to publication.
         xyz: the cloud, (H, W, 3); None: its texture is not wanted.
         kept: (H, W), its kept points.
+        header: of a refused cloud; None: it is damaged.
     """
 
     origin: Origin
@@ -42,6 +44,7 @@ class LiveCloud:
     latency_ms: float | None = None
     xyz: Cloud | None = None
     kept: Mask | None = None
+    header: Header | None = None
 
 
 class RowWriter:
@@ -152,7 +155,7 @@ class RowWriter:
 
 def _row(cloud: LiveCloud) -> MeasurementRow:
     if isinstance(cloud.outcome, str):
-        return refused_row(cloud.origin, cloud.outcome)
+        return refused_row(cloud.origin, cloud.outcome, header=cloud.header)
     found = None
     if cloud.xyz is not None and cloud.kept is not None:
         found = texture(cloud.xyz, cloud.kept)

@@ -3,6 +3,8 @@
 
 from dataclasses import dataclass
 
+from socialcircle_ros.errors import MessageError
+
 from .cdr import CdrReader, CdrWriter
 
 _NANOSECONDS = 1_000_000_000
@@ -52,6 +54,14 @@ def stamp_of(message: bytes) -> int:
         MessageError: the message ends early.
     """
     return Header.read(CdrReader(message)).stamp
+
+
+def readable_header(message: bytes | memoryview) -> Header | None:
+    """The header of any serialized message that begins with one; None: the message is damaged."""
+    try:
+        return Header.read(CdrReader(message))
+    except MessageError:
+        return None
 
 
 def stamp_text(stamp: int) -> str:

@@ -15,6 +15,7 @@ from socialcircle_ros.errors import SocialCircleError, printable
 from socialcircle_ros.interface import CLOUD_OUTPUTS, LAST_POINTS, MEASUREMENT, POINTS
 from socialcircle_ros.kernels.memory import give_back_freed_memory, reserve_memory
 from socialcircle_ros.messages import diagnostics
+from socialcircle_ros.messages.header import readable_header
 from socialcircle_ros.pipeline.clouds import failure_sentence, process_cloud
 
 from .health import Health
@@ -222,7 +223,7 @@ class CloudFilter:
         except SocialCircleError as refusal:
             self._health.refused(str(refusal), again=cloud.again)
             if not cloud.again:
-                self._rows.put(str(refusal), None, settings, cloud.unit)
+                self._rows.put(str(refusal), None, settings, cloud.unit, readable_header(cloud.message))
             self._node.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=LOG_PERIOD_S)
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered

@@ -12,6 +12,7 @@ from socialcircle_ros.errors import printable
 from socialcircle_ros.interface import POINTS
 from socialcircle_ros.measurements import Origin, SettingsText
 from socialcircle_ros.measurements.row_writer import LiveCloud, RowWriter
+from socialcircle_ros.messages.header import Header
 from socialcircle_ros.pipeline.clouds import Measurement
 from socialcircle_ros.settings import MeasurementSettings
 
@@ -53,13 +54,17 @@ class LiveRows:
         latency_ms: float | None,
         configuration: Configuration,
         unit: str | None,
+        header: Header | None = None,
     ) -> None:
-        """Hand over what came of the cloud at hand, with the settings that it was filtered with, and its unit."""
+        """Hand over what came of the cloud at hand, with the settings that it was filtered with, and its unit.
+
+        A refusal has the header of the cloud, if it can be read.
+        """
         kept, self._kept = self._kept, None
         if self._writer is None:
             return
         xyz, mask = kept if kept is not None and not isinstance(outcome, str) else (None, None)
-        self._writer.put(LiveCloud(self._origin(configuration, unit), outcome, latency_ms, xyz, mask))
+        self._writer.put(LiveCloud(self._origin(configuration, unit), outcome, latency_ms, xyz, mask, header))
         self._number += 1
 
     def close(self) -> None:

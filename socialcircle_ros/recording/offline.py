@@ -3,13 +3,13 @@
 
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from socialcircle_ros.arguments import Compression, OneOrSeveral, settings_of, several
 from socialcircle_ros.cloud import Cloud, Mask
-from socialcircle_ros.errors import MessageError, RecordingError, SocialCircleError
+from socialcircle_ros.errors import RecordingError, SocialCircleError
 from socialcircle_ros.focus import Registered, count_reasons
 from socialcircle_ros.interface import (
     CLOUD_OUTPUTS,
@@ -26,7 +26,7 @@ from socialcircle_ros.interface import (
     outputs_of,
 )
 from socialcircle_ros.messages import diagnostics
-from socialcircle_ros.messages.header import stamp_of, stamp_text
+from socialcircle_ros.messages.header import readable_header, stamp_text
 from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
 from socialcircle_ros.pipeline.stacks import NOT_SET, Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
@@ -389,8 +389,9 @@ def _filter(
     try:
         outputs = filter_cloud(cloud.points, settings, cloud.depth_of_field, take_kept)
     except SocialCircleError as refusal:
-        with suppress(MessageError):  # a damaged cloud may have no stamp
-            summary.first_refused.setdefault(str(refusal), stamp_text(stamp_of(cloud.points)))
+        header = readable_header(cloud.points)
+        if header is not None:
+            summary.first_refused.setdefault(str(refusal), stamp_text(header.stamp))
         summary.refuse(str(refusal))
         if filtered is not None:
             filtered(cloud, Refusal(str(refusal)), None)

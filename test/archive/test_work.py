@@ -319,6 +319,23 @@ def test_a_refused_cloud_is_a_row_between_the_others(tmp_path):
     assert [row[-1] for row in asked(tmp_path / 'out')] == ['refused', 'refused']
 
 
+def test_a_refused_cloud_has_the_time_of_its_stamp_where_that_can_be_read(tmp_path):
+    """And not that of its recording, which is an hour later."""
+    path, late = tmp_path / 'a.mcap', NOON + 3_600_000_000_000
+    with RecordingWriter(path) as writer:
+        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        for message in (cloud(stamp=NOON), cloud(1, 9, stamp=NOON), b'no cloud'):
+            writer.write('/points', message, late)
+    do_task(task(path, tmp_path / 'out'))
+    query = 'select number, status, epoch(time)::bigint, stamp, frame is null from measurements order by number'
+    stamp = f'{NOON // 10**9}.000000000'
+    assert asked(tmp_path / 'out', query) == [
+        (0, 'ok', NOON // 10**9, stamp, False),
+        (1, 'refused', NOON // 10**9, stamp, False),
+        (2, 'refused', late // 10**9, None, True),
+    ]
+
+
 def test_a_report_is_written_on_request(tmp_path):
     pytest.importorskip('matplotlib')
     do_task(task(recorded(tmp_path / 'a.mcap', clouds=1), tmp_path / 'out', reports=True))

@@ -11,6 +11,7 @@ from measurements.row_examples import NOON, measurement, origin, row
 from settings.test_lessons import PLAIN
 
 from socialcircle_ros.measurements import MeasurementRow, SettingsText, refused_row, row_of
+from socialcircle_ros.messages.header import Header
 from socialcircle_ros.metrics.areal import Texture
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.settings import CircleSettings, LimitSettings, OutputSettings, PipelineSettings
@@ -70,6 +71,12 @@ def test_a_texture_that_is_not_known_is_null():
 def test_a_refused_cloud_and_a_recording_that_cannot_be_read_are_rows_too():
     refused = refused_row(origin(), 'It is not organized.')
     assert (refused.status, refused.reason, refused.number) == ('refused', 'It is not organized.', 3)
+    assert (refused.stamp, refused.frame, refused.day) == (None, None, date(2026, 9, 21))
+    tomorrow = Header.at(NOON + 86_400_000_000_000, 'stage')
+    refused = refused_row(origin(), 'It is not organized.', header=tomorrow)
+    assert (refused.stamp, refused.frame) == (f'{NOON // 10**9 + 86_400}.000000000', 'stage')
+    assert refused.day == date(2026, 9, 22)
+    assert refused_row(origin(), 'No.', header=Header(5)).day == date(2026, 9, 21)  # no date
     failed = refused_row(origin(topic='', number=0), 'It is no recording.', 'failed')
     assert (failed.status, failed.topic, failed.number, failed.points) == ('failed', None, None, None)
 

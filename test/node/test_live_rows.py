@@ -75,6 +75,23 @@ def test_a_row_has_the_unit_of_its_cloud_where_the_node_made_it(tmp_path):
     assert found == [(0, None), (1, 'm')]
 
 
+def test_the_row_of_a_refused_cloud_has_its_stamp(tmp_path):
+    begun = threading.Event()
+
+    def configuration():
+        begun.set()
+        return Configuration.from_ros({'measurements.folder': str(tmp_path)})
+
+    with cloud_filter(configuration) as clouds:
+        begun.clear()
+        clouds.filter(cloud(1, 9, stamp=1_790_000_000_000_000_000))
+        begun.wait()
+        clouds.finish()
+    query = 'select status, stamp, frame, epoch(time)::bigint from measurements'
+    found = ('refused', '1790000000.000000000', 'microscope', 1_790_000_000)
+    assert open_measurements(tmp_path).sql(query).fetchall() == [found]
+
+
 def test_the_node_keeps_a_row_of_each_cloud(start_cell, tmp_path):
     folder = tmp_path / 'plant'
     cell = start_cell({'measurements.folder': str(folder), 'measurements.cell': 'hall 3'})
