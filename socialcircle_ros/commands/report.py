@@ -103,7 +103,8 @@ def _compare(
         compared = make_comparison(
             recording, output, (files[0].name, first), (files[1].name, second), topics=topics, progress=progress
         )
-    warned = sum(bool(cloud.warnings) for cloud in compared)
+    warned = sum(bool(cloud.warnings) for cloud in compared.clouds)
     if warned:
         click.echo(f'{quantity(warned, "measurement")} with warnings: see the page.', err=True)
-    click.echo(f'{quantity(len(compared), "measurement")} compared. Next: open {shell_words(output)}')
+    tell_refusals(compared.refused, compared.damage)
+    click.echo(f'{quantity(len(compared.clouds), "measurement")} compared. Next: open {shell_words(output)}')

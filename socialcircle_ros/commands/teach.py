@@ -67,15 +67,15 @@ def command(
     with folder_of_results(output.parent):
         check_place(page)
         check_place(output)
-        clouds, refused = read_good_clouds(
+        clouds, refused, damage = read_good_clouds(
             good, settings, topics=topics, most=most, progress=lambda text: click.echo(text, err=True)
         )
         with progress_bar(f'teaching on {quantity(len(clouds), "cloud")}') as progress:
             taught = teach(clouds, progress, settings.circle)
         tell_refusals(refused, None)
-        for warning in taught.warnings:
+        for warning in (*damage, *taught.warnings):
             click.echo(f'Warning: {warning}', err=True)
-        write_file(page, lesson_page(taught))
+        write_file(page, lesson_page(taught, damage))
         if taught.refusal:
             raise SocialCircleError(f'{taught.refusal} No lesson was written; {page} shows what was found.')
         write_file(output, taught.lesson.to_text())

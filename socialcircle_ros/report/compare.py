@@ -24,6 +24,7 @@ from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
+from socialcircle_ros.recording.reader import RecordingReader
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PARAMETERS, PipelineSettings
@@ -85,6 +86,30 @@ class ComparedCloud:
         return Section(self.name, items=items, warnings=self.warnings, anchor=anchor)
 
 
+@dataclass(frozen=True)
+class ComparedRecording:
+    """What two settings did to the clouds of a recording.
+
+    Attributes:
+        clouds: those that both settings could filter.
+        refused: number of the others, and of refused frames, by reason.
+        damage: where the recording is damaged; None if it is intact.
+    """
+
+    clouds: Sequence[ComparedCloud]
+    refused: Mapping[str, int]
+    damage: str | None
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """All that a person should know, one sentence each."""
+        return [
+            *(refusal_text(reason, count) for reason, count in self.refused.items()),
+            *([self.damage] if self.damage else []),
+            *(f'{cloud.name}: {warning}' for cloud in self.clouds for warning in cloud.warnings),
+        ]
+
+
 def make_comparison(
     recording: str | Path,
     output: str | Path,
@@ -93,7 +118,7 @@ def make_comparison(
     *,
     topics: OneOrSeveral[str] = (),
     progress: Callable[[int, int], None] | None = None,
-) -> Sequence[ComparedCloud]:
+) -> ComparedRecording:
     """Filter every cloud of a recording with two settings, and write an HTML page that shows both side by side.
 
     Args:
@@ -105,7 +130,7 @@ def make_comparison(
         progress: as in `make_report`.
 
     Returns:
-        The clouds that both settings could filter.
+        The clouds that both settings could filter, what was refused, and where the recording is damaged.
 
     Raises:
         SettingError: the settings are equal, or differ in parameters that make other clouds of a stack.
@@ -125,15 +150,18 @@ def make_comparison(
         )
     with folder_of_results(output.parent):
         check_place(output)
-        compared, refused = [], Counter[str]()
-        for item in _compared(recording, settings, several(topics), progress):
-            if isinstance(item, Refusal):
-                refused[item.reason] += 1
-            else:
-                compared.append(item)
-        if not compared:
-            raise RecordingError(f'{recording} has no cloud that both settings can filter. {" ".join(refused)}')
-        write_file(output, _page(recording.name, (first[0], second[0]), differing, settings, compared, refused))
+        clouds, refused = [], Counter[str]()
+        with open_recording(recording) as reader:
+            for item in _compared(reader, settings, several(topics), progress):
+                if isinstance(item, Refusal):
+                    refused[item.reason] += 1
+                else:
+                    clouds.append(item)
+            compared = ComparedRecording(clouds, refused, reader.damage)
+        if not clouds:
+            reasons = ' '.join([*refused, *([compared.damage] if compared.damage else [])])
+            raise RecordingError(f'{recording} has no cloud that both settings can filter. {reasons}'.strip())
+        write_file(output, _page(recording.name, (first[0], second[0]), differing, settings, compared))
     return compared
 
 
@@ -157,31 +185,30 @@ def _differing(first: PipelineSettings, second: PipelineSettings) -> list[str]:
 
 
 def _compared(
-    recording: Path,
+    reader: RecordingReader,
     settings: tuple[PipelineSettings, PipelineSettings],
     topics: tuple[str, ...],
     progress: Callable[[int, int], None] | None,
 ) -> Iterator[ComparedCloud | Refusal]:
-    with open_recording(recording) as reader:
-        truths = truths_of(reader)
+    truths = truths_of(reader)
 
-        def compare(item: NamedCloud | Refusal) -> ComparedCloud | Refusal:
-            if isinstance(item, Refusal):
-                return item
-            name, cloud = shown_name(reader.path, item.name), item.cloud
-            try:
-                first, second = (filter_cloud(cloud.points, each, cloud.depth_of_field) for each in settings)
-            except SocialCircleError as error:
-                return Refusal(f'{name}: {error}')
-            truth = truths(cloud.namespace, cloud.points)
-            scored = None if truth is None else (truth.outlier, truth.counted)
-            unit = 'm' if cloud.image is not None else unit_of(reader, cloud.topic)
-            warnings = [cloud.warning] if cloud.warning else []
-            for label, result in (('A', first), ('B', second)):
-                warnings += [f'{label}: {warning}' for warning in result.measurement.warnings]
-            return _compared_cloud(name, cloud.points, unit, (mask_of(first), mask_of(second)), scored, warnings)
+    def compare(item: NamedCloud | Refusal) -> ComparedCloud | Refusal:
+        if isinstance(item, Refusal):
+            return item
+        name, cloud = shown_name(reader.path, item.name), item.cloud
+        try:
+            first, second = (filter_cloud(cloud.points, each, cloud.depth_of_field) for each in settings)
+        except SocialCircleError as error:
+            return Refusal(f'{name}: {error}')
+        truth = truths(cloud.namespace, cloud.points)
+        scored = None if truth is None else (truth.outlier, truth.counted)
+        unit = 'm' if cloud.image is not None else unit_of(reader, cloud.topic)
+        warnings = [cloud.warning] if cloud.warning else []
+        for label, result in (('A', first), ('B', second)):
+            warnings += [f'{label}: {warning}' for warning in result.measurement.warnings]
+        return _compared_cloud(name, cloud.points, unit, (mask_of(first), mask_of(second)), scored, warnings)
 
-        yield from in_order(compare, named_clouds(reader, settings[0], topics=topics, progress=progress))
+    yield from in_order(compare, named_clouds(reader, settings[0], topics=topics, progress=progress))
 
 
 def _compared_cloud(
@@ -222,10 +249,9 @@ def _page(
     names: tuple[str, str],
     differing: Sequence[str],
     settings: tuple[PipelineSettings, PipelineSettings],
-    compared: Sequence[ComparedCloud],
-    refused: Mapping[str, int],
+    compared: ComparedRecording,
 ) -> str:
-    units = {cloud.unit for cloud in compared}
+    units = {cloud.unit for cloud in compared.clouds}
     unit = units.pop() if len(units) == 1 else None
     rows: list[list[Cell]] = []
     for parameter in differing:
@@ -238,7 +264,8 @@ def _page(
     labels = (f'A: {names[0]}', f'B: {names[1]}')
     columns = [Column('parameter'), *map(Column, labels), Column('default')]
     clouds: list[list[Cell]] = [
-        [cloud.name, *(count / cloud.measured for count in cloud.removed), *cloud.only] for cloud in compared
+        [cloud.name, *(count / cloud.measured for count in cloud.removed), *cloud.only]
+        for cloud in compared.clouds
     ]
     all_columns = [
         Column('measurement'), Column('outliers A', '.2%'), Column('outliers B', '.2%'),
@@ -251,12 +278,9 @@ def _page(
                 Table('settings', 'Settings that differ', columns, rows),
                 Table('all', '', all_columns, clouds),
             ],
-            warnings=[
-                *(refusal_text(reason, count) for reason, count in refused.items()),
-                *(f'{cloud.name}: {warning}' for cloud in compared for warning in cloud.warnings),
-            ],
+            warnings=compared.warnings,
         ),
-        *(cloud.section(labels) for cloud in compared),
+        *(cloud.section(labels) for cloud in compared.clouds),
     ]
     text = 'The page shows what each setting removes; which one is right, a person decides.'
     return render(f'{names[0]} and {names[1]} on {name}', [text], sections)

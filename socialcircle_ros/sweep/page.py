@@ -12,7 +12,7 @@ from socialcircle_ros.errors import CloudError
 from socialcircle_ros.lengths import length_scale
 from socialcircle_ros.pictures.drawings import CloudPictures
 from socialcircle_ros.pictures.style import OUTLIER, SURFACE, new_figure, png_of
-from socialcircle_ros.report.content import Banner, Cell, Column, Picture, Pictures, Section, Table
+from socialcircle_ros.report.content import Banner, Cell, Column, Picture, Pictures, Section, Table, refusal_text
 from socialcircle_ros.report.page import render
 from socialcircle_ros.settings import PARAMETERS, CircleSettings, RosValue
 
@@ -169,7 +169,10 @@ def _disagreement(masks: list[Mask]) -> float:
 
 
 def _warnings(result: SweepResult) -> Iterator[str]:
-    """Why the setting with the highest score may not be the best that there is."""
+    """What was not filtered, and why the setting with the highest score may not be the best that there is."""
+    yield from (refusal_text(reason, count) for reason, count in result.refused.items())
+    if result.damage:
+        yield result.damage
     best = result.best
     if not result.has_truth:
         return

@@ -80,7 +80,7 @@ def read_good_clouds(
     topics: OneOrSeveral[str] = (),
     most: int = 8,
     progress: Callable[[str], None] = lambda text: None,
-) -> tuple[list[GoodCloud], Counter[str]]:
+) -> tuple[list[GoodCloud], Counter[str], list[str]]:
     """Read the clouds of recordings and measurement files; stacks become clouds.
 
     Args:
@@ -91,7 +91,7 @@ def read_good_clouds(
         progress: called with what is read.
 
     Returns:
-        The clouds, and the number of refused ones by reason.
+        The clouds, the number of refused ones by reason, and a sentence for each recording that is damaged.
 
     Raises:
         RecordingError: a file cannot be read, or it has no cloud.
@@ -99,11 +99,12 @@ def read_good_clouds(
     """
     settings_of(PipelineSettings, settings)
     refused: Counter[str] = Counter()
-    clouds = []
+    clouds, damage = [], []
     for path in map(Path, several(files)):
         progress(f'reading {path.name}')
         with open_recording(path) as reader:
             chosen = spread_clouds(reader, settings, most, refused, topics=topics)
+            damage += [reader.damage] if reader.damage else []
         for (name, cloud), unit in chosen:
             depth = settings.circle.depth_of_field or cloud.depth_of_field
             title = f'{path.name} {name}'
@@ -114,8 +115,8 @@ def read_good_clouds(
                 continue
             clouds.append(good)
     if not clouds:
-        raise CloudError(f'There is no cloud to teach on. {" ".join(refused)}'.strip())
-    return clouds, refused
+        raise CloudError(f'There is no cloud to teach on. {" ".join([*refused, *damage])}'.strip())
+    return clouds, refused, damage
 
 
 def good_cloud(

@@ -30,8 +30,12 @@ def check_libraries() -> None:
     environment()
 
 
-def lesson_page(teaching: Teaching) -> str:
+def lesson_page(teaching: Teaching, damage: Sequence[str] = ()) -> str:
     """Render the page.
+
+    Args:
+        teaching: what was learnt, and its check.
+        damage: a sentence for each recording that is damaged.
 
     Raises:
         SocialCircleError: matplotlib or Jinja2 is not installed.
@@ -44,7 +48,9 @@ def lesson_page(teaching: Teaching) -> str:
         'The figures below are of the fields kept back.',
     ]
     verdict = teaching.refusal or 'The lesson helps on the fields kept back.'
-    check = Section('Check', findings=[verdict], items=[_figures(teaching)], warnings=[*teaching.warnings])
+    check = Section(
+        'Check', findings=[verdict], items=[_figures(teaching)], warnings=[*damage, *teaching.warnings]
+    )
     return render(TITLE, introduction, [check, *_pictures(teaching.fields)])
 
 

@@ -104,6 +104,25 @@ def test_a_measurement_that_fails_its_limits_ends_with_3_and_is_on_the_page(run,
     assert 'Failed: 0 of 2 measurements are within the limits.' in text_of(tmp_path / 'report.html')
 
 
+def test_a_comparison_tells_damage_and_refusals(run, tmp_path):
+    with RecordingWriter(tmp_path / 'whole.mcap') as writer:
+        writer.add_topic(ros_topic('/points', point_cloud.TYPE))
+        for number in range(6):
+            message = cloud(1, 9) if number == 1 else cloud(seed=number, stamp=number)
+            writer.write('/points', message, number)
+    content = (tmp_path / 'whole.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(content[: len(content) * 2 // 3])
+    (tmp_path / 'a.yaml').write_text('/**:\n  ros__parameters:\n    circle.judge: rules\n')
+    (tmp_path / 'b.yaml').write_text('/**:\n  ros__parameters:\n    circle.mode: paper\n')
+    done = run('report', 'cut.mcap', '--compare', 'a.yaml', 'b.yaml', '-o', 'ab.html')
+    assert done.code == 0, done.err
+    assert 'Warning: cut.mcap is damaged' in done.err
+    assert 'Refused: /points 1: ' in done.err
+    page = (tmp_path / 'ab.html').read_text()
+    assert '<li>cut.mcap is damaged' in page
+    assert '<li>Refused: /points 1: ' in page
+
+
 def test_two_settings_are_compared_side_by_side(run, tmp_path):
     for name, scale in (('a', 0.6), ('b', 1.0)):
         values = f'circle.mode: paper\n    circle.radius_scale: {scale}'

@@ -16,7 +16,8 @@ def test_a_file_has_its_name_and_each_warning_the_setting_that_it_is_of(tmp_path
     write_surface(tmp_path / 'part.npz', MeasuredSurface(np.array(surface()[..., 2]), (1e-6, 1e-6), 'm'))
     strict = PipelineSettings(circle=CircleSettings(mode='paper', radius=1e-12))
     mild = PipelineSettings(circle=CircleSettings(mode='paper', radius_scale=1.5))
-    (found,) = make_comparison(tmp_path / 'part.npz', tmp_path / 'ab.html', ('s.yaml', strict), ('m.yaml', mild))
+    compared = make_comparison(tmp_path / 'part.npz', tmp_path / 'ab.html', ('s.yaml', strict), ('m.yaml', mild))
+    (found,) = compared.clouds
     assert found.name == 'part.npz'
     warnings = [warning for warning in found.warnings if warning.startswith('A: ')]
     assert any('The outliers are more than half of the points' in warning for warning in warnings)

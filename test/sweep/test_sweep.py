@@ -67,6 +67,14 @@ def test_one_cloud_has_no_standard_error(tmp_path, recording, caption):
     assert f'<figcaption>{caption}</figcaption>' in (tmp_path / 'sweep.html').read_text()
 
 
+def test_the_page_tells_where_the_recording_is_damaged(tmp_path):
+    content = (BAGS / 'parts.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(content[: len(content) * 2 // 3])
+    result = socialcircle_ros.run_sweep(tmp_path / 'cut.mcap', SPACE, tmp_path / 'out', max_clouds=2)
+    assert 'cut.mcap is damaged' in result.damage
+    assert 'cut.mcap is damaged' in (tmp_path / 'out/sweep.html').read_text()
+
+
 @pytest.mark.parametrize('varied', [False, True])
 def test_trials_with_a_lesson_that_was_taught_again_are_not_taken_over(tmp_path, varied):
     lesson = tmp_path / 'lid.json'

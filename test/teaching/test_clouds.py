@@ -51,13 +51,22 @@ def test_the_noise_of_a_flat_field_is_above_0():
     assert all(field.noise > 0 for group in good_fields([part(np.zeros((200, 300)))]) for field in group)
 
 
+def test_a_damaged_recording_is_told(tmp_path):
+    content = (BAGS / 'parts.mcap').read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(content[: len(content) // 2])
+    clouds, _, damage = read_good_clouds([BAGS / 'parts.mcap', tmp_path / 'cut.mcap'], PipelineSettings(), most=2)
+    assert len(clouds) >= 2
+    assert [sentence.partition('cut.mcap is damaged')[1] for sentence in damage] == ['cut.mcap is damaged']
+
+
 def test_clouds_are_read_from_recordings_and_measurement_files(tmp_path):
     heights = pitted(60, 70).astype(np.float32)
     heights[7, 9] = -99
     np.savez(tmp_path / 'good.npz', z=heights, dx=1.0, dy=2.0, unit='m')
     settings = PipelineSettings(circle=CircleSettings(not_measured='-99', depth_of_field=3.0))
-    clouds, refused = read_good_clouds([tmp_path / 'good.npz', BAGS / 'parts.mcap'], settings, most=2)
+    clouds, refused, damage = read_good_clouds([tmp_path / 'good.npz', BAGS / 'parts.mcap'], settings, most=2)
     assert not refused
+    assert not damage
     assert [cloud.name.split()[0] for cloud in clouds] == ['good.npz', 'parts.mcap', 'parts.mcap']
     assert clouds[0].points.shape == (60, 70, 3)
     assert np.isnan(clouds[0].points[7, 9]).all()
