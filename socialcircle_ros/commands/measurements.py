@@ -3,8 +3,9 @@
 
 import csv
 import json
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Literal
 
 import click
@@ -78,8 +79,10 @@ def _print(names: Sequence[str], rows: Sequence[Sequence[object]], form: Literal
         writer.writerow(names)
         writer.writerows(['' if cell is None else cell for cell in row] for row in rows)
     elif form == 'json':
+        keys = _different(names)
         for row in rows:
-            click.echo(json.dumps(dict(zip(names, row, strict=True)), default=str, ensure_ascii=False))
+            values = dict(zip(keys, map(_without_nan, row), strict=True))
+            click.echo(json.dumps(values, default=str, ensure_ascii=False, allow_nan=False))
     else:
         from rich.console import Console
         from rich.table import Table
@@ -88,6 +91,34 @@ def _print(names: Sequence[str], rows: Sequence[Sequence[object]], form: Literal
         for row in rows:
             table.add_row(*('' if cell is None else _text(cell) for cell in row))
         Console(width=None if sys.stdout.isatty() else 1000, markup=False, highlight=False).print(table)
+
+
+def _different(names: Sequence[str]) -> list[str]:
+    """The names of columns, with a number where several have one: an object of JSON would lose all but one."""
+    taken = set(names)
+    found: list[str] = []
+    for name in names:
+        found.append(_numbered(name, taken) if name in found else name)
+        taken.add(found[-1])
+    return found
+
+
+def _numbered(name: str, taken: Collection[str]) -> str:
+    number = 2
+    while f'{name}_{number}' in taken:
+        number += 1
+    return f'{name}_{number}'
+
+
+def _without_nan(cell: object) -> object:
+    """A value with null for numbers that JSON does not have, also in lists and maps."""
+    if isinstance(cell, float):
+        return cell if math.isfinite(cell) else None
+    if isinstance(cell, Mapping):
+        return {str(key): _without_nan(value) for key, value in cell.items()}
+    if isinstance(cell, (list, tuple)):
+        return [_without_nan(value) for value in cell]
+    return cell
 
 
 def _text(cell: object) -> str:

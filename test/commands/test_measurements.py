@@ -66,6 +66,19 @@ def test_a_query_is_answered_as_a_table_or_as_json(run, out):
     assert rows[0] == {'number': 3, 'share': 0.0046, 'reason': None}
 
 
+def test_json_has_every_column_and_no_number_that_json_does_not_have(run, out):
+    query = (
+        "select 1 as a, 2 as a, 3 as a_2, 4 as a, 'nan'::double as b, [1.5, '-inf'::double] as c,"
+        " map([date '2026-09-21'], ['nan'::double]) as d, {'x': 'inf'::float} as e, date '2026-09-21' as f"
+    )
+    done = run('measurements', out, query, '--format', 'json')
+    assert done.code == 0, done.err
+    assert json.loads(done.out, parse_constant=pytest.fail) == {
+        'a': 1, 'a_3': 2, 'a_2': 3, 'a_4': 4, 'b': None, 'c': [1.5, None], 'd': {'2026-09-21': None},
+        'e': {'x': None}, 'f': '2026-09-21',
+    }  # fmt: skip
+
+
 def test_a_bad_query_is_told_by_duckdb(run, out):
     done = run('measurements', out, 'select nothing from measurements')
     assert done.code == 1
