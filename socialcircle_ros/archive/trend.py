@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.lengths import METRES, NOT_KNOWN, known_unit, length_scale
 from socialcircle_ros.measurements import open_measurements
-from socialcircle_ros.report.entry import anchor_of
+from socialcircle_ros.report.entry import anchor_of, shown_name
 from socialcircle_ros.storage import is_url
 
 from .control_chart import ControlLimits, control_limits, signals
@@ -306,4 +306,7 @@ def _change(before: TrendRow, after: TrendRow) -> str:
 
 def _link(row: TrendRow, reports: Mapping[str, str]) -> str:
     report = reports.get(row.recording or '')
-    return f'{report}#{quote(anchor_of(f"{row.topic} {row.number}"))}' if report else ''
+    if not report:
+        return ''
+    name = shown_name(Path(row.recording or ''), f'{row.topic} {row.number}')
+    return f'{report}#{quote(anchor_of(name))}'

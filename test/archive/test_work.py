@@ -4,6 +4,7 @@
 import os
 import resource
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -341,6 +342,22 @@ def test_a_report_is_written_on_request(tmp_path):
     do_task(task(recorded(tmp_path / 'a.mcap', clouds=1), tmp_path / 'out', reports=True))
     page = (tmp_path / 'out/reports/a.mcap.html').read_text()
     assert 'id="measurement--cell1-points-0"' in page
+
+
+def test_the_page_of_trends_links_to_where_the_report_has_the_cloud_of_a_file(tmp_path):
+    for library in ('matplotlib', 'bokeh'):
+        pytest.importorskip(library)
+    from socialcircle_ros.archive.trend import read_series
+
+    write_surface(tmp_path / 'lid 8.npz', MeasuredSurface(surface()[..., 2], (1.0, 1.0), 'um'))
+    for path in (tmp_path / 'lid 8.npz', recorded(tmp_path / 'a.mcap', clouds=1)):
+        do_task(task(path, tmp_path / 'out', reports=True))
+    links = [
+        link for series in read_series(tmp_path / 'out', tmp_path / 'out/trend.html') for link in series.links
+    ]
+    assert len(links) == 2
+    for page, anchor in (unquote(link).split('#') for link in links):
+        assert f'id="{anchor}"' in (tmp_path / 'out' / page).read_text()
 
 
 def test_what_a_run_does_not_make_again_is_removed(tmp_path):
