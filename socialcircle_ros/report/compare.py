@@ -228,8 +228,18 @@ def _compared_cloud(
     measured = (masks[0] != NOT_MEASURED) | (masks[1] != NOT_MEASURED)
     both = CloudPictures(measured_only(whole, measured), found[0], unit, first.colour_range)
     rows = [
-        Pictures([Picture('first', first.after(), 'A'), Picture('second', second.after(), 'B')]),
-        Pictures([Picture('before', both.before(), 'before'), Picture('differ', both.against(second), '')]),
+        Pictures(
+            [
+                Picture('first', first.after(), 'A', f'{name}: heights that A keeps'),
+                Picture('second', second.after(), 'B', f'{name}: heights that B keeps'),
+            ]
+        ),
+        Pictures(
+            [
+                Picture('before', both.before(), 'before', f'{name}: heights as measured'),
+                Picture('differ', both.against(second), '', f'{name}: what A, B or both remove'),
+            ]
+        ),
     ]
     return ComparedCloud(
         name=name,

@@ -78,12 +78,29 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG picture, the name of its file without the suffix, and its caption."""
+    """A PNG picture.
+
+    Attributes:
+        name: of its file, without the suffix.
+        png: the content of the file.
+        caption: shown below it; '': it says itself what it shows.
+        alt: what it shows, for those who do not see it; '': as the caption says.
+    """
 
     kind = 'picture'
     name: str
     png: bytes
     caption: str
+    alt: str = ''
+
+    def __post_init__(self) -> None:
+        """Check that it has words: the button that enlarges it has no others.
+
+        Raises:
+            ValueError: it has neither a caption nor an alt.
+        """
+        if not self.alt and not self.caption:
+            raise ValueError(f'The picture {self.name} has no words that say what it shows.')
 
     @property
     def source(self) -> str:

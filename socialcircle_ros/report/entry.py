@@ -227,7 +227,7 @@ def make_entry(
         circle=circle,
         times_ms=result.measurement.times_ms,
         unit=unit,
-        stack=None if source is None else summarize_stack(source, decoded, drawn),
+        stack=None if source is None else summarize_stack(name, source, decoded, drawn),
         is_repaired=REPAIRED in result.messages,
         before=areal_texture(drawn.xyz),
         after=areal_texture(drawn.xyz, ~drawn.outliers),
@@ -235,7 +235,7 @@ def make_entry(
         scores=None if truth is None else score(drawn.outliers, *truth),
         notes=result.measurement.notes,
         warnings=warnings,
-        pictures=_pictures(drawn, result.messages.get(REPAIRED), truth),
+        pictures=_pictures(name, drawn, result.messages.get(REPAIRED), truth),
     )
 
 
@@ -279,17 +279,24 @@ def date_text(stamp: int) -> str:
     return f'{date:%Y-%m-%d %H:%M:%S}.{nanoseconds // 1_000_000:03d} UTC'
 
 
-def _pictures(drawn: CloudPictures, repaired: bytes | None, truth: tuple[Mask, Mask] | None) -> list[Pictures]:
+def _pictures(
+    name: str, drawn: CloudPictures, repaired: bytes | None, truth: tuple[Mask, Mask] | None
+) -> list[Pictures]:
     """Maps before and after, what was removed, the histogram, and the profile of the worst outlier."""
-    maps = [Picture('before', drawn.before(), ''), Picture('after', drawn.after(), '')]
+    maps = [
+        Picture('before', drawn.before(), '', f'{name}: heights as measured'),
+        Picture('after', drawn.after(), '', f'{name}: heights without the outliers'),
+    ]
     if repaired is not None:
         filled = PointCloud.decode(repaired).xyz()[..., 2]
-        maps.append(Picture('repaired', drawn.repaired(filled), ''))
-    found = [Picture('difference', drawn.difference(), '')]
+        maps.append(Picture('repaired', drawn.repaired(filled), '', f'{name}: heights with filled holes'))
+    found = [Picture('difference', drawn.difference(), '', f'{name}: what was removed')]
     if truth is not None:
-        found.append(Picture('truth', drawn.against_truth(*truth), ''))
-    found.append(Picture('histogram', drawn.histogram(), ''))
-    return [Pictures(maps), Pictures(found), Pictures([Picture('profile', drawn.profile(), '')])]
+        found.append(Picture('truth', drawn.against_truth(*truth), '', f'{name}: what was removed, and the truth'))
+    found.append(Picture('histogram', drawn.histogram(), '', f'{name}: histogram of the heights'))
+    row = 'the worst outlier' if drawn.worst else 'the middle'
+    profile = Picture('profile', drawn.profile(), '', f'{name}: profile through {row}')
+    return [Pictures(maps), Pictures(found), Pictures([profile])]
 
 
 def _differences(

@@ -41,10 +41,13 @@ class StackSummary:
     pictures: Pictures
 
 
-def summarize_stack(source: SourceCloud, cloud: PointCloud, drawn: CloudPictures) -> StackSummary | None:
+def summarize_stack(
+    name: str, source: SourceCloud, cloud: PointCloud, drawn: CloudPictures
+) -> StackSummary | None:
     """Describe the stack of a cloud; None: the cloud is not from a stack.
 
     Args:
+        name: of the cloud, for its pictures.
         source: what is known of the stack.
         cloud: the cloud.
         drawn: draws the cloud.
@@ -57,8 +60,8 @@ def summarize_stack(source: SourceCloud, cloud: PointCloud, drawn: CloudPictures
     if image.blue_first:
         pixels = pixels[..., ::-1]
     pictures = [
-        Picture('in_focus', drawn.in_focus(pixels), ''),
-        Picture('quality', drawn.quality(quality), ''),
+        Picture('in_focus', drawn.in_focus(pixels), '', f'{name}: picture in focus'),
+        Picture('quality', drawn.quality(quality), '', f'{name}: quality'),
     ]
     rows = list(_rows(source, quality.size, float(np.mean(quality >= TRUSTED_QUALITY))))
     return StackSummary(Table('', 'Focus stack', (Column(''), Column('')), rows), Pictures(pictures))

@@ -90,5 +90,11 @@ def _pictures(fields: Sequence[CheckedField]) -> Iterator[Section]:
             ]
         else:
             title, text = 'untouched', f'Points removed: {counts}. A: without the lesson; B: with it.'
-            pictures = [Picture('before', without.before(), ''), Picture('differ', without.against(lesson), '')]
+            name = example.field.name
+            pictures = [
+                Picture('before', without.before(), '', f'{name}: heights as measured'),
+                Picture(
+                    'differ', without.against(lesson), '', f'{name}: what is removed without and with the lesson'
+                ),
+            ]
         yield Section(f'{example.field.name}: {title}', [text], items=[Pictures(pictures)])

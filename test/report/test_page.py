@@ -22,6 +22,11 @@ TABLE = Table(
 )
 
 
+def test_a_picture_without_words_is_refused():
+    with pytest.raises(ValueError, match='The picture p has no words'):
+        Picture('p', b'', '')
+
+
 def test_cells_are_formatted_by_their_columns():
     assert TABLE.texts() == [['a, "b" & <c>', '12.3 %', '–'], ['d', '–', '7']]
 

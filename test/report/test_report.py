@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`make_report`, called as from a notebook."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,17 @@ def test_a_stack_shows_its_frames_its_quality_and_its_picture(tmp_path):
     page = report.path.read_text()
     assert all(picture.source in page for picture in entry.stack.pictures.pictures)
     assert 'Focus stack' in page
+
+
+def test_every_picture_has_words_for_those_who_do_not_see_it(tmp_path):
+    bags = Path(__file__).parents[2] / 'bags'
+    settings = PipelineSettings.from_ros(read_parameter_file(bags / 'stack.yaml', 'social_circle'))
+    socialcircle_ros.make_report(bags / 'stack.mcap', tmp_path / 'stack.html', settings)
+    alts = re.findall(r'<button class="enlarge"[^>]*><img alt="([^"]*)"', (tmp_path / 'stack.html').read_text())
+    assert '/stack/points 0: picture in focus' in alts
+    assert '/stack/points 0: heights without the outliers' in alts
+    assert all(alts)
+    assert len(set(alts)) == len(alts)
 
 
 def test_paths_may_be_texts_and_settings_have_defaults(recording, tmp_path):
