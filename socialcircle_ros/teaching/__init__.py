@@ -2,6 +2,7 @@
 """Teaching: a lesson about one kind of part, from clouds of good parts.
 
 - `clouds`: the good clouds, and the fields to teach on and to check on.
+- `residuals`: how far points stand off their surroundings.
 - `examples`: outliers put into fields, and the communities that the rules then find.
 - `fit`: the logistic function that tells them apart.
 - `teach`: all of it, with the check.

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.arguments import OneOrSeveral, settings_of, several
-from socialcircle_ros.baselines.median import window_median
+from socialcircle_ros.circle.adaptive.heights import RelativeHeights, relative_heights
 from socialcircle_ros.circle.not_measured import without_marks
 from socialcircle_ros.cloud import Cloud, Floats, Mask, measured_points
 from socialcircle_ros.errors import CloudError, SocialCircleError
@@ -21,11 +21,15 @@ from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.named_clouds import spread_clouds
 from socialcircle_ros.settings import PipelineSettings
 
+from .residuals import residuals
+
 LEAST_POINTS = 10_000
 """Measured points that all good clouds must have together: fewer show too little of a texture."""
 
 _NOISE_WINDOW, _SPIKE_WINDOW = 5, 11
 """Sides of the median windows: residuals to the first give the noise, residuals to the second the spikes."""
+_SPIKE_STRIDE = 2
+"""Every other row and column of the large window is enough."""
 _SPIKE = 10.0
 """A point further than this from the median of the spike window stands out, in robust σ of such residuals."""
 _MOST_SPIKES = 0.001
@@ -58,7 +62,7 @@ class GoodField:
     Attributes:
         cloud: the cloud or the part of one.
         heights: (H, W), NaN where not measured.
-        noise: robust σ of the residuals to a 5×5 median, in the unit of the cloud; above 0.
+        noise: robust σ of the residuals to a 5×5 median along the local slope, in the unit of the cloud; above 0.
         suspects: (H, W) bool, points that stand out so rarely and so far that they may be outliers themselves.
     """
 
@@ -178,13 +182,15 @@ def _strips(cloud: GoodCloud) -> Iterator[GoodCloud]:
 
 def _field(cloud: GoodCloud) -> GoodField:
     """A cloud as a field; all points that stand out are suspects."""
-    points = cloud.points
-    measured = measured_points(points)
-    heights = points[..., 2].copy()
+    measured = measured_points(cloud.points)
+    heights = cloud.points[..., 2].copy()
     heights[~measured] = np.nan
-    fine, coarse = (np.abs(heights - window_median(points, side)) for side in (_NOISE_WINDOW, _SPIKE_WINDOW))
-    suspects: Mask = measured & (coarse > _SPIKE * _robust(coarse[measured]))
-    return GoodField(cloud, heights, _robust(fine[measured]), suspects)
+    relative: RelativeHeights = np.full(heights.shape, np.nan, np.float32)
+    if measured.any():
+        relative = relative_heights(heights)
+    fine, coarse = residuals(relative, _NOISE_WINDOW), residuals(relative, _SPIKE_WINDOW, _SPIKE_STRIDE)
+    spikes: Mask = measured & (coarse > _SPIKE * _robust(coarse[measured]))
+    return GoodField(cloud, heights, _robust(fine[measured]), spikes)
 
 
 def _without_texture(fields: list[GoodField]) -> list[GoodField]:

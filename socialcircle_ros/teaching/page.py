@@ -69,7 +69,7 @@ def _figures(teaching: Teaching) -> Table:
         Column('good points removed, without a lesson', '.3%'), Column('with the lesson', '.3%'),
         Column('F1, without a lesson', '.3f'), Column('F1, with the lesson', '.3f'),
     ]  # fmt: skip
-    note = 'σ is the robust standard deviation of the residuals to a 5×5 median.'
+    note = 'σ is the robust standard deviation of the residuals to a 5×5 median along the local slope.'
     return Table('check', 'Fields kept back', columns, rows, note)
 
 

@@ -36,6 +36,8 @@ _FIRST_SEED, _FIRST_CHECK_SEED = 1, 1001
 _WORSE_F1, _WORSE_REMOVED = 0.005, 0.0001
 """By how much a lesson may be worse than none in one figure, if it is better in the other."""
 _BETTER_F1, _BETTER_REMOVED = 0.01, 0.0002
+_LEAST_F1 = 0.2
+"""Where F1 is lower with a lesson and without, the outliers put in cannot be told from the surface."""
 _TOLD = 5  # names of fields in a warning
 
 TeachingProgress = Callable[[int, int], None]
@@ -226,6 +228,11 @@ def _suspicions(taught: Sequence[GoodField], kept_back: Sequence[GoodField]) -> 
 
 def _refusal(before: LessonCheck, after: LessonCheck) -> str:
     """Why a lesson does not help; '' where it does."""
+    if max(before.f1, after.f1) < _LEAST_F1:
+        return (
+            'The check says nothing, because the outliers put in cannot be told from the surface: F1 is'
+            f' {before.f1:.3f} without a lesson, and {after.f1:.3f} with one. Use the adaptive mode without one.'
+        )
     gain, saved = after.f1 - before.f1, before.removed - after.removed
     f1 = f'F1 would be {after.f1:.3f} instead of {before.f1:.3f}'
     removed = f'{after.removed_text} instead of {before.removed_text} of the good points would be removed'

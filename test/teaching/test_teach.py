@@ -99,6 +99,12 @@ def test_a_refusal_names_the_figure_that_is_worse(f1, removed, reason):
     assert reason in _refusal(before, after)
 
 
+def test_a_check_says_nothing_where_no_outlier_can_be_found():
+    unseen, seen = (LessonCheck((SimpleNamespace(f1=f1),), 0.0) for f1 in (0.002, 0.5))
+    assert 'The check says nothing' in _refusal(unseen, unseen)
+    assert _refusal(unseen, seen) == ''
+
+
 def test_the_rules_find_what_is_taught_where_a_depth_of_field_is_known():
     heights = pitted()
     stack, network = replace(part(heights), depth_of_field=3.0), CircleSettings(judge='network')

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Residuals that a tilt does not change."""
+
+import numpy as np
+import pytest
+
+from socialcircle_ros.teaching.residuals import residuals
+
+ROWS, COLUMNS = 200, 300
+Y, X = np.mgrid[:ROWS, :COLUMNS].astype(float)
+NOISE = np.random.default_rng(1).normal(size=(ROWS, COLUMNS))
+
+FORMS = {
+    'level': 0 * X,
+    'thread': 5 * np.abs(X % 48 - 24),
+    'dome': -((Y - 100) ** 2 + (X - 150) ** 2) / 40,
+    'shaft': 20 * np.sqrt(160**2 - (X - 150) ** 2),
+    'terraces': 300.0 * (X // 50),
+}
+
+
+def noise(heights):
+    """Robust standard deviation of the residuals."""
+    return 1.4826 * np.nanmedian(residuals(heights.astype(np.float32), 5))
+
+
+@pytest.mark.parametrize('tilt', [0, 1, 3, 5, 8, 12])
+@pytest.mark.parametrize('form', FORMS)
+def test_the_noise_is_free_of_tilt_and_form(form, tilt):
+    assert noise(FORMS[form] + tilt * (X + 0.63 * Y) + NOISE) == pytest.approx(0.95, abs=0.15)
+
+
+def test_a_spike_on_a_slope_stands_out_by_its_height():
+    heights = 9 * X + NOISE
+    heights[90, 140] += 70
+    far = residuals(heights.astype(np.float32), 11, 2)
+    assert np.argmax(far) == 90 * COLUMNS + 140
+    assert far.max() == pytest.approx(70, abs=5)
+
+
+def test_windows_hold_measured_points_only():
+    heights = NOISE.astype(np.float32)
+    heights[::2, :] = np.nan
+    far = residuals(heights, 5)
+    np.testing.assert_array_equal(np.isnan(far), np.isnan(heights))
+    alone = np.full((9, 9), np.nan, np.float32)
+    alone[4, 4] = 3
+    assert residuals(alone, 5)[4, 4] == 0
+    assert np.isnan(residuals(np.full((9, 9), np.nan, np.float32), 5)).all()
