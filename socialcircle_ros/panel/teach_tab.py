@@ -123,7 +123,7 @@ class TeachTab:
             self._check = _CheckPage(f'{path.stem}.html', lesson_page(taught))
             self._save.visible = True
             if taught.refusal:
-                self._say(taught.refusal, bad=True)
+                self._say(' '.join([taught.refusal, *taught.warnings]), bad=True)
                 return
             path.parent.mkdir(parents=True, exist_ok=True)
             write_file(path, taught.lesson.to_text())

@@ -63,12 +63,14 @@ class GoodField:
         cloud: the cloud or the part of one.
         heights: (H, W), NaN where not measured.
         noise: robust σ of the residuals to a 5×5 median along the local slope, in the unit of the cloud; above 0.
-        suspects: (H, W) bool, points that stand out so rarely and so far that they may be outliers themselves.
+        stands_out: (H, W) bool, points far off their surroundings.
+        suspects: (H, W) bool, those that stand out so rarely that they may be outliers themselves.
     """
 
     cloud: GoodCloud
     heights: Floats
     noise: float
+    stands_out: Mask
     suspects: Mask
 
     @property
@@ -190,7 +192,7 @@ def _field(cloud: GoodCloud) -> GoodField:
         relative = relative_heights(heights)
     fine, coarse = residuals(relative, _NOISE_WINDOW), residuals(relative, _SPIKE_WINDOW, _SPIKE_STRIDE)
     spikes: Mask = measured & (coarse > _SPIKE * _robust(coarse[measured]))
-    return GoodField(cloud, heights, _robust(fine[measured]), spikes)
+    return GoodField(cloud, heights, _robust(fine[measured]), spikes, spikes)
 
 
 def _without_texture(fields: list[GoodField]) -> list[GoodField]:

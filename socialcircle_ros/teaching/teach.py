@@ -91,7 +91,7 @@ class Teaching:
         before: the check without a lesson.
         after: the check of the lesson.
         fields: the fields kept back: untouched, and with the outliers of the second kind of `CHECKED`.
-        warnings: where the good clouds seem to have outliers, one sentence each.
+        warnings: where the good clouds may have outliers of their own.
         refusal: why the lesson is not worth having; '': it is.
     """
 
@@ -216,14 +216,18 @@ def _check(
 
 def _suspicions(taught: Sequence[GoodField], kept_back: Sequence[GoodField]) -> list[str]:
     """Warn where points of the good clouds stand out like outliers."""
-    found = [(place.name, int(place.suspects.sum())) for place in (*taught, *kept_back) if place.suspects.any()]
+    fields = (*taught, *kept_back)
+    found = [(place.name, int(place.stands_out.sum())) for place in fields if place.stands_out.any()]
     if not found:
         return []
     names = ', '.join(f'{name}: {count}' for name, count in found[:_TOLD]) + (', …' if len(found) > _TOLD else '')
     points = sum(count for _, count in found)
-    stand_out = '1 point stands out' if points == 1 else f'{points} points stand out'
-    sentence = f'The good clouds seem to have outliers of their own: {stand_out} ({names}).'
-    return [f'{sentence} They do not count in the check; if they are outliers, teach on clouds without them.']
+    stand = '1 point stands' if points == 1 else f'{points} points stand'
+    cure = 'if they are outliers, teach on clouds without them.'
+    if any(place.suspects.any() for place in fields):
+        sentence = f'The good clouds seem to have outliers of their own: {stand} out ({names}).'
+        return [f'{sentence} They do not count in the check; {cure}']
+    return [f'In the good clouds {stand} out and count as the texture of the part ({names}); {cure}']
 
 
 def _refusal(before: LessonCheck, after: LessonCheck) -> str:

@@ -44,7 +44,10 @@ def test_rare_points_that_stand_out_are_suspects_and_many_are_texture():
     suspects = np.concatenate([fields[0].suspects, fields[1].suspects], axis=1)
     np.testing.assert_array_equal(suspects, heights > 40)
     heights[::8, ::10] -= 80
-    assert not any(field.suspects.any() for group in good_fields([part(heights)]) for field in group)
+    many = [field for group in good_fields([part(heights)]) for field in group]
+    assert not any(field.suspects.any() for field in many)
+    stand_out = np.concatenate([many[0].stands_out, many[1].stands_out], axis=1)
+    np.testing.assert_array_equal(stand_out, np.abs(heights) > 40)
 
 
 def test_the_noise_of_a_flat_field_is_above_0():

@@ -112,6 +112,12 @@ def test_the_rules_find_what_is_taught_where_a_depth_of_field_is_known():
     assert teach([part(heights), part(heights)], settings=network).lesson.judge == 'network'
 
 
+def test_many_points_that_stand_out_are_told(taught):
+    assert taught[0].warnings[0].startswith('In the good clouds ')
+    assert 'stand out and count as the texture of the part (part, part 1 of 2: ' in taught[0].warnings[0]
+    assert taught[0].warnings[0].endswith('; if they are outliers, teach on clouds without them.')
+
+
 def test_outliers_of_the_good_cloud_are_told_and_not_taught_as_good(tmp_path):
     heights = np.random.default_rng(1).normal(size=(140, 150))
     heights[20:23, 30:33] += 60
