@@ -79,10 +79,13 @@ def command(
         if taught.refusal:
             raise SocialCircleError(f'{taught.refusal} No lesson was written; {page} shows what was found.')
         write_file(output, taught.lesson.to_text())
-    click.echo(f'F1 of the outliers put in: {taught.before.f1:.3f} before, {taught.after.f1:.3f} with the lesson.')
+    before, after = taught.before, taught.after
+    click.echo(f'F1 of the outliers put in: {before.f1:.3f} before, {after.f1:.3f} with the lesson.')
     click.echo(
-        f'Good points removed: {taught.before.removed_text} before, {taught.after.removed_text} with the lesson.'
+        f'Of those at steps and beside holes: {before.f1_at_edges:.3f} before, {after.f1_at_edges:.3f} with the'
+        ' lesson.'
     )
+    click.echo(f'Good points removed: {before.removed_text} before, {after.removed_text} with the lesson.')
     click.echo(f'Next: open {shell_words(page)}, then set circle.lesson to {output}')
 
 

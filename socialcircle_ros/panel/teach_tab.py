@@ -154,7 +154,8 @@ class TeachTab:
 def _figures(taught: Teaching) -> str:
     before, after = taught.before, taught.after
     text = (
-        f'F1 of the outliers put in: {before.f1:.3f} before, {after.f1:.3f} with the lesson. Good points removed:'
+        f'F1 of the outliers put in: {before.f1:.3f} before, {after.f1:.3f} with the lesson. Of those at steps and'
+        f' beside holes: {before.f1_at_edges:.3f} before, {after.f1_at_edges:.3f} with it. Good points removed:'
         f' {before.removed_text} before, {after.removed_text} with it.'
     )
     return ' '.join([text, *taught.warnings])

@@ -21,7 +21,7 @@ from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.named_clouds import spread_clouds
 from socialcircle_ros.settings import PipelineSettings
 
-from .residuals import residuals
+from .residuals import beside_edges, residuals
 
 LEAST_POINTS = 10_000
 """Measured points that all good clouds must have together: fewer show too little of a texture."""
@@ -65,6 +65,7 @@ class GoodField:
         noise: robust σ of the residuals to a 5×5 median along the local slope, in the unit of the cloud; above 0.
         stands_out: (H, W) bool, points far off their surroundings.
         suspects: (H, W) bool, those that stand out so rarely that they may be outliers themselves.
+        edges: (H, W) bool, points near the highest steps and beside holes.
     """
 
     cloud: GoodCloud
@@ -72,6 +73,7 @@ class GoodField:
     noise: float
     stands_out: Mask
     suspects: Mask
+    edges: Mask
 
     @property
     def name(self) -> str:
@@ -192,7 +194,7 @@ def _field(cloud: GoodCloud) -> GoodField:
         relative = relative_heights(heights)
     fine, coarse = residuals(relative, _NOISE_WINDOW), residuals(relative, _SPIKE_WINDOW, _SPIKE_STRIDE)
     spikes: Mask = measured & (coarse > _SPIKE * _robust(coarse[measured]))
-    return GoodField(cloud, heights, _robust(fine[measured]), spikes, spikes)
+    return GoodField(cloud, heights, _robust(fine[measured]), spikes, spikes, beside_edges(relative))
 
 
 def _without_texture(fields: list[GoodField]) -> list[GoodField]:

@@ -59,11 +59,8 @@ def _figures(teaching: Teaching) -> Table:
         ['untouched: good points removed', None, teaching.before.removed, teaching.after.removed, None, None]
     ]
     for kind, before, after in zip(CHECKED, teaching.before.inserted, teaching.after.inserted, strict=True):
-        name = (
-            f'{kind.amplitude[0]:g} to {kind.amplitude[1]:g} σ, clusters of {kind.radius[0]:g} to'
-            f' {kind.radius[1]:g} points radius, {kind.flank} flanks'
-        )
-        rows.append([name, kind.share, before.false_positive_rate, after.false_positive_rate, before.f1, after.f1])
+        share, first, last = kind.contamination.share, before.false_positive_rate, after.false_positive_rate
+        rows.append([kind.name, share, first, last, before.f1, after.f1])
     columns = [
         Column('outliers put in'), Column('share', '.0%'),
         Column('good points removed, without a lesson', '.3%'), Column('with the lesson', '.3%'),

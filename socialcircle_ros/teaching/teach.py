@@ -5,10 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import mean
 
-import numpy as np
-
 from socialcircle_ros.arguments import settings_or_default
-from socialcircle_ros.circle.adaptive import UNDECIDED, CommunityJudge, LessonJudge, Likelihood, Rules
+from socialcircle_ros.circle.adaptive import CommunityJudge, LessonJudge, Likelihood
 from socialcircle_ros.circle.network import packaged_network
 from socialcircle_ros.cloud import Mask
 from socialcircle_ros.digits import share_text
@@ -17,24 +15,14 @@ from socialcircle_ros.settings import CircleSettings
 from socialcircle_ros.settings.lessons import Lesson
 
 from .clouds import GoodCloud, GoodField, good_fields
-from .examples import (
-    CHECKED,
-    TAUGHT,
-    GoodExample,
-    LabelledCommunities,
-    communities_in,
-    joined,
-    untouched,
-    with_outliers,
-)
-from .fit import fit
+from .examples import CHECKED, TAUGHT, GoodExample, untouched, with_outliers
+from .learn import learn
 
-_THRESHOLDS = (0.7, 0.85, 0.95)
-_REMOVED = 0.0003
-"""Share of the untouched points that a lesson may remove where it was taught: the least threshold that does."""
-_FIRST_SEED, _FIRST_CHECK_SEED = 1, 1001
+_FIRST_CHECK_SEED = 1001
 _WORSE_F1, _WORSE_REMOVED = 0.005, 0.0001
 """By how much a lesson may be worse than none in one figure, if it is better in the other."""
+_WORSE_AT_EDGES = 0.05
+"""The same for the outliers at edges, of which there are fewer: chance does more."""
 _BETTER_F1, _BETTER_REMOVED = 0.01, 0.0002
 _LEAST_F1 = 0.2
 """Where F1 is lower with a lesson and without, the outliers put in cannot be told from the surface."""
@@ -60,6 +48,11 @@ class LessonCheck:
     def f1(self) -> float:
         """Mean F1 over the kinds."""
         return mean(each.f1 for each in self.inserted)
+
+    @property
+    def f1_at_edges(self) -> float:
+        """Mean F1 over the kinds that are put at steps and beside holes."""
+        return mean(each.f1 for kind, each in zip(CHECKED, self.inserted, strict=True) if kind.at_edges)
 
     @property
     def removed_text(self) -> str:
@@ -125,12 +118,14 @@ def teach(
     likelihood = None if by_rules else packaged_network(settings.provider).probabilities
     taught, kept_back = good_fields(clouds)
     steps = _StepCounter(progress, len(taught) * (1 + len(TAUGHT)) + 2 * len(kept_back) * (1 + len(CHECKED)))
-    lesson = _learn(taught, tuple(cloud.name for cloud in clouds), likelihood, steps)
+    lesson = learn(taught, tuple(cloud.name for cloud in clouds), likelihood, steps.done)
     judge = LessonJudge(lesson)
     before, after, checked = _check(kept_back, judge, likelihood, steps)
     figures = {
         'f1_before': before.f1,
         'f1_after': after.f1,
+        'f1_at_edges_before': before.f1_at_edges,
+        'f1_at_edges_after': after.f1_at_edges,
         'removed_before': before.removed,
         'removed_after': after.removed,
     }
@@ -147,47 +142,6 @@ class _StepCounter:
     def done(self) -> None:
         self._done += 1
         self._progress(self._done, self._number)
-
-
-def _learn(
-    fields: Sequence[GoodField], names: tuple[str, ...], likelihood: Likelihood | None, steps: _StepCounter
-) -> Lesson:
-    least = Rules().steep if likelihood is None else UNDECIDED
-    good: list[LabelledCommunities] = []
-    parts: list[LabelledCommunities] = []
-    spreads = []
-    for number, place in enumerate(fields):
-        found, spread = communities_in(untouched(place), least, likelihood)
-        good.append(found)
-        spreads.append(spread)
-        steps.done()
-        for kind, contamination in enumerate(TAUGHT):
-            seed = _FIRST_SEED + number * len(TAUGHT) + kind
-            parts.append(communities_in(with_outliers(place, contamination, seed), least, likelihood)[0])
-            steps.done()
-    mean_, scale, weights = fit(joined(good + parts))
-    lesson = Lesson(
-        taught_on=names,
-        spread=(min(spreads), max(spreads)),
-        judge='rules' if likelihood is None else 'network',
-        least=least,
-        mean=tuple(mean_.tolist()),
-        scale=tuple(scale.tolist()),
-        weights=tuple(weights.tolist()),
-        threshold=_THRESHOLDS[0],
-        check={},
-    )
-    points = sum(int(np.isfinite(place.heights).sum()) for place in fields)
-    return replace(lesson, threshold=_threshold(lesson, joined(good), points))
-
-
-def _threshold(lesson: Lesson, good: LabelledCommunities, points: int) -> float:
-    """The least threshold that removes hardly any of the untouched points of the taught fields."""
-    chances = LessonJudge(lesson).chances_of(good.traits)
-    for threshold in _THRESHOLDS:
-        if good.weights[chances >= threshold].sum() <= _REMOVED * points:
-            return threshold
-    return _THRESHOLDS[-1]
 
 
 def _check(
@@ -238,9 +192,19 @@ def _refusal(before: LessonCheck, after: LessonCheck) -> str:
             f' {before.f1:.3f} without a lesson, and {after.f1:.3f} with one. Use the adaptive mode without one.'
         )
     gain, saved = after.f1 - before.f1, before.removed - after.removed
+    lost_at_edges = before.f1_at_edges - after.f1_at_edges
     f1 = f'F1 would be {after.f1:.3f} instead of {before.f1:.3f}'
+    at_edges = f'F1 at steps and beside holes would be {after.f1_at_edges:.3f} instead of {before.f1_at_edges:.3f}'
     removed = f'{after.removed_text} instead of {before.removed_text} of the good points would be removed'
-    worse = [text for text, is_worse in ((f1, gain < -_WORSE_F1), (removed, saved < -_WORSE_REMOVED)) if is_worse]
+    worse = [
+        text
+        for text, is_worse in (
+            (f1, gain < -_WORSE_F1),
+            (at_edges, lost_at_edges > _WORSE_AT_EDGES),
+            (removed, saved < -_WORSE_REMOVED),
+        )
+        if is_worse
+    ]
     if not worse and (gain > _BETTER_F1 or saved > _BETTER_REMOVED):
         return ''
     what = 'do harm' if worse else 'change little'

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Residuals that a tilt does not change."""
+"""Residuals and edges that a tilt does not change."""
 
 import numpy as np
 import pytest
 
-from socialcircle_ros.teaching.residuals import residuals
+from socialcircle_ros.teaching.residuals import beside_edges, residuals
 
 ROWS, COLUMNS = 200, 300
 Y, X = np.mgrid[:ROWS, :COLUMNS].astype(float)
@@ -47,3 +47,19 @@ def test_windows_hold_measured_points_only():
     alone[4, 4] = 3
     assert residuals(alone, 5)[4, 4] == 0
     assert np.isnan(residuals(np.full((9, 9), np.nan, np.float32), 5)).all()
+
+
+@pytest.mark.parametrize('tilt', [0.0, 12.0])
+def test_edges_are_steps_and_holes_but_no_slope(tilt):
+    heights = (0.01 * NOISE + tilt * (X + 0.63 * Y) + 30 * (X >= 150)).astype(np.float32)
+    heights[50:60, 40:50] = np.nan
+    edges = beside_edges(heights)
+    assert edges[:, 148:152].all()
+    assert edges[48:50, 40:50].all()
+    assert edges[50:60, 50:52].all()
+    assert not edges[50:60, 40:50].any()
+    assert edges.mean() < 0.6
+
+
+def test_nothing_is_beside_an_edge_where_nothing_is_measured():
+    assert not beside_edges(np.full((9, 9), np.nan, np.float32)).any()
