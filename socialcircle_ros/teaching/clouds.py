@@ -26,10 +26,11 @@ from .residuals import beside_edges, residuals
 LEAST_POINTS = 10_000
 """Measured points that all good clouds must have together: fewer show too little of a texture."""
 
-_NOISE_WINDOW, _SPIKE_WINDOW = 5, 11
+_NOISE_WINDOW, _SPIKE_WINDOW = 5, 13
 """Sides of the median windows: residuals to the first give the noise, residuals to the second the spikes."""
 _SPIKE_STRIDE = 2
-"""Every other row and column of the large window is enough."""
+"""Every other row and column of the large window is enough. The point itself must be in one of them, or the window
+beside a step has as many points on the other side."""
 _SPIKE = 10.0
 """A point further than this from the median of the spike window stands out, in robust σ of such residuals."""
 _MOST_SPIKES = 0.001

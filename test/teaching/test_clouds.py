@@ -50,6 +50,13 @@ def test_rare_points_that_stand_out_are_suspects_and_many_are_texture():
     np.testing.assert_array_equal(stand_out, np.abs(heights) > 40)
 
 
+def test_what_lies_beside_a_step_does_not_stand_out():
+    heights = np.random.default_rng(2).normal(size=(200, 300))
+    heights[:, 150:] += 90
+    heights[100:, :] += 90
+    assert not any(field.stands_out.any() for group in good_fields([part(heights)]) for field in group)
+
+
 def test_the_noise_of_a_flat_field_is_above_0():
     assert all(field.noise > 0 for group in good_fields([part(np.zeros((200, 300)))]) for field in group)
 

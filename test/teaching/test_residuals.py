@@ -33,7 +33,7 @@ def test_the_noise_is_free_of_tilt_and_form(form, tilt):
 def test_a_spike_on_a_slope_stands_out_by_its_height():
     heights = 9 * X + NOISE
     heights[90, 140] += 70
-    far = residuals(heights.astype(np.float32), 11, 2)
+    far = residuals(heights.astype(np.float32), 13, 2)
     assert np.argmax(far) == 90 * COLUMNS + 140
     assert far.max() == pytest.approx(70, abs=5)
 
