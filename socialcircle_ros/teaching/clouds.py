@@ -191,11 +191,13 @@ def _field(cloud: GoodCloud) -> GoodField:
     heights = cloud.points[..., 2].copy()
     heights[~measured] = np.nan
     relative: RelativeHeights = np.full(heights.shape, np.nan, np.float32)
+    exponent = 0
     if measured.any():
-        relative = relative_heights(heights)
+        relative, exponent = relative_heights(heights)
     fine, coarse = residuals(relative, _NOISE_WINDOW), residuals(relative, _SPIKE_WINDOW, _SPIKE_STRIDE)
     spikes: Mask = measured & (coarse > _SPIKE * _robust(coarse[measured]))
-    return GoodField(cloud, heights, _robust(fine[measured]), spikes, spikes, beside_edges(relative))
+    noise = math.ldexp(_robust(fine[measured]), exponent)
+    return GoodField(cloud, heights, noise, spikes, spikes, beside_edges(relative))
 
 
 def _without_texture(fields: list[GoodField]) -> list[GoodField]:
