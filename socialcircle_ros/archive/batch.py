@@ -119,12 +119,7 @@ def run_batch(
         tasks = []
         for each in all_inputs:
             here = earlier.get(each.location, [])
-            done = next((entry for entry in here if entry.is_of(each, template.digest)), None)
-            if done is not None:
-                ledger.forget_others(here, each.location, done.content)
-                result.skipped += 1
-                _note_findings(result, done)
-            else:
+            if not _is_done(each, here, template, ledger, result):
                 tasks.append(replace(template, found=each, earlier=tuple(here)))
         if tasks:
             with Engine[BatchTask, TaskResult](scheduler, workers, ['socialcircle_ros.archive.preload']) as engine:
@@ -157,6 +152,19 @@ def _template(
     digest = blake2b(json.dumps(options).encode(), digest_size=8).hexdigest()
     none = ArchiveInput('', '', 0, '', 0)
     return BatchTask(none, output, settings, names, topics, recordings, reports, compression, version, digest)
+
+
+def _is_done(
+    found: ArchiveInput, here: Sequence[LedgerEntry], template: BatchTask, ledger: Ledger, result: BatchResult
+) -> bool:
+    """Whether an earlier run has done an input; then it is noted, and what it was before is forgotten."""
+    done = next((entry for entry in here if entry.is_of(found, template.digest)), None)
+    if done is None:
+        return False
+    ledger.forget_others(here, found.location, done.content)
+    result.skipped += 1
+    _note_findings(result, done)
+    return True
 
 
 def _finished(engine: Engine[BatchTask, TaskResult], tasks: Sequence[BatchTask]) -> Iterator[TaskResult]:
