@@ -43,6 +43,8 @@ _HIGH = 0.9
 """That is the resolution at this quantile of the heights' sizes, which a few outliers do not change."""
 _SAMPLES = 60_000
 """Differences from which the spread of a direction is estimated."""
+_FEWEST_ROWS, _RUN = 60, 12
+"""They come from runs of so many rows, of so many rows in all at least. A run sees all places of a fine ruling."""
 _SMALLEST = STEPS_PER_SPREAD / float(np.finfo(np.float32).max)
 """Least spread of all: below it normalised differences overflow float32, and those of 0 become NaN."""
 _ROW_STRIDE = 3
@@ -60,31 +62,44 @@ def estimate_spread(heights: RelativeHeights, tile_side: int, *, may_predict: bo
         step: the spread is at least this, such as the `quantisation_step`.
     """
     slopes = block_slopes(heights)
-    stride = max(1, heights.size // _SAMPLES)
+    rows = _sampled_rows(*heights.shape)
     surface = Surface(heights, Slopes.from_blocks(slopes, heights.shape[1]), predicted=False)
-    sizes = _sampled_sizes(surface, stride)
+    sizes = _sampled_sizes(surface, rows)
     if may_predict:
         with_prediction = surface._replace(predicted=True)
-        predicted_sizes = _sampled_sizes(with_prediction, stride)
+        predicted_sizes = _sampled_sizes(with_prediction, rows)
         if _mean_median(predicted_sizes) < _MUCH_BETTER * _mean_median(sizes):
             # A difference that is the median of the five predicts itself: that says nothing of the spread.
             surface, sizes = with_prediction, [_above_zero(each) for each in predicted_sizes]
-    least = max(_least_spread(heights.ravel()[::stride]), step)
+    least = max(_least_spread(heights.ravel()[:: max(1, heights.size // _SAMPLES)]), step)
     by_direction = np.array([max(_core(each) if each.size else 0.0, least) for each in sizes])
     by_tile = _spread_by_tile(surface, by_direction, tile_side, max(_CALMEST, least / by_direction.min()))
     return Spread(slopes, by_direction, by_tile, tile_side, surface.predicted)
 
 
-def _sampled_sizes(surface: Surface, stride: int) -> list[Sample]:
-    """Absolute differences in each direction on every `stride`-th row, each direction sorted."""
+def _sampled_rows(height: int, width: int) -> npt.NDArray[np.int64]:
+    """Rows from which the spread is estimated, (n,) ascending: a run in each band, at random but always the same.
+
+    Evenly spaced rows could all be at one place of a ruling. Between its lines they would show no step, and at
+    their edges nothing but steps.
+    """
+    stride = max(1, min(height * width // _SAMPLES, height // _FEWEST_ROWS))
+    bands = np.arange(0, height, _RUN * stride)
+    first = bands + np.random.default_rng(0).integers(_RUN * (stride - 1) + 1, size=bands.size)
+    rows: npt.NDArray[np.int64] = (first[:, np.newaxis] + np.arange(_RUN)).ravel()
+    return rows[rows < height]
+
+
+def _sampled_sizes(surface: Surface, rows: npt.NDArray[np.int64]) -> list[Sample]:
+    """Absolute differences in each direction on some rows, each direction sorted."""
 
     def sizes(directions: slice) -> list[Sample]:
         return [
-            sorted_values(np.abs(_sample_differences(surface, direction, stride)))
+            sorted_values(np.abs(_sample_differences(surface, direction, rows)))
             for direction in range(4)[directions]
         ]
 
-    return list(itertools.chain.from_iterable(in_bands(sizes, 4, surface.heights.size // stride)))
+    return list(itertools.chain.from_iterable(in_bands(sizes, 4, rows.size * surface.heights.shape[1])))
 
 
 def _mean_median(samples: list[Sample]) -> float:
@@ -174,13 +189,13 @@ def _core(sizes: Sample) -> float:
 
 
 @kernel
-def _sample_differences(surface: Surface, direction: int, stride: int) -> Sample:
-    """The differences in one direction on every `stride`-th row that exist, in row order."""
-    height, width = surface.heights.shape
+def _sample_differences(surface: Surface, direction: int, rows: npt.NDArray[np.int64]) -> Sample:
+    """The differences in one direction on some rows that exist, in row order."""
+    width = surface.heights.shape[1]
     slopes, line = np.empty((2, width), np.float32), np.empty(width, np.float32)
-    found = np.empty(((height + stride - 1) // stride) * width, np.float32)
+    found = np.empty(rows.size * width, np.float32)
     count = 0
-    for row in range(0, height, stride):
+    for row in rows:
         load_slopes(surface.slopes, row, slopes)
         load_differences(surface, slopes, direction, row, line)
         for column in range(width):

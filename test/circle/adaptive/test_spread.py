@@ -2,6 +2,7 @@
 """The spread of the differences between neighbours."""
 
 import numpy as np
+import pytest
 from circle.adaptive.surfaces import float32_heights
 from clouds import recipes
 from hypothesis import given, settings
@@ -41,3 +42,15 @@ def test_differences_of_a_smooth_surface_are_predicted_and_those_of_noise_are_no
 
     assert estimate_spread(np.sin(row / 5) * np.cos(column / 6), 16, may_predict=True).predicted
     assert not estimate_spread(noise, 16, may_predict=True).predicted
+
+
+@pytest.mark.parametrize('period', [4, 5, 6, 8, 10])
+@pytest.mark.parametrize('shape', [(480, 640), (960, 1280), (301, 2000)])
+def test_where_a_ruling_begins_changes_no_spread(period, shape):
+    noise = np.random.default_rng(1).normal(size=shape)
+    spreads = []
+    for first in range(period):
+        ruling = 20.0 * ((np.arange(shape[0]) + first) % period < period // 2)
+        heights = (noise + ruling[:, np.newaxis]).astype(np.float32)
+        spreads.append(estimate_spread(heights, 16, may_predict=False).by_direction)
+    assert (np.max(spreads, axis=0) < 1.2 * np.min(spreads, axis=0)).all()
