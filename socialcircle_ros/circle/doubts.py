@@ -18,9 +18,14 @@ _TOO_MANY = 0.3
 _RICH_TEXTURE = 0.04
 """Share of the points in shapes that are nearly islands above which the rules warn. Of 41 measured surfaces 15
 lose more than 0.5 % of their good points; 14 of these are above, and no other."""
-_ONE_STEP, _OFF_A_STEP, _FEWEST_STEPS, _SHARE_OF_STEPS = 0.7, 0.01, 30, 2e-3
+_ONE_STEP, _OFF_A_STEP, _AT_REST = 0.7, 0.01, 0.9
 """Single outliers may be noise of stored steps if this share of them differ from their neighbours by one height,
-within this share of it. Fewer than so many, or than this share of the points, do no harm."""
+within this share of it, and this share of the other points do not differ at all, but for a form."""
+_FEWEST_STEPS, _SHARE_OF_STEPS = 30, 2e-3
+"""Fewer single outliers than so many, or than this share of the points, do no harm."""
+_SAMPLED_OUTLIERS = 4096
+_ROUNDINGS = 4.0
+"""A second difference is the sum of four heights, each rounded to float32."""
 _MANY_PARTS = 3
 """Number of removed islands that the network takes for parts of the surface from which the result warns: fewer may
 well be dirt."""
@@ -201,7 +206,10 @@ def notes_of_removed_islands(alike: Islands, taken_for_parts: Islands) -> list[s
     if alike.number or not 0 < taken_for_parts.number < _MANY_PARTS:
         return []
     verb = 'was' if taken_for_parts.number == 1 else 'were'
-    return [f'{_counted(taken_for_parts)} far off a plain surface {verb} removed.']
+    what = 'it' if taken_for_parts.number == 1 else 'them'
+    part = 'a part' if taken_for_parts.number == 1 else 'parts'
+    found = f'{_counted(taken_for_parts)} far off a plain surface {verb} removed'
+    return [f'{found}, though the network takes {what} for {part} of it; {_IF_PARTS}.']
 
 
 def _counted(islands: Islands) -> str:
@@ -211,27 +219,48 @@ def _counted(islands: Islands) -> str:
 
 
 def single_steps(heights: HeightMap, outliers: Mask) -> list[str]:
-    """Warn where the outliers differ from their neighbours by one height: stored steps with little noise do.
+    """Warn where single outliers may be noise of stored steps: they differ by one height, and the rest by none.
 
     Args:
         heights: (H, W), NaN where not measured.
         outliers: (H, W) bool.
     """
-    rows, columns = np.nonzero(outliers[:, 1:-1])
-    alone = ~(outliers[rows, columns] | outliers[rows, columns + 2])
+    height, width = heights.shape
+    found = np.flatnonzero(outliers)
+    if found.size < max(_FEWEST_STEPS, _SHARE_OF_STEPS * heights.size) or width < 3:
+        return []
+    rows, columns = np.divmod(found[:: max(1, found.size // _SAMPLED_OUTLIERS)], width)
+    columns = np.clip(columns, 1, width - 2)
+    alone = outliers[rows, columns] & ~(outliers[rows, columns - 1] | outliers[rows, columns + 1])
     rows, columns = rows[alone], columns[alone]
-    left, here, right = (heights[rows, columns + shift].astype(np.float64) for shift in range(3))
+    left, here, right = (heights[rows, columns + shift].astype(np.float64) for shift in (-1, 0, 1))
     rises = np.abs(here - (left + right) / 2)
     rises = rises[np.isfinite(rises)]
-    if rises.size < max(_FEWEST_STEPS, _SHARE_OF_STEPS * heights.size):
+    if rises.size < _FEWEST_STEPS:
         return []
     step = float(np.partition(rises, rises.size // 2)[rises.size // 2])
-    same = int(np.count_nonzero(np.abs(rises - step) <= _OFF_A_STEP * step))
-    if same < _ONE_STEP * rises.size:
+    if np.count_nonzero(np.abs(rises - step) <= _OFF_A_STEP * step) < _ONE_STEP * rises.size:
         return []
-    differ = f'{same} removed points differ from their neighbours by one height, {step:.3g}'
-    risk = 'if heights are stored in such steps, they may be noise'
-    return [f'{differ}: {risk}; then teach this surface with `socialcircle teach`.']
+    lines = slice(None, None, max(1, height // _SAMPLED_ROWS))
+    if not _is_at_rest(np.where(outliers[lines], np.nan, heights[lines])):
+        return []
+    differ = (
+        f'most single outliers differ from their neighbours by one height, {step:.3g} in the unit of the cloud'
+    )
+    risk = 'and the other points hardly at all: if heights are stored in such steps, they may be noise'
+    return [f'{differ}, {risk}; then teach this surface with `socialcircle teach`.']
+
+
+def _is_at_rest(lines: HeightMap) -> bool:
+    """Whether hardly a height of some rows differs from those beside it, but for a form and rounding."""
+    curves = np.diff(lines.astype(np.float64), 2, axis=1)
+    curves = curves[np.isfinite(curves)]
+    if not curves.size:
+        return False
+    sizes = np.abs(lines - np.nanmedian(lines))
+    rounding = _ROUNDINGS * float(np.spacing(np.nanquantile(sizes, _AT_REST).astype(np.float32)))
+    middle = np.partition(curves, curves.size // 2)[curves.size // 2]
+    return bool(np.count_nonzero(np.abs(curves - middle) <= rounding) >= _AT_REST * curves.size)
 
 
 def _too_large(found: _LargeCircle) -> str:

@@ -189,7 +189,8 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         )
     stopwatch.lap('lonely points')
     inliers = measured & ~found.outliers
-    warnings += single_steps(heights, found.outliers)
+    if lesson is None and settings.depth_of_field is None:
+        warnings += single_steps(heights, found.outliers)
     warnings += kept_islands(found.islands_kept, narrowly=found.kept_narrowly)
     warnings += removed_islands(found.alike, found.taken_for_parts)
     return CircleResult(

@@ -125,7 +125,8 @@ def find_outliers(
     stopwatch = Stopwatch()
     relative, exponent = relative_heights(heights)
     if depth_of_field is not None:
-        depth_of_field = math.ldexp(depth_of_field, -exponent)
+        with np.errstate(over='ignore'):  # infinite: then no island is too high
+            depth_of_field = float(np.ldexp(depth_of_field, -exponent))
     search = _IslandSearch(relative)
     stopwatch.lap('heights')
 

@@ -44,7 +44,8 @@ _HIGH = 0.9
 _SAMPLES = 60_000
 """Differences from which the spread of a direction is estimated."""
 _FEWEST_ROWS, _RUN = 60, 12
-"""They come from runs of so many rows, of so many rows in all at least. A run sees all places of a fine ruling."""
+"""They come from so many rows at least, in runs of so many: a run sees all places of a fine ruling. Of rows with
+more than 2000 points fewer are taken."""
 _SMALLEST = STEPS_PER_SPREAD / float(np.finfo(np.float32).max)
 """Least spread of all: below it normalised differences overflow float32, and those of 0 become NaN."""
 _ROW_STRIDE = 3
@@ -83,11 +84,13 @@ def _sampled_rows(height: int, width: int) -> npt.NDArray[np.int64]:
     Evenly spaced rows could all be at one place of a ruling. Between its lines they would show no step, and at
     their edges nothing but steps.
     """
-    stride = max(1, min(height * width // _SAMPLES, height // _FEWEST_ROWS))
-    bands = np.arange(0, height, _RUN * stride)
-    first = bands + np.random.default_rng(0).integers(_RUN * (stride - 1) + 1, size=bands.size)
-    rows: npt.NDArray[np.int64] = (first[:, np.newaxis] + np.arange(_RUN)).ravel()
-    return rows[rows < height]
+    number = max(_SAMPLES // width, min(_FEWEST_ROWS, 2 * _SAMPLES // width), 1)
+    stride, run = max(1, height // number), min(_RUN, number)
+    end = height - (stride > 1)  # below the last row there is none
+    bands = np.arange(0, end, run * stride)
+    first = bands + np.random.default_rng(0).integers(run * (stride - 1) + 1, size=bands.size)
+    rows: npt.NDArray[np.int64] = (np.minimum(first, max(end - run, 0))[:, np.newaxis] + np.arange(run)).ravel()
+    return np.unique(rows[rows < height])
 
 
 def _sampled_sizes(surface: Surface, rows: npt.NDArray[np.int64]) -> list[Sample]:

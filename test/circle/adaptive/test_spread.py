@@ -54,3 +54,12 @@ def test_where_a_ruling_begins_changes_no_spread(period, shape):
         heights = (noise + ruling[:, np.newaxis]).astype(np.float32)
         spreads.append(estimate_spread(heights, 16, may_predict=False).by_direction)
     assert (np.max(spreads, axis=0) < 1.2 * np.min(spreads, axis=0)).all()
+
+
+@pytest.mark.parametrize(
+    'shape', [(2, 200_000), (3, 500_000), (59, 100_000), (100, 60_000), (61, 2100), (9000, 30)]
+)
+def test_the_rows_of_a_cloud_of_any_shape_have_differences_in_each_direction(shape):
+    heights = np.random.default_rng(2).normal(size=shape).astype(np.float32)
+    spread = estimate_spread(heights, 16, may_predict=False)
+    np.testing.assert_allclose(spread.by_direction, np.sqrt(2), rtol=0.1)
