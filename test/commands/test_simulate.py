@@ -76,7 +76,8 @@ def test_the_same_seed_gives_the_same_recording(run, tmp_path):
 
 
 def test_an_imported_stack_needs_its_pitch_and_step(run, tmp_path):
-    frames = np.random.default_rng(0).integers(0, 255, (5, 20, 30), np.uint8)
+    texture = np.random.default_rng(0).integers(-90, 90, (20, 30))
+    frames = np.stack([128 + sharp * texture for sharp in (0.2, 0.6, 1.0, 0.6, 0.2)]).astype(np.uint8)
     np.savez(tmp_path / 's.npz', frames=frames, z=np.arange(5))
     refused = run('import', 's.npz', '-o', 's.mcap')
     assert refused.code == 1
