@@ -91,16 +91,33 @@ class Ledger:
         entry = _parsed(self._output.read(_file_of(content)))
         return None if entry is None else replace(entry, content=content)
 
-    def begin(self, content: str) -> None:
+    def begin(self, content: str, found: ArchiveInput, *, moved: bool) -> None:
         """Tell that what was made of a content is about to be replaced, so that no settings count as done.
 
-        The entry stays, because it says what is to be removed.
+        The entry stays, because it says what is to be removed. That of a content that has moved becomes one of its
+        new location, and its outputs with names of the old one go now: afterwards these names may be those of
+        another content, which another worker finds at the old location.
+
+        Args:
+            content: hash of what is about to be filtered.
+            found: the input with it.
+            moved: whether the content is no longer at the location of the entry.
 
         Raises:
             SocialCircleError: it cannot be written.
         """
         entry = self.of_content(content)
-        if entry is not None and entry.digest:
+        if entry is None:
+            return
+        if moved and entry.location != found.location:
+            outputs = entry.made(found.name) - set(entry.files)
+            own = outputs & {recording_of(found.name), report_of(found.name)}
+            self._remove(outputs - own)
+            entry = replace(
+                entry, location=found.location, size=found.size, changed=found.changed, name=found.name
+            )
+            self._write(_file_of(content), replace(entry, digest='', outputs=tuple(sorted(own))))
+        elif entry.digest:
             self._write(_file_of(content), replace(entry, digest=''))
 
     def record(self, content: str, entry: LedgerEntry) -> None:
@@ -112,9 +129,21 @@ class Ledger:
         failed = _failure_file(entry.location)
         for earlier in (self.of_content(content), _parsed(self._output.read(failed))):
             if earlier is not None:
-                self._remove(earlier.made(entry.name) - entry.made())
+                outdated = earlier.made(entry.name) - entry.made()
+                if outdated and earlier.location != entry.location:
+                    outdated -= self._made_of_others(content)
+                self._remove(outdated)
         self._write(_file_of(content), replace(entry, content=content))
         self._output.remove(failed)
+
+    def drop(self, entry: LedgerEntry, done: LedgerEntry) -> None:
+        """Remove what was made of a copy of an input that another worker has done meanwhile.
+
+        Args:
+            entry: what was made, which is not recorded.
+            done: the entry of the other one.
+        """
+        self._remove(entry.made() - done.made())
 
     def forget_others(self, earlier: Iterable[LedgerEntry], location: str, content: str) -> None:
         """Forget failures and other contents of a location, with what was made of them.
@@ -151,6 +180,10 @@ class Ledger:
         if earlier is not None:
             self._remove(earlier.made() - entry.made())
         self._write(path, entry)
+
+    def _made_of_others(self, content: str) -> set[str]:
+        """What was made of all other contents: a name that a moved input had may be that of another one since."""
+        return {name for entry in self.entries() if entry.content != content for name in entry.made()}
 
     def _write(self, name: str, entry: LedgerEntry) -> None:
         self._output.write(name, json.dumps(asdict(entry)))

@@ -19,7 +19,7 @@ class NamePattern:
         text: the pattern; empty: no name matches.
 
     Raises:
-        SettingError: the pattern names neither, or one of them twice.
+        SettingError: the pattern is no text, names neither, or has one of them twice.
     """
 
     text: str = ''
@@ -27,6 +27,8 @@ class NamePattern:
 
     def __post_init__(self) -> None:
         """Translate the pattern into a regular expression."""
+        if not isinstance(self.text, str):
+            raise SettingError(f'The pattern of the names must be a text, not {self.text!r}.')
         if not self.text:
             return
         counts = [self.text.count(name) for name in ('{cell}', '{part}')]

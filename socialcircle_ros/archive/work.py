@@ -40,15 +40,19 @@ def do_task(task: BatchTask) -> TaskResult:
     try:
         with local_copy(task.found.location) as path:
             content = content_hash(path)
-            earlier = Ledger(task.output).of_content(content)
+            ledger = Ledger(task.output)
+            # An input that is still written, or copied again under its name, has had another content. What was
+            # made of that stays while the input cannot be read: it may be there again. It goes before the new
+            # results get its names: another worker may find that content where it has been moved to.
+            contents = [each for each in task.earlier if each.failure is None]
+            ledger.forget_others(contents, task.found.location, content)
+            earlier = ledger.of_content(content)
             moved_from = None if earlier is None or _is_there(earlier, task) else earlier
             result = None if moved_from else _done_before(task, content, earlier)
-            result = result or _done_now(_named_as(task, moved_from), path, content)
-            # An input that is still written, or copied again under its name, has had another content. What was
-            # made of that stays while the input cannot be read: it may be there again.
-            failed = result.entry.failure is not None
-            outdated = [each for each in task.earlier if not failed or each.failure is None]
-            Ledger(task.output).forget_others(outdated, task.found.location, content)
+            result = result or _done_now(_named_as(task, moved_from), path, content, moved=moved_from is not None)
+            if result.entry.failure is None:
+                failures = [each for each in task.earlier if each.failure is not None]
+                ledger.forget_others(failures, task.found.location, content)
             return result
     except SocialCircleError as error:
         return failed_result(task, str(error))
@@ -81,9 +85,9 @@ def _done_before(task: BatchTask, content: str, earlier: LedgerEntry | None) -> 
     return None
 
 
-def _done_now(task: BatchTask, path: Path, content: str) -> TaskResult:
+def _done_now(task: BatchTask, path: Path, content: str, *, moved: bool) -> TaskResult:
     try:
-        return _with_units(task, path, content)
+        return _with_units(task, path, content, moved=moved)
     except SocialCircleError as error:
         # The copy of a URL has a name that nobody knows.
         return failed_result(task, str(error).replace(str(path), task.found.location))
@@ -118,11 +122,11 @@ def _recorded_failure(task: BatchTask, reason: str) -> LedgerEntry:
     return entry
 
 
-def _with_units(task: BatchTask, path: Path, content: str) -> TaskResult:
+def _with_units(task: BatchTask, path: Path, content: str, *, moved: bool) -> TaskResult:
     """Filter an input; warnings on its unit become part of the result, because nobody reads those of a worker."""
     with warnings.catch_warnings(record=True) as met:
         warnings.simplefilter('always', UnitWarning)
-        result = _measured(task, path, content)
+        result = _measured(task, path, content, moved=moved)
     units = set()
     for warning in met:
         if issubclass(warning.category, UnitWarning):
@@ -132,22 +136,24 @@ def _with_units(task: BatchTask, path: Path, content: str) -> TaskResult:
     return replace(result, units=tuple(sorted(units)))
 
 
-def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
+def _measured(task: BatchTask, path: Path, content: str, *, moved: bool) -> TaskResult:
     collector = _RowCollector(task, path, content)
     results = ResultFolder(task.output)
+    ledger, found = Ledger(results), task.found
     # Interrupted from here on, the results are of two settings.
-    Ledger(results).begin(content)
+    ledger.begin(content, found, moved=moved)
     with results.writing() as folder:
         summary = _filtered(task, path, folder, collector)
         if not summary.clouds and not collector.rows:
             reasons = ' '.join([*summary.refused, *([summary.damage] if summary.damage else [])])
-            raise SocialCircleError(f'{task.found.location} has no cloud. {reasons}'.strip())
-        outputs = [recording_of(task.found.name)] if task.recordings and summary.clouds else []
+            raise SocialCircleError(f'{found.location} has no cloud. {reasons}'.strip())
+        outputs = [recording_of(found.name)] if task.recordings and summary.clouds else []
         if task.reports and summary.clouds:
-            outputs.append(report_of(task.found.name))
+            outputs.append(report_of(found.name))
             make_report(path, folder / outputs[-1], task.settings, topics=task.topics)
-        files = tuple(write_rows(folder, content, collector.rows))
-    found = task.found
+        # Another worker may have done a copy meanwhile; it has removed what an earlier run had made of this one.
+        copy = _done_before(task, content, ledger.of_content(content))
+        files = () if copy else tuple(write_rows(folder, content, collector.rows))
     entry = LedgerEntry(
         location=found.location,
         size=found.size,
@@ -161,7 +167,11 @@ def _measured(task: BatchTask, path: Path, content: str) -> TaskResult:
         files=files,
         outputs=tuple(outputs),
     )
-    Ledger(results).record(content, entry)
+    copy = copy or _done_before(task, content, ledger.of_content(content))
+    if copy:
+        ledger.drop(entry, copy.entry)
+        return copy
+    ledger.record(content, entry)
     return TaskResult(found.location, content, entry)
 
 

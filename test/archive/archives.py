@@ -6,6 +6,7 @@ from pathlib import Path
 
 from examples import cloud
 
+from socialcircle_ros.archive.ledger import Ledger
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.recording import RecordingWriter, ros_topic
 from socialcircle_ros.recording.topics import MetadataRecord
@@ -50,3 +51,26 @@ def object_store(monkeypatch):
     finally:
         s3fs.S3FileSystem.clear_instance_cache()
         server.stop()
+
+
+def in_between(monkeypatch, step, other):
+    """Do another task before a step of the next one, as a second worker may."""
+    from socialcircle_ros.archive import work
+
+    owner, name = (work.Ledger, 'record') if step == 'record' else (work, step)
+    original = getattr(owner, name)
+
+    def after_the_other(*given, **options):
+        monkeypatch.setattr(owner, name, original)
+        assert work.do_task(other).entry.failure is None
+        return original(*given, **options)
+
+    monkeypatch.setattr(owner, name, after_the_other)
+
+
+def all_is_there(output):
+    """Whether a folder of results holds what its ledger says, and nothing else; all entries are of ended runs."""
+    entries = list(Ledger(output).entries())
+    files = (each for name in ('recordings', 'measurements') for each in (output / name).rglob('*.*'))
+    there = {str(each.relative_to(output)) for each in files if each.is_file()}
+    return there == {name for entry in entries for name in entry.made()} and all(each.digest for each in entries)

@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from socialcircle_ros.archive.inputs import ArchiveInput
 from socialcircle_ros.archive.ledger import Ledger, LedgerEntry
 
 
@@ -62,3 +63,44 @@ def test_a_content_that_another_worker_found_elsewhere_meanwhile_is_not_forgotte
     ledger.forget_others([earlier], 'a.mcap', 'new')
     assert [entry.location for entry in ledger.entries()] == ['b.mcap']
     assert (tmp_path / 'moved').exists()
+
+
+def entry_at(folder, name, **changes):
+    """An entry of an input with a recording, which is written."""
+    output = f'recordings/{name}'
+    (folder / 'recordings').mkdir(exist_ok=True)
+    (folder / output).write_text('')
+    return LedgerEntry(name, 1, '1', 'd', **{'name': name, 'outputs': (output,), **changes})
+
+
+def made_in(folder):
+    return sorted(path.name for path in folder.glob('recordings/*'))
+
+
+def test_what_is_recorded_of_another_content_is_not_removed(ledger, tmp_path):
+    """As when a.mcap becomes b.mcap, and there is a new a.mcap."""
+    ledger.record('old', entry_at(tmp_path, 'a.mcap'))
+    ledger.record('new', entry_at(tmp_path, 'a.mcap'))
+    ledger.record('old', entry_at(tmp_path, 'b.mcap'))
+    assert made_in(tmp_path) == ['a.mcap', 'b.mcap']
+
+
+def test_a_moved_content_gives_the_names_of_its_old_location_back_before_it_is_filtered(ledger, tmp_path):
+    before = entry_at(tmp_path, 'a.mcap', files=rows(tmp_path, 'rows'))
+    ledger.record('old', before)
+    ledger.begin('old', ArchiveInput('b.mcap', 'b.mcap', 1, '1', 0), moved=True)
+    assert made_in(tmp_path) == []
+    ledger.forget_others([before], 'a.mcap', 'new')
+    assert ledger.of_content('old').digest == ''
+    assert (tmp_path / 'rows').exists()
+    entry_at(tmp_path, 'a.mcap')  # the new content at a.mcap is written and not yet recorded
+    ledger.record('old', entry_at(tmp_path, 'b.mcap', files=before.files))
+    assert made_in(tmp_path) == ['a.mcap', 'b.mcap']
+
+
+def test_what_a_moved_content_makes_again_under_its_name_stays_and_goes_if_it_is_not_made(ledger, tmp_path):
+    ledger.record('old', entry_at(tmp_path, 'a.mcap'))
+    ledger.begin('old', ArchiveInput('cell2/a.mcap', 'a.mcap', 1, '1', 0), moved=True)
+    assert made_in(tmp_path) == ['a.mcap']
+    ledger.record('old', LedgerEntry('cell2/a.mcap', 1, '1', 'd', name='a.mcap', outputs=()))
+    assert made_in(tmp_path) == []

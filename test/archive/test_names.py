@@ -36,3 +36,9 @@ def test_any_name_is_found(folder, cell, part):
 def test_a_pattern_without_a_field_or_with_one_twice_is_refused(pattern):
     with pytest.raises(SettingError, match='must have {cell} or {part} once'):
         NamePattern(pattern)
+
+
+@pytest.mark.parametrize('pattern', [5, None, 0, b'{cell}'])
+def test_what_is_no_text_is_refused(pattern):
+    with pytest.raises(SettingError, match='must be a text, not'):
+        NamePattern(pattern)

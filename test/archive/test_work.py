@@ -9,7 +9,7 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 import yaml
-from archive.archives import BAGS, NOON, recorded
+from archive.archives import BAGS, NOON, all_is_there, in_between, recorded
 from examples import cloud, surface
 
 from socialcircle_ros.archive import NamePattern, find_inputs
@@ -263,6 +263,32 @@ def test_a_copy_of_what_its_location_holds_no_more_is_measured(tmp_path):
     again(copy, out)
     do_task(task_of_new)
     assert [row[:1] + row[-1:] for row in asked(out)] == [(str(each), 'ok') for each in (new, new, copy, copy)]
+
+
+@pytest.mark.parametrize('step', ['filter_recording', 'write_rows', 'record'])
+@pytest.mark.parametrize('first', ['a', 'b'])
+def test_two_workers_at_a_rotation_do_not_remove_what_the_other_makes(tmp_path, monkeypatch, step, first):
+    """One does all of its task where the other is about to filter, to write its rows, or to record."""
+    path, rotated, out = recorded(tmp_path / 'a.mcap'), tmp_path / 'b.mcap', tmp_path / 'out'
+    again(path, out)
+    path.rename(rotated)
+    recorded(path, seed=1)
+    tasks = {each.stem: task(each, out, earlier=entries_at(out, each)) for each in (path, rotated)}
+    in_between(monkeypatch, step, tasks.pop('b' if first == 'a' else 'a'))
+    assert do_task(*tasks.values()).entry.failure is None
+    assert all_is_there(out)
+    assert {row[0] for row in asked(out)} == {str(path), str(rotated)}
+
+
+@pytest.mark.parametrize('step', ['filter_recording', 'write_rows'])
+def test_two_workers_at_copies_leave_the_results_of_one(tmp_path, monkeypatch, step):
+    path, copy, out = recorded(tmp_path / 'a.mcap'), tmp_path / 'b.mcap', tmp_path / 'out'
+    copy.write_bytes(path.read_bytes())
+    again(path, out)
+    in_between(monkeypatch, step, task(copy, out, digest='other'))
+    do_task(task(path, out, digest='other'))
+    assert all_is_there(out)
+    assert len(asked(out)) == 2
 
 
 def test_an_original_that_is_only_touched_is_still_there(tmp_path):
