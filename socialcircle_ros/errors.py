@@ -4,6 +4,8 @@
 Each message is one or two sentences for the engineer at the cell: what is wrong, and what to do.
 """
 
+_LONGEST_SHOWN = 60  # characters
+
 
 class SocialCircleError(Exception):
     """Base of every error of this package.
@@ -19,6 +21,15 @@ class SocialCircleError(Exception):
 def printable(text: str) -> str:
     """The text with escapes in place of characters that cannot be encoded as UTF-8."""
     return text.encode('utf-8', 'backslashreplace').decode()
+
+
+def shown(value: object) -> str:
+    """A value for a sentence: on one line, and not longer than that."""
+    try:
+        text = ' '.join(repr(value).split())
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        return f'a {"number" if isinstance(value, int) else "value"} of thousands of digits'
+    return text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}…'
 
 
 def install_command(extra: str) -> str:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.arguments import settings_or_default
 from socialcircle_ros.cloud import Cloud, organized
-from socialcircle_ros.errors import SettingError
+from socialcircle_ros.errors import SettingError, shown
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.order_statistics import MAD_TO_SIGMA
 from socialcircle_ros.kernels.sorting_networks import Comparators, merge_network, run_network, sort_network
@@ -83,8 +83,14 @@ def window_median(xyz: npt.ArrayLike, window: int) -> Score:
         SettingError: the window is not odd.
         CloudError: not an organized cloud.
     """
-    if not isinstance(window, (int, np.integer)) or window < 1 or window % 2 == 0:
-        raise SettingError(f'The window must be an odd number of points, such as 5, not {window!r}.')
+    if (
+        isinstance(window, (bool, np.timedelta64))
+        or not isinstance(window, (int, np.integer))
+        or window < 1
+        or window % 2 == 0
+    ):
+        raise SettingError(f'The window must be an odd number of points, such as 5, not {shown(window)}.')
+    window = int(window)
     cloud = organized(xyz)
     median: Score = np.empty(cloud.shape[:2], cloud.dtype)
     _window_median(cloud, window, _plan(window), median)

@@ -148,7 +148,12 @@ def test_settings_refuse_what_a_window_cannot_hold():
         MedianSettings(threshold=0)
 
 
-@pytest.mark.parametrize('window', [0, -1, 2, 4, 3.0, '3', None])
+@pytest.mark.parametrize('window', [0, -1, 2, 4, 3.0, '3', None, True, np.timedelta64(3)])
 def test_a_median_window_that_is_not_odd_is_refused(window):
     with pytest.raises(SettingError, match='The window must be an odd number of points'):
         window_median(np.zeros((5, 6, 3)), window)
+
+
+def test_a_median_window_may_be_a_number_of_numpy():
+    heights = np.dstack([*np.meshgrid(np.arange(6.0), np.arange(5.0)), np.arange(30.0).reshape(5, 6)])
+    np.testing.assert_array_equal(window_median(heights, np.int64(3)), window_median(heights, 3))
