@@ -5,7 +5,7 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import click
@@ -95,19 +95,14 @@ def _print(names: Sequence[str], rows: Sequence[Sequence[object]], form: Literal
 
 def _different(names: Sequence[str]) -> list[str]:
     """The names of columns, with a number where several have one: an object of JSON would lose all but one."""
+    from socialcircle_ros.formats.fields import free_name
+
     taken = set(names)
     found: list[str] = []
     for name in names:
-        found.append(_numbered(name, taken) if name in found else name)
+        found.append(free_name(name, taken) if name in found else name)
         taken.add(found[-1])
     return found
-
-
-def _numbered(name: str, taken: Collection[str]) -> str:
-    number = 2
-    while f'{name}_{number}' in taken:
-        number += 1
-    return f'{name}_{number}'
 
 
 def _without_nan(cell: object) -> object:
