@@ -55,7 +55,7 @@ _LEAST_BAND = 1_500_000
 """Pixels of a frame for each core: a smaller frame is done before another core would be of use."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Curves:
     """The focus curves of all pixels, 58 bytes each, and the all-in-focus image.
 

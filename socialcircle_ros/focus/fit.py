@@ -72,7 +72,7 @@ TRUSTED_QUALITY = 0.9
 _HALF = float(np.log(0.5))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CurveWidths:
     """The widths of a sample of the focus curves: of the pixel with the best quality in each tile of a row."""
 

@@ -13,7 +13,7 @@ from .reasons import Reason
 from .stack import FocusResult, FocusStack
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FocusCurve:
     """The focus curve of a pixel, and what the fit made of it.
 
