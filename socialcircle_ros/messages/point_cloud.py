@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from socialcircle_ros.cloud import Cloud, Mask, unmasked
 from socialcircle_ros.digits import size_text
-from socialcircle_ros.errors import MessageError
+from socialcircle_ros.errors import CloudError, MessageError
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
@@ -312,19 +312,21 @@ def encode_point_cloud(
         The message: fields x, y, z, then the extra ones, without padding; is_dense as it is.
 
     Raises:
-        MessageError: an array of another shape, or of a type that PointField does not know; or a name that no
-            field beside x, y and z can have.
+        MessageError: an array of another shape, without a point, or of a type that PointField does not know; or a
+            name that no field beside x, y and z can have.
         CloudError: a field has masked whole numbers of 64 bits and others that float64 does not hold.
     """
-    points = unmasked(xyz)
+    points = _array('The cloud', xyz)
     if points.ndim != 3 or points.shape[2] != 3:
         raise MessageError(f'An organized cloud has the shape (rows, columns, 3), not {points.shape}.')
     height, width = points.shape[:2]
+    if not points.size:
+        raise MessageError(f'The cloud needs a point; it has {size_text(height, width)}.')
     for name in extra or ():
         if not name or '\0' in name or name in ('x', 'y', 'z'):
             raise MessageError(f'Field {name!r} has no name of its own: give it one beside x, y and z.')
     values = {name: points[..., axis] for axis, name in enumerate('xyz')}
-    values |= {name: unmasked(each) for name, each in (extra or {}).items()}
+    values |= {name: _array(f'Field {name!r}', each) for name, each in (extra or {}).items()}
     codes = {code: number for number, code in DATATYPES.items()}
     for name, array in values.items():
         if array.shape != (height, width) or array.dtype.str[1:] not in codes:
@@ -337,6 +339,21 @@ def encode_point_cloud(
     for name, array in values.items():
         table[name] = array
     return encode_layout(header, table, table.view(np.uint8), is_dense=bool(np.isfinite(points).all()))
+
+
+def _array(what: str, values: npt.ArrayLike) -> npt.NDArray[np.generic]:
+    """The values as `unmasked` gives them.
+
+    Raises:
+        MessageError: they are lists of unlike lengths.
+        CloudError: as by `unmasked`.
+    """
+    try:
+        return unmasked(values)
+    except CloudError:
+        raise
+    except ValueError:
+        raise MessageError(f'{what} is no array: its rows differ in their lengths.') from None
 
 
 def write_float_cloud(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """New recordings from measurement files and from simulated stacks."""
 
+import numbers
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,7 +10,7 @@ from typing import NamedTuple
 
 from socialcircle_ros.arguments import Compression, OneOrSeveral, several
 from socialcircle_ros.cloud import PitchLike
-from socialcircle_ros.errors import ImportFileError, SettingError
+from socialcircle_ros.errors import ImportFileError, SettingError, shown
 from socialcircle_ros.lengths import known_unit, unit_name
 from socialcircle_ros.messages import point_cloud
 from socialcircle_ros.messages.header import Header
@@ -145,10 +146,11 @@ def _check_period(period_s: float, periods: float) -> None:
     Raises:
         SettingError: they are not.
     """
-    if not 0 < period_s * periods < _END_S:
+    is_number = isinstance(period_s, numbers.Real) and not isinstance(period_s, bool)
+    if not (is_number and period_s > 0 and period_s < _END_S / periods):
         raise SettingError(
             'The period must be above 0 s, and the last stamp below 2³¹ s, as ROS holds it; the period cannot be'
-            f' {period_s} s.'
+            f' {shown(period_s)}{" s" if is_number else ""}.'
         )
 
 
@@ -158,10 +160,10 @@ def _check_topic(topic: str) -> None:
     Raises:
         SettingError: it has not.
     """
-    if not _TOPIC.fullmatch(topic):
+    if not isinstance(topic, str) or not _TOPIC.fullmatch(topic):
         raise SettingError(
-            f'{topic!r} is not the name of a topic: use letters, digits, _ and /, as in /cell/points; it begins'
-            ' with /, and no part of it begins with a digit.'
+            f'{shown(topic)} is not the name of a topic: use letters, digits, _ and /, as in /cell/points; it'
+            ' begins with /, no part of it is empty, and none begins with a digit.'
         )
 
 

@@ -3,7 +3,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -42,7 +42,8 @@ class Choice:
         """Check the values, and convert them to the types that ROS has for the parameter."""
         parameter = _swept(self.name)
         # A text is a sequence, too: of letters.
-        values = [self.values] if isinstance(self.values, (bool, int, float, str)) else self.values
+        is_single = isinstance(self.values, (str, bytes)) or not isinstance(self.values, Iterable)
+        values = [cast('RosValue', self.values)] if is_single else self.values
         checked = [_checked(parameter, value) for value in values]
         if not checked:
             raise SettingError(f'{self.name} has no value to try.')

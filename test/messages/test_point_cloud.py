@@ -297,6 +297,19 @@ def test_what_is_no_organized_cloud_cannot_be_encoded(xyz):
         encode_point_cloud(Header(), xyz)
 
 
+@pytest.mark.parametrize('shape', [(0, 4, 3), (4, 0, 3)])
+def test_a_cloud_without_a_point_cannot_be_encoded(shape):
+    with pytest.raises(MessageError, match='The cloud needs a point; it has [04] rows × [04] columns'):
+        encode_point_cloud(Header(), np.zeros(shape))
+
+
+def test_rows_of_unlike_lengths_cannot_be_encoded():
+    with pytest.raises(MessageError, match="Field 'f' is no array: its rows differ in their lengths"):
+        encode_point_cloud(Header(), np.zeros((2, 2, 3)), {'f': [[1, 2], [3]]})
+    with pytest.raises(MessageError, match='The cloud is no array: its rows differ in their lengths'):
+        encode_point_cloud(Header(), [[1, 2], [3]])
+
+
 @pytest.mark.parametrize('name', ['', 'a\0b', 'x', 'z'])
 def test_a_field_without_a_name_of_its_own_cannot_be_encoded(name):
     with pytest.raises(MessageError, match='has no name of its own'):

@@ -75,7 +75,9 @@ def test_the_stamps_are_multiples_of_the_period_to_the_nanosecond(period_us):
     assert frames == [number * period_us * 20 for number in range(1, 5)]  # 50 frames in a period
 
 
-@pytest.mark.parametrize('period_s', [0, -1.0, float('nan'), float('inf'), 1e12, 2.0**31])
+@pytest.mark.parametrize(
+    'period_s', [0, -1.0, float('nan'), float('inf'), 1e12, 2.0**31, pytest.param(10**400, id='digits')]
+)
 def test_a_period_whose_stamps_ros_does_not_hold_is_refused(tmp_path, period_s):
     np.savez(tmp_path / 's.npz', frames=FRAMES, z=np.arange(4))
     with pytest.raises(SettingError, match='must be above 0 s, and the last stamp below 2³¹ s'):
@@ -85,9 +87,18 @@ def test_a_period_whose_stamps_ros_does_not_hold_is_refused(tmp_path, period_s):
     assert [path.name for path in tmp_path.iterdir()] == ['s.npz']
 
 
-@pytest.mark.parametrize('topic', ['a b', 'points', '/points/', '//points', '/1/points', '/größe', '', '/'])
+@pytest.mark.parametrize('period_s', ['1', None, True])
+def test_a_period_that_is_no_number_is_refused(tmp_path, period_s):
+    with pytest.raises(SettingError, match=f'the period cannot be {period_s!r}\\.'):
+        record_clouds(['a.npz'], tmp_path / 'x.mcap', period_s=period_s)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    'topic', [5, None, '/a//b', 'a b', 'points', '/points/', '//points', '/1/points', '/größe', '', '/']
+)
 def test_a_topic_that_ros_does_not_allow_is_refused(tmp_path, topic):
-    with pytest.raises(SettingError, match='is not the name of a topic'):
+    with pytest.raises(SettingError, match='is not the name of a topic: .* no part of it is empty'):
         record_clouds(['a.npz'], tmp_path / 'x.mcap', topic=topic)
     assert not list(tmp_path.iterdir())
 

@@ -85,6 +85,7 @@ def test_a_bad_dimension_is_one_sentence(text, sentence):
     [
         (lambda: Choice('circle.window', [4]), 'circle.window must be odd, not 4'),
         (lambda: Choice('circle.windw', [3]), 'circle.windw cannot be swept'),
+        (lambda: Choice('circle.judge', None), 'circle.judge cannot be None'),
         (lambda: Choice('circle.window', []), 'circle.window has no value to try'),
         (lambda: Range('circle.window', 3, 5), 'circle.window must be odd; give a step'),
         (lambda: Range('circle.radius_scale', 3, 1), 'LOW ≤ HIGH'),
