@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What callers hand to the public functions: one name where several may come, settings and options."""
 
-import reprlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal, TypeAlias, TypeVar, get_args
 
-from socialcircle_ros.errors import SettingError
+from socialcircle_ros.errors import SettingError, shown
 
 Name = TypeVar('Name', bound=str | Path)
 
@@ -23,6 +22,7 @@ def several(given: OneOrSeveral[Name] | None) -> tuple[Name, ...]:
     """All names that a caller gives; a single one counts as several of one.
 
     A text is iterable as well: taken for several names, `/points` would be the names `/`, `p`, `o`, ...
+    Bytes are no name.
 
     Args:
         given: a name or a path, or several; None: none.
@@ -34,8 +34,8 @@ def several(given: OneOrSeveral[Name] | None) -> tuple[Name, ...]:
         return ()
     if isinstance(given, (str, Path)):
         return (given,)
-    if not isinstance(given, Iterable):
-        raise SettingError(f'A name or several names must be given, not {given!r}.')
+    if isinstance(given, (bytes, bytearray, memoryview)) or not isinstance(given, Iterable):
+        raise SettingError(f'A name or several names must be given, not {shown(given)}.')
     return tuple(given)
 
 
@@ -46,8 +46,7 @@ def settings_of(wanted: type[SettingsClass], given: object) -> SettingsClass:
         SettingError: they are not.
     """
     if not isinstance(given, wanted):
-        shown = ' '.join(reprlib.repr(given).split())
-        raise SettingError(f'The settings must be a {wanted.__name__}(...), not {shown}.')
+        raise SettingError(f'The settings must be a {wanted.__name__}(...), not {shown(given)}.')
     return given
 
 
@@ -68,4 +67,4 @@ def check_compression(compression: str) -> None:
     """
     choices = get_args(Compression)
     if compression not in choices:
-        raise SettingError(f'The compression cannot be {compression!r}; use one of: {", ".join(choices)}.')
+        raise SettingError(f'The compression cannot be {shown(compression)}; use one of: {", ".join(choices)}.')

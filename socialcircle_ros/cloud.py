@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.digits import size_text
-from socialcircle_ros.errors import CloudError
+from socialcircle_ros.errors import CloudError, shown
 from socialcircle_ros.kernels.compiled import kernel
 
 Cloud = npt.NDArray[np.float32] | npt.NDArray[np.float64]
@@ -91,8 +91,7 @@ def checked_pitch(pitch: PitchLike) -> Pitch:
             raise TypeError(pitch)  # noqa: TRY301 - reported below, as every other fault of the pitch
         dx, dy = (_number(distance) for distance in pitch)
     except (TypeError, ValueError, OverflowError):
-        given = ' '.join(repr(pitch).split())  # an array has several lines
-        raise CloudError(f'The pitch is {given}; give two numbers: pitch=(dx, dy).') from None
+        raise CloudError(f'The pitch is {shown(pitch)}; give two numbers: pitch=(dx, dy).') from None
     if not (0 < dx < np.inf and 0 < dy < np.inf):
         raise CloudError(f'The pitch is ({dx:g}, {dy:g}); both distances must be above 0, and finite.')
     return dx, dy

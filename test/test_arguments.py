@@ -40,6 +40,8 @@ def test_nothing_is_no_name():
 def test_what_is_no_name_is_refused():
     with pytest.raises(SettingError, match='A name or several names must be given, not 5'):
         several(5)
+    with pytest.raises(SettingError, match=r"A name or several names must be given, not b'a\.npz'"):
+        several(b'a.npz')
 
 
 @pytest.mark.parametrize('found', ['paper', 0, {}, CircleSettings, RepairSettings(), np.zeros((40, 50, 3))])

@@ -121,6 +121,8 @@ def test_what_is_no_cloud_is_refused_with_what_to_do(value, sentence):
         ({1.0: 'x', 2.0: 'y'}, 'give two numbers'),
         ((True, True), 'give two numbers'),
         ((np.timedelta64(5), 1), 'give two numbers'),
+        pytest.param((10**5000, 1), 'The pitch is a value of thousands of digits; give two numbers', id='5000'),
+        pytest.param((10**400, 1), r'The pitch is \(10{1,60}…; give two numbers', id='400'),
         (np.ones((2, 1)), r'The pitch is array\(\[\[1.\], \[1.\]\]\); give two numbers'),
     ],
 )

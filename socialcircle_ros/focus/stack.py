@@ -2,7 +2,6 @@
 """Depth from a focus stack (section 3.1), one frame at a time or all frames at once."""
 
 import math
-import reprlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import SupportsFloat, TypeVar, cast
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from socialcircle_ros.arguments import settings_or_default
-from socialcircle_ros.errors import StackError
+from socialcircle_ros.errors import StackError, shown
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.settings import FocusSettings
 
@@ -280,7 +279,7 @@ def _position(z: object) -> float:
             raise TypeError  # noqa: TRY301 - NumPy would take the only item of an array for a number, and warn
         is_finite = math.isfinite(cast('SupportsFloat', z))
     except (TypeError, ValueError, OverflowError):
-        raise StackError(f'A frame needs one number for its z, not {reprlib.repr(z)}.') from None
+        raise StackError(f'A frame needs one number for its z, not {shown(z)}.') from None
     if not is_finite:
         raise StackError(f'A frame needs a finite z, not {z}.')
     return float(cast('SupportsFloat', z))
@@ -295,7 +294,7 @@ def _listed(values: Iterable[_Item], name: str) -> list[_Item]:
     try:
         items = iter(values)
     except TypeError:
-        raise StackError(f'{name} must have one item for each frame, but is {reprlib.repr(values)}.') from None
+        raise StackError(f'{name} must have one item for each frame, but is {shown(values)}.') from None
     return list(items)
 
 

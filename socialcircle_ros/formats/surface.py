@@ -22,7 +22,7 @@ from socialcircle_ros.cloud import (
     unmasked,
 )
 from socialcircle_ros.digits import size_text
-from socialcircle_ros.errors import CloudError, ImportFileError
+from socialcircle_ros.errors import CloudError, ImportFileError, shown
 from socialcircle_ros.lengths import checked_unit
 
 from .fields import PointValues, checked_fields
@@ -188,6 +188,8 @@ def _real(what: str, shape: str, values: ArrayLike) -> Floats:
     if floats is None:
         whole = array.dtype.kind in 'iu'
         advice = 'of more digits than float64 has: subtract an offset' if whole else f'not {array.dtype}'
+        if array.dtype.kind == 'b':
+            advice += ': give 0 and 1 as numbers'
         raise CloudError(f'{what} holds numbers, {advice}.')
     if not floats.size:
         raise CloudError(f'{what} needs a point; this one has the shape {floats.shape}.')
@@ -208,8 +210,7 @@ def given_pitch(path: Path, pitch: PitchLike | None) -> Pitch:
     try:
         return checked_pitch(pitch)
     except CloudError:
-        given = ' '.join(repr(pitch).split())  # an array has several lines
-        raise ImportFileError(f'The pitch of {path} must be two numbers above 0, not {given}.') from None
+        raise ImportFileError(f'The pitch of {path} must be two numbers above 0, not {shown(pitch)}.') from None
 
 
 class Flattened(NamedTuple):

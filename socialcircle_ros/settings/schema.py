@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, SupportsFloat, SupportsIndex, TypeVar, cast
 
-from socialcircle_ros.errors import SettingError
+from socialcircle_ros.errors import SettingError, shown
 
 Value = TypeVar('Value')
 
@@ -25,8 +25,6 @@ _OWN = 'socialcircle'
 
 _INTEGERS = 2**63
 """Whole numbers of ROS are below it; the least of them is its negative."""
-
-_LONGEST_SHOWN = 60  # characters
 
 
 @typing.runtime_checkable
@@ -286,22 +284,22 @@ def _checked(name: str, value: object, hint: object, column: _Declaration) -> ob
     if typing.get_origin(kind) is Literal:
         if not isinstance(value, str) or value not in typing.get_args(kind):
             choices = ', '.join(typing.get_args(kind))
-            raise SettingError(f'{name} cannot be {_shown(value)}; use one of: {choices}.')
+            raise SettingError(f'{name} cannot be {shown(value)}; use one of: {choices}.')
         return value
     if kind is bool:
         if not isinstance(value, bool):
-            raise SettingError(f'{name} must be true or false, not {_shown(value)}.')
+            raise SettingError(f'{name} must be true or false, not {shown(value)}.')
         return value
     if kind is str:
         if not isinstance(value, str):
             is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            advice = f"; for this number use the text '{_shown(value)}'" if is_number else ''
-            raise SettingError(f'{name} must be text, not {_shown(value)}{advice}.')
+            advice = f"; for this number use the text '{shown(value)}'" if is_number else ''
+            raise SettingError(f'{name} must be text, not {shown(value)}{advice}.')
         return value
     if typing.get_origin(kind) is tuple:
         length = len(typing.get_args(kind))
         if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != length:
-            raise SettingError(f'{name} must be {length} whole numbers, not {_shown(value)}.')
+            raise SettingError(f'{name} must be {length} whole numbers, not {shown(value)}.')
         return tuple(_whole(name, item, limits) for item in value)
     return _whole(name, value, limits) if kind is int else _real(name, value, limits)
 
@@ -312,9 +310,9 @@ def _whole(name: str, value: object, limits: Limits) -> int:
             raise TypeError  # noqa: TRY301
         number = operator.index(cast('SupportsIndex', value))
     except TypeError:
-        raise SettingError(f'{name} must be a whole number, not {_shown(value)}.') from None
+        raise SettingError(f'{name} must be a whole number, not {shown(value)}.') from None
     if not -_INTEGERS <= number < _INTEGERS:
-        raise SettingError(f'{name} is {_shown(number)}, which is out of range: it must fit 64 bits.')
+        raise SettingError(f'{name} is {shown(number)}, which is out of range: it must fit 64 bits.')
     if limits.odd and number % 2 == 0:
         low, high = limits.minimum or 1, limits.maximum or math.inf
         nearest = sorted({int(min(max(near, low), high)) for near in (number - 1, number + 1)})
@@ -328,9 +326,9 @@ def _real(name: str, value: object, limits: Limits) -> float:
             raise TypeError  # noqa: TRY301
         number = float(cast('SupportsFloat', value))
     except OverflowError:
-        raise SettingError(f'{name} must be a number that fits 64 bits, not {_shown(value)}.') from None
+        raise SettingError(f'{name} must be a number that fits 64 bits, not {shown(value)}.') from None
     except (TypeError, ValueError):
-        raise SettingError(f'{name} must be a number, not {_shown(value)}.') from None
+        raise SettingError(f'{name} must be a number, not {shown(value)}.') from None
     if not math.isfinite(number):
         raise SettingError(f'{name} must be a finite number, not {number}.')
     return _within(name, number, limits)
@@ -347,15 +345,6 @@ def _within(name: str, number: float, limits: Limits) -> float:
         )
         raise SettingError(f'{name} is {number:g}, which is out of range: it must be {allowed}.')
     return number
-
-
-def _shown(value: object) -> str:
-    """A value for a sentence: on one line, and not longer than that."""
-    try:
-        text = ' '.join(repr(value).split())
-    except ValueError:  # Python writes no whole number of more than 4300 digits
-        return 'a number of thousands of digits'
-    return text if len(text) <= _LONGEST_SHOWN else f'{text[:_LONGEST_SHOWN]}…'
 
 
 def sentence_and_unit(description: str) -> tuple[str, str]:

@@ -54,7 +54,7 @@ def test_heights_in_a_type_that_fits_are_not_copied():
     [
         (Z[0], r'has the shape \(rows, columns\), not \(5,\)'),
         (POINTS, r'has the shape \(rows, columns\), not \(4, 5, 3\)'),
-        (Z > 3, 'holds numbers, not bool'),
+        (Z > 3, 'holds numbers, not bool: give 0 and 1 as numbers'),
         (Z.astype(complex), 'holds numbers, not complex128'),
         (Z.astype('M8[s]'), 'holds numbers, not datetime64'),
         ('text', 'holds numbers, not <U4'),
