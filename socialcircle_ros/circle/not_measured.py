@@ -48,7 +48,8 @@ _FEW_HEIGHTS = 6
 _GAP, _VERY_FAR = 0.25, 100.0
 """Distance from the next height, in ranges of the central 90 % of the others: of a mark of 0, and of any other."""
 
-_COUNT_AS = f"and count as not measured; set circle.not_measured to '{ONLY_NAN}' if they are measured."
+COUNT_AS = f"and count as not measured; set circle.not_measured to '{ONLY_NAN}' if they are measured."
+"""How every note on points that count as not measured ends."""
 
 
 class NotMeasured(NamedTuple):
@@ -92,7 +93,7 @@ def recognise(xyz: Cloud, rule: str) -> NotMeasured:
         count = np.count_nonzero(points)
         if count >= _LEAST_POINTS:
             where = ', '.join(f'{value:g}' for value in point.tolist())
-            return NotMeasured(points, f'{count} points are exactly at ({where}) {_COUNT_AS}')
+            return NotMeasured(points, f'{count} points are exactly at ({where}) {COUNT_AS}')
     return _far_height(xyz, heights, counts)
 
 
@@ -158,7 +159,7 @@ def _marked_height(xyz: Cloud, mark: Real, reason: str) -> NotMeasured:
     count = np.count_nonzero(points)
     if count == 0:
         return NotMeasured()
-    return NotMeasured(points, f'{count} points have exactly the height {mark:g}, {reason}, {_COUNT_AS}')
+    return NotMeasured(points, f'{count} points have exactly the height {mark:g}, {reason}, {COUNT_AS}')
 
 
 def _equal(xyz: Cloud, point: Floats) -> Mask:

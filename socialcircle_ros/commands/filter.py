@@ -21,7 +21,7 @@ from .options import (
     topics_option,
 )
 
-_MOST_NOTES = 3  # on points that count as not measured
+_MOST_NOTES = 3  # of one kind
 
 if TYPE_CHECKING:
     from socialcircle_ros.arguments import Compression
@@ -128,7 +128,8 @@ class _Counts:
         judged: number of measurements that were held to limits.
         warnings: those of all clouds.
         failures: which clouds failed their limits, and why.
-        set_aside: number of clouds by the sentence on points that count as not measured.
+        set_aside: number of clouds by the note on points that count as not measured.
+        islands: number of clouds by the note on removed islands.
     """
 
     measured: int = 0
@@ -137,9 +138,11 @@ class _Counts:
     warnings: set[str] = field(default_factory=set)
     failures: list[str] = field(default_factory=list)
     set_aside: Counter[str] = field(default_factory=Counter)
+    islands: Counter[str] = field(default_factory=Counter)
 
     def add(self, measurement: 'Measurement') -> None:
         """Count a measurement."""
+        from socialcircle_ros.circle.not_measured import COUNT_AS
         from socialcircle_ros.interface import FAILED
 
         values = measurement.values
@@ -147,18 +150,24 @@ class _Counts:
         self.outliers += values.outliers
         self.judged += values.verdict is not None
         self.warnings.update(measurement.warnings)
-        self.set_aside.update(measurement.notes)
+        for note in measurement.notes:
+            (self.set_aside if note.endswith(COUNT_AS) else self.islands)[note] += 1
         if values.verdict == FAILED:
             self.failures.append(f'the cloud with the stamp {values.stamp} s: {values.verdict_reason}')
 
 
-def _set_aside_notes(counts: Counter[str]) -> list[str]:
-    """Which points with coordinates were not measured, for the kinds that most clouds have."""
+def _most_notes(counts: Counter[str], noun: str) -> list[str]:
+    """The notes that most clouds have, and how many other clouds have one.
+
+    Args:
+        counts: number of clouds by their note of one kind; a cloud has at most one.
+        noun: what the notes are on.
+    """
     most = counts.most_common()
     notes = [f'{count} clouds: {note}' if count > 1 else note for note, count in most[:_MOST_NOTES]]
     others = sum(count for _, count in most[_MOST_NOTES:])
     if others:
-        notes.append(f'{quantity(others, "other cloud")} with such points; ~/measurement says which.')
+        notes.append(f'{quantity(others, "other cloud")} with such {noun}; ~/measurement says which.')
     return notes
 
 
@@ -176,7 +185,7 @@ def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, not
         )
     else:
         click.echo(f'{stacks}No cloud could be filtered, so nothing was written.')
-    for note in (*notes, *_set_aside_notes(found.set_aside)):
+    for note in (*notes, *_most_notes(found.set_aside, 'points'), *_most_notes(found.islands, 'islands')):
         click.echo(f'Note: {note}', err=True)
     for warning in sorted(found.warnings | summary.warnings.keys()):
         click.echo(f'Warning: {warning}', err=True)

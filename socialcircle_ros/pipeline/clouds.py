@@ -61,7 +61,7 @@ class Measurement:
         settings: the settings of the circle in force, by their full names.
         times_ms: time of each stage in ms, in the order of the stages, and `total`.
         failures: the outputs that could not be made or emitted, and why; the others were.
-        notes: the sentences of `message` on points that count as not measured.
+        notes: the sentences of `message` on points that count as not measured, and on few removed islands.
         warnings: the sentences of `message` that a person should look at.
     """
 

@@ -50,7 +50,7 @@ class ReportEntry:
         after: texture of the kept points.
         worst: the outlier farthest from the surface; None if there is no outlier.
         scores: scores against the truth; None where the truth is not known.
-        notes: sentences on points that count as not measured.
+        notes: sentences on points that count as not measured, and on few removed islands.
         warnings: one sentence each.
         pictures: pictures of the cloud, row by row.
     """

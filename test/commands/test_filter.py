@@ -16,6 +16,7 @@ from storage.disks import small_disk
 from socialcircle_ros import interface
 from socialcircle_ros.messages.point_cloud import TYPE as CLOUD
 from socialcircle_ros.recording import RecordingWriter, open_recording, ros_topic
+from socialcircle_ros.recording.create import record_clouds
 from socialcircle_ros.settings import OutputSettings
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
@@ -28,6 +29,22 @@ def test_it_filters_and_prints_the_counts(run, tmp_path):
     assert 'of 153600 measured points are outliers' in done.out
     with open_recording(tmp_path / 'cleaned.mcap') as reader:
         assert '/points_filtered' in reader.topics
+
+
+def test_notes_on_islands_and_on_points_that_are_not_measured_are_counted_apart(run, tmp_path):
+    rng = np.random.default_rng(0)
+    for number in range(6):
+        heights = rng.normal(0, 0.02, (150, 210))
+        heights[40 : 50 + number, 60:72] += 5
+        heights[100 : 110 + number, :100] = 0  # a mark of what is not measured
+        np.savez(tmp_path / f'{number}.npz', z=heights, dx=1.0, dy=1.0)
+    record_clouds([tmp_path / f'{number}.npz' for number in range(6)], tmp_path / 'islands.mcap', unit='um')
+    done = run('filter', 'islands.mcap', '-o', 'cleaned.mcap', '-p', "circle.not_measured:='0'")
+    notes = [line for line in done.err.splitlines() if line.startswith('Note: ')]
+    assert sum('points have exactly the height 0, ' in note for note in notes) == 3, done.err
+    assert sum('far off a plain surface was removed.' in note for note in notes) == 3
+    assert 'Note: 3 other clouds with such points; ~/measurement says which.' in notes
+    assert 'Note: 3 other clouds with such islands; ~/measurement says which.' in notes
 
 
 def test_a_missing_folder_is_created_and_a_directory_is_named_as_such(run, tmp_path):
