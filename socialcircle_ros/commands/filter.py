@@ -184,7 +184,7 @@ def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, not
             f' {place_text(output)}.'
         )
     else:
-        click.echo(f'{stacks}No cloud could be filtered, so nothing was written.')
+        click.echo(f'{stacks}{"no" if stacks else "No"} cloud could be filtered, so nothing was written.')
     for note in (*notes, *_most_notes(found.set_aside, 'points'), *_most_notes(found.islands, 'islands')):
         click.echo(f'Note: {note}', err=True)
     for warning in sorted(found.warnings | summary.warnings.keys()):
