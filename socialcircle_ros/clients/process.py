@@ -57,7 +57,7 @@ class NodeProcess:
         self.process = self.begin(module, ['--ros-args', '-r', f'__ns:={namespace}', *given, *arguments])
 
     def begin(self, module: str, arguments: list[str]) -> subprocess.Popen[bytes]:
-        """Begin the process, whose output goes to the log.
+        """Begin the process; its output goes to the log.
 
         Args:
             module: the Python module to run.

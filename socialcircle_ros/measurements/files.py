@@ -27,8 +27,8 @@ _LONGEST_NAME = 255  # bytes, on nearly all file systems
 def write_rows(folder: Path, name: str, rows: Sequence[MeasurementRow]) -> list[str]:
     """Write rows to one file for each day and cell; a file of the same name is replaced.
 
-    Each file is written whole or not at all. A cell whose folder would have too long a name is cut, and ends in a
-    hash of the whole.
+    Each file is written whole or not at all. The name of a cell that is too long for a folder is cut, and ends in
+    a hash of the whole.
 
     Args:
         folder: of the results; the files are in `measurements` in it.

@@ -84,7 +84,7 @@ class Picture:
         name: of its file, without the suffix.
         png: the content of the file.
         caption: shown below it; '': it says itself what it shows.
-        alt: what it shows, for those who do not see it; '': as the caption says.
+        alt: what it shows, in words for a screen reader; '': as the caption says.
     """
 
     kind = 'picture'

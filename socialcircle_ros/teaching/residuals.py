@@ -25,7 +25,7 @@ _NEAR = 2
 
 
 def residuals(heights: RelativeHeights, side: int, stride: int = 1) -> Residuals:
-    """Distance of each point from the median of the window around it, whose points slide down the local slope.
+    """Distance of each point from the median of the window around it, where points slide down the local slope.
 
     Args:
         heights: (H, W) float32, NaN where not measured.

@@ -24,7 +24,7 @@ def client(monkeypatch):
 
 @pytest.fixture
 def process(tmp_path):
-    """A process that runs, and whose log is empty."""
+    """A process that runs, with an empty log."""
     log = tmp_path / 'node.log'
     log.touch()
     return SimpleNamespace(process=SimpleNamespace(poll=lambda: None), log=log)
