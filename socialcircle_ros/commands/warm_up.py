@@ -40,8 +40,9 @@ def command() -> None:
             f'The kernels cannot be kept in {cache_folder()} ({failure}), so each process would compile them: make'
             ' room there, or set NUMBA_CACHE_DIR to another folder, here and for the node.'
         )
-    place = warm_up.folder() or cache_folder()
-    click.echo(f'The kernels are compiled ({time.monotonic() - began_s:.1f} s); they lie in {place}.')
+    click.echo(
+        f'The kernels are compiled ({time.monotonic() - began_s:.1f} s); they lie under {warm_up.folder()}.'
+    )
     try:
         require_runtime()
     except SettingError as error:

@@ -160,9 +160,16 @@ def is_warm() -> bool:
     return is_cached(_all_rare())
 
 
-def folder() -> str | None:
-    """The folder of the cache that holds all kernels, once `steps` were done; None: there is none."""
-    return folder_of(_all_rare())
+def folder() -> Path | None:
+    """The folder under which the cache holds all kernels, once `steps` were done; None: there is none.
+
+    Numba gives each package its own folder there, and `__pycache__` in a package that can be written.
+    """
+    used = folder_of(_all_rare())
+    if used is None:
+        return None
+    path = Path(used)
+    return path.parents[1] if path.name == '__pycache__' else path.parent
 
 
 def _is_cold() -> bool:

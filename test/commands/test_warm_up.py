@@ -21,13 +21,37 @@ def _nothing_failed_before(monkeypatch):
     monkeypatch.setattr(caches, '_failures', [])
 
 
-def test_every_step_runs_and_the_folder_is_told(monkeypatch):
+def test_every_step_runs(monkeypatch):
     done = []
     monkeypatch.setattr(node_warm_up, 'steps', lambda: iter([lambda: done.append(1), lambda: done.append(2)]))
     result = CliRunner().invoke(warm_up.command)
     assert result.exit_code == 0, result.output
     assert done == [1, 2]
-    assert f'they lie in {compiled.cache_folder()}.' in result.output
+
+
+def test_the_folder_that_is_told_holds_the_kernels_of_all_packages(tmp_path):
+    environment = {**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / 'given')}
+    program = (
+        'import contextlib, io; from socialcircle_ros.commands.warm_up import command;'
+        ' from socialcircle_ros.node import warm_up; warm_up.steps = lambda: iter([warm_up._all_rare()]);'
+        ' from socialcircle_ros.kernels.compiled import cache_folder; command(standalone_mode=False);'
+        ' print(cache_folder())'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', program], env=environment, capture_output=True, text=True, check=True
+    )
+    sentence, one_package = done.stdout.splitlines()[-2:]
+    assert sentence.endswith(f'they lie under {tmp_path / "given"}.')
+    assert Path(one_package).parent == tmp_path / 'given'
+
+
+@pytest.mark.parametrize(
+    ('used', 'told'),
+    [('/a/package/room/__pycache__', '/a/package'), ('/cache/room_f00', '/cache'), (None, 'None')],
+)
+def test_the_folder_is_that_of_all_packages(used, told, monkeypatch):
+    monkeypatch.setattr(node_warm_up, 'folder_of', lambda kernel: used)
+    assert str(node_warm_up.folder()) == told
 
 
 def test_without_onnx_runtime_all_is_compiled_and_a_sentence_says_what_is_missing(monkeypatch):
@@ -66,17 +90,17 @@ def test_kernels_that_cannot_be_kept_are_an_error_that_gives_the_reason(monkeypa
     assert isinstance(result.exception, SocialCircleError)
     assert '(No space left on device)' in str(result.exception)
     assert 'set NUMBA_CACHE_DIR' in str(result.exception)
-    assert 'they lie in' not in result.output
+    assert 'they lie' not in result.output
 
 
 def test_a_full_cache_that_is_read_only_is_all_that_is_needed(monkeypatch):
     monkeypatch.setattr(compiled, 'cache_folder', lambda: None)
     monkeypatch.setattr(node_warm_up, 'is_warm', lambda: True)
-    monkeypatch.setattr(node_warm_up, 'folder', lambda: '/package/__pycache__')
+    monkeypatch.setattr(node_warm_up, 'folder', lambda: '/package')
     monkeypatch.setattr(node_warm_up, 'steps', lambda: iter([]))
     result = CliRunner().invoke(warm_up.command)
     assert result.exit_code == 0, result.output
-    assert 'they lie in /package/__pycache__.' in result.output
+    assert 'they lie under /package.' in result.output
 
 
 def signatures():
