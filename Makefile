@@ -19,7 +19,8 @@ MINUTES ?= 10
 SEED ?= 1
 DATA ?=
 OLDEST_EXTRAS ?= $(ROS)test
-# Python compiles what is imported; compiling all that is installed takes a third of the installation.
+# Python compiles what is imported and keeps it; compiling all that is installed takes a third of the installation.
+unexport PYTHONDONTWRITEBYTECODE
 PIP := -m pip install --no-compile --quiet --quiet --disable-pip-version-check
 
 ifeq ($(ROS_DISTRO),)

@@ -4,17 +4,24 @@
 import ast
 import re
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import socialcircle_ros
 
 PACKAGE = Path(socialcircle_ros.__file__).parent
 ROOT = PACKAGE.parent
-TREES = {path.relative_to(PACKAGE): ast.parse(path.read_text(encoding='utf-8')) for path in PACKAGE.rglob('*.py')}
 
 MOST_LINES_OF_A_MODULE = 450
 MOST_LINES_OF_A_FUNCTION = 80
 MOST_EXPLICIT_ANY = 3
+
+
+@cache  # each test process collects these tests; one of them reads the package
+def trees():
+    return {
+        path.relative_to(PACKAGE): ast.parse(path.read_text(encoding='utf-8')) for path in PACKAGE.rglob('*.py')
+    }
 
 
 def functions(tree):
@@ -47,14 +54,14 @@ def uses_any(annotation):
 
 
 def test_no_module_is_too_long():
-    lines = {path: len((PACKAGE / path).read_text(encoding='utf-8').splitlines()) for path in TREES}
+    lines = {path: len((PACKAGE / path).read_text(encoding='utf-8').splitlines()) for path in trees()}
     assert not {str(path): count for path, count in lines.items() if count > MOST_LINES_OF_A_MODULE}
 
 
 def test_no_function_but_a_kernel_is_too_long():
     long = [
         f'{path}: {function.name}'
-        for path, tree in TREES.items()
+        for path, tree in trees().items()
         for function in functions(tree)
         if function.end_lineno - function.lineno + 1 > MOST_LINES_OF_A_FUNCTION and not is_kernel(function)
     ]
@@ -77,7 +84,7 @@ def public_functions(tree):
 def test_no_public_signature_holds_any():
     loose = [
         f'{path}: {function.name}'
-        for path, tree in TREES.items()
+        for path, tree in trees().items()
         for function in public_functions(tree)
         if any(uses_any(annotation) for annotation in annotations(function))
     ]
@@ -85,7 +92,7 @@ def test_no_public_signature_holds_any():
 
 
 def test_any_is_rare():
-    found = [node for tree in TREES.values() for node in ast.walk(tree) if is_any(node)]
+    found = [node for tree in trees().values() for node in ast.walk(tree) if is_any(node)]
     assert len(found) <= MOST_EXPLICIT_ANY
 
 
@@ -102,7 +109,7 @@ def names_of_types(tree):
 
 def test_one_name_has_one_meaning():
     rooms = defaultdict(list)
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         for name in names_of_types(tree):
             rooms[name].append(str(path))
     assert not {name: paths for name, paths in rooms.items() if len(paths) > 1}
@@ -130,7 +137,7 @@ def aliases_of(node):
 def names_of_arrays():
     """NDArray, and the aliases that hold one."""
     found = {'NDArray'}
-    aliases = [alias for tree in TREES.values() for node in tree.body for alias in aliases_of(node)]
+    aliases = [alias for tree in trees().values() for node in tree.body for alias in aliases_of(node)]
     while True:
         more = {
             name
@@ -148,7 +155,7 @@ def test_a_dataclass_with_arrays_is_compared_by_identity():
     assert {'Mask', 'Cloud', 'Floats', 'PitchLike'} <= arrays
     comparing = {
         node.name
-        for tree in TREES.values()
+        for tree in trees().values()
         for node in ast.walk(tree)
         if isinstance(node, ast.ClassDef)
         for decorator in map(ast.unparse, node.decorator_list)
@@ -160,7 +167,7 @@ def test_a_dataclass_with_arrays_is_compared_by_identity():
 
 
 def test_cores_are_those_that_the_process_may_use():
-    assert not [str(path) for path in TREES if 'cpu_count' in (PACKAGE / path).read_text(encoding='utf-8')]
+    assert not [str(path) for path in trees() if 'cpu_count' in (PACKAGE / path).read_text(encoding='utf-8')]
 
 
 TOPICS = re.compile(
@@ -169,7 +176,7 @@ TOPICS = re.compile(
 
 
 def test_topics_are_named_in_the_interface_only():
-    named = [str(path) for path in TREES if TOPICS.search((PACKAGE / path).read_text(encoding='utf-8'))]
+    named = [str(path) for path in trees() if TOPICS.search((PACKAGE / path).read_text(encoding='utf-8'))]
     assert named == ['interface.py']
 
 
@@ -177,7 +184,7 @@ def test_kernels_use_nothing_that_the_oldest_numba_lacks():
     """Numba 0.58 compiles no `float('inf')`: np.inf is the same."""
     found = [
         f'{path}: {function.name}: {ast.unparse(node)}'
-        for path, tree in TREES.items()
+        for path, tree in trees().items()
         for function in functions(tree)
         if is_kernel(function)
         for node in ast.walk(function)
