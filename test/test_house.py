@@ -149,21 +149,58 @@ def names_of_arrays():
         found |= more
 
 
-def test_a_dataclass_with_arrays_is_compared_by_identity():
-    """The == of a dataclass compares tuples of its fields, which arrays refuse; so does its hash."""
+def fields_of(type_):
+    """The annotations of the fields of a class."""
+    return [field.annotation for field in type_.body if isinstance(field, ast.AnnAssign)]
+
+
+def compares_fields(type_):
+    """Whether == of two objects compares their fields."""
+    decorators = [text for text in map(ast.unparse, type_.decorator_list) if re.search(r'\bdataclass\b', text)]
+    return is_named_tuple(type_) or any('eq=False' not in text for text in decorators)
+
+
+def is_named_tuple(type_):
+    return 'NamedTuple' in {ast.unparse(base) for base in type_.bases}
+
+
+def closure(names, more_of):
+    """The names and those that `more_of` finds with them, again and again."""
+    while not (more := more_of(names)) <= names:
+        names = names | more
+    return names
+
+
+def test_types_with_arrays_are_compared_by_identity():
+    """The == of a tuple or of its fields is refused by arrays, and so is its hash.
+
+    Arguments of kernels must be tuples; kernels alone take them, and nobody compares them.
+    """
     arrays = names_of_arrays()
     assert {'Mask', 'Cloud', 'Floats', 'PitchLike'} <= arrays
-    comparing = {
-        node.name
-        for tree in trees().values()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ClassDef)
-        for decorator in map(ast.unparse, node.decorator_list)
-        if re.search(r'\bdataclass\b', decorator) and 'eq=False' not in decorator
-        for field in node.body
-        if isinstance(field, ast.AnnAssign) and names_in(field.annotation) & arrays
+    types = [node for tree in trees().values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    kernels = [each for tree in trees().values() for each in functions(tree) if is_kernel(each)]
+    taken = {name for kernel in kernels for annotation in annotations(kernel) for name in names_in(annotation)}
+    taken = closure(
+        taken,
+        lambda names: {
+            name for type_ in types if type_.name in names for each in fields_of(type_) for name in names_in(each)
+        },
+    )
+    holding = closure(
+        arrays,
+        lambda names: {
+            type_.name
+            for type_ in types
+            if compares_fields(type_) and any(names_in(each) & names for each in fields_of(type_))
+        },
+    )
+    assert 'Holes' in taken & holding
+    assert not {
+        type_.name
+        for type_ in types
+        if type_.name in holding and not (is_named_tuple(type_) and type_.name in taken)
     }
-    assert not comparing
 
 
 def test_cores_are_those_that_the_process_may_use():

@@ -12,8 +12,9 @@ Another height that is frequent and stands apart may be a mark, or a cluster of 
 and a sentence names it.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -52,7 +53,8 @@ COUNT_AS = f"and count as not measured; set circle.not_measured to '{ONLY_NAN}' 
 """How every note on points that count as not measured ends."""
 
 
-class NotMeasured(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class NotMeasured:
     """What was recognised.
 
     Attributes:

@@ -15,6 +15,7 @@ same for each cloud:
 """
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -46,7 +47,8 @@ CANDIDATES = 64
 _WELL_MEASURED = 0.95
 
 
-class _Axis(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Axis:
     """The candidates along rows or along columns."""
 
     side: int

@@ -2,7 +2,7 @@
 """Joins each cloud with the results that a node publishes for it."""
 
 from collections import OrderedDict
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,8 @@ _MOST_CLOUDS = 12
 _MOST_BYTES = 512 << 20
 
 
-class MatchedCloud(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class MatchedCloud:
     """A cloud with its results.
 
     Attributes:

@@ -201,7 +201,8 @@ class RemoteNode:
                 matched = add_message(message)
                 if matched is not None:
                     before = self._snapshot.shown_cloud
-                    shown = ShownCloud(before.number + 1 if before else 1, *matched)
+                    number = before.number + 1 if before else 1
+                    shown = ShownCloud(number, matched.cloud, matched.mask, matched.measurement)
                     self._show(dataclasses.replace(self._snapshot, shown_cloud=shown))
 
         return receive

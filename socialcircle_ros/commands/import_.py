@@ -204,10 +204,11 @@ class _FrameTable:
 
 def _print_frame(frame: 'ImportedFrame') -> None:
     """Print a line of the table of what was taken."""
-    number, name, z, (pixels, mode) = frame
+    pixels = frame.picture.pixels
     rows, columns = pixels.shape
-    if number == 0:
+    if frame.number == 0:
         click.echo(f'{"file":<24} {"z":>12}  {"rows × columns":>14}  {"mode":<18} range')
     click.echo(
-        f'{name:<24} {z * 1e6:>9.6g} µm  {f"{rows} × {columns}":>14}  {mode:<18} {pixels.min()} to {pixels.max()}'
+        f'{frame.name:<24} {frame.z * 1e6:>9.6g} µm  {f"{rows} × {columns}":>14}  {frame.picture.mode:<18} '
+        f'{pixels.min()} to {pixels.max()}'
     )

@@ -9,7 +9,7 @@ displacement counts only along the directions in which the texture tells it.
 """
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +93,8 @@ class DriftMeter:
             self._variance += step.variance
 
 
-class Displacement(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Displacement:
     """How far one frame is from another."""
 
     moved: NDArray[np.float64]
@@ -133,7 +134,8 @@ def thinned(frame: Frame, side: int) -> NDArray[np.float32]:
     return copy
 
 
-class _Band(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Band:
     """What the comparison needs for frames of one shape."""
 
     shape: tuple[int, int]

@@ -67,7 +67,7 @@ class DepthMaps(NamedTuple):
     """Bits of `Reason`, without SATURATED."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ScaleResult:
     """What one scale gives.
 

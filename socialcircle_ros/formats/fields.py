@@ -2,7 +2,7 @@
 """Fields, the values of each point beside its coordinates: their check, and their types and names in a file."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,8 @@ PointValues = NDArray[np.generic]
 """One value for each point, (rows, columns), of any type."""
 
 
-class HeldValues(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class HeldValues:
     """Values in types that a PointCloud2, PLY and PCD hold.
 
     Attributes:
@@ -26,7 +27,8 @@ class HeldValues(NamedTuple):
     note: str = ''
 
 
-class FileFields(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class FileFields:
     """Fields as a file holds them.
 
     Attributes:

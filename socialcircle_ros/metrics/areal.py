@@ -4,7 +4,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -96,7 +96,8 @@ def areal_texture(points: Cloud | HeightMap, kept: Mask | None = None) -> ArealT
     )
 
 
-class _Levelled(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Levelled:
     """Heights without their least squares plane."""
 
     heights: npt.NDArray[np.float64]

@@ -4,7 +4,7 @@
 import numbers
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,7 +55,8 @@ class StackRecording(NamedTuple):
     pitch: tuple[float, float]
 
 
-class ImportedFrame(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class ImportedFrame:
     """A frame that was written.
 
     Attributes:

@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -33,7 +34,8 @@ class ImagePage(NamedTuple):
         return self.path.name if self.number is None else f'{self.path.name} page {self.number + 1}'
 
 
-class FramePicture(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class FramePicture:
     """A frame in gray.
 
     Attributes:

@@ -32,23 +32,23 @@ def read(path):
 
 @pytest.mark.parametrize('suffix', ['png', 'tif', 'bmp'])
 def test_8_bits_stay_as_they_are(tmp_path, suffix):
-    pixels, mode = read(saved(tmp_path / f'a.{suffix}', GRAY))
-    np.testing.assert_array_equal(pixels, GRAY)
-    assert (pixels.dtype, mode) == (np.uint8, 'gray, 8 bits')
+    picture = read(saved(tmp_path / f'a.{suffix}', GRAY))
+    np.testing.assert_array_equal(picture.pixels, GRAY)
+    assert (picture.pixels.dtype, picture.mode) == (np.uint8, 'gray, 8 bits')
 
 
 @pytest.mark.parametrize('suffix', ['png', 'tif'])
 def test_16_bits_stay_as_they_are(tmp_path, suffix):
-    pixels, mode = read(saved(tmp_path / f'a.{suffix}', DEEP))
-    np.testing.assert_array_equal(pixels, DEEP)
-    assert (pixels.dtype, mode) == (np.uint16, 'gray, 16 bits')
+    picture = read(saved(tmp_path / f'a.{suffix}', DEEP))
+    np.testing.assert_array_equal(picture.pixels, DEEP)
+    assert (picture.pixels.dtype, picture.mode) == (np.uint16, 'gray, 16 bits')
 
 
 @pytest.mark.parametrize('kind', ['f4', 'i4'])
 def test_whole_numbers_of_32_bits_become_16_bits(tmp_path, kind):
-    pixels, mode = read(saved(tmp_path / 'a.tif', DEEP.astype(kind)))
-    np.testing.assert_array_equal(pixels, DEEP)
-    assert (pixels.dtype, mode) == (np.uint16, 'gray, 32 bits float' if kind == 'f4' else 'gray, 32 bits')
+    picture = read(saved(tmp_path / 'a.tif', DEEP.astype(kind)))
+    np.testing.assert_array_equal(picture.pixels, DEEP)
+    assert (picture.pixels.dtype, picture.mode) == (np.uint16, 'gray, 32 bits float' if kind == 'f4' else 'gray, 32 bits')
 
 
 @given(
@@ -69,9 +69,9 @@ def test_numbers_of_32_bits_are_kept_exactly_or_refused(values, tmp_path_factory
 
 
 def test_colours_are_weighted_and_gray_colours_stay_as_they_are(tmp_path):
-    pixels, mode = read(saved(tmp_path / 'a.png', np.dstack([GRAY] * 3)))
-    np.testing.assert_array_equal(pixels, GRAY)
-    assert mode == 'RGB'
+    picture = read(saved(tmp_path / 'a.png', np.dstack([GRAY] * 3)))
+    np.testing.assert_array_equal(picture.pixels, GRAY)
+    assert picture.mode == 'RGB'
     assert read(saved(tmp_path / 'a.png', GRAY, 'P')).mode == 'palette'
     np.testing.assert_array_equal(read(saved(tmp_path / 'a.png', GRAY, 'P')).pixels, GRAY)
     black_and_white = read(saved(tmp_path / 'a.png', (GRAY > 99).astype(np.uint8) * 255, '1'))

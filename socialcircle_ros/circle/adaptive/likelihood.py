@@ -6,6 +6,7 @@ of one of its points is high.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +53,8 @@ class Sureness(NamedTuple):
     certain: float
 
 
-class Decided(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Decided:
     """What the probabilities decide.
 
     Attributes:

@@ -6,6 +6,7 @@ all islands of that height, or none. So it also tells when it decided narrowly, 
 are too few for a texture, but hardly have one height by chance, such as the pins of a connector.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +41,8 @@ class Islands(NamedTuple):
 NO_ISLANDS = Islands(0, 0, 0)
 
 
-class OneHeight(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class OneHeight:
     """What islands of one height were found to be.
 
     Attributes:

@@ -4,8 +4,8 @@
 import io
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,8 @@ Patch = NDArray[np.float16]
 """(7, 320, 320) float16; a smaller surface lies in the upper left corner, and the rest does not count."""
 
 
-class MadePatch(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class MadePatch:
     """A patch, the shape and the grain of its cloud, and whether its surface is real."""
 
     patch: Patch

@@ -2,7 +2,7 @@
 """Real surfaces as the training uses them: parts of them, varied."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,8 @@ _WEIGHTS = {'afm': 0.5, 'stm': 0.4, 'sick': 0.6}
 """Chance of a surface by the first part of its name, relative to the others: many are of these kinds."""
 
 
-class TrainingSurface(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class TrainingSurface:
     """A real surface.
 
     Attributes:

@@ -6,7 +6,7 @@ for checks alone.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,8 @@ _MARGIN = 4
 _MOST_BLOBS = 3000
 
 
-class Placed(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Placed:
     """Heights with outliers, and their truth.
 
     Attributes:

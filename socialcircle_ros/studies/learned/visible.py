@@ -2,6 +2,7 @@
 """How far the inserted outliers stand out: what the network finds of them, and what could be found at most."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,8 @@ FindMask = Callable[[NDArray[np.floating]], Mask]
 """The outliers that the network finds in heights."""
 
 
-class InsertedPatch(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class InsertedPatch:
     """Outliers that were put in together.
 
     Attributes:

@@ -63,7 +63,8 @@ def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, he
     measured = random.random((height, width)) < 0.9
     measured[0, 0] = True
     probabilities = in_255ths(random.random((height, width)) ** random.choice([1, 4, 30]) * measured)
-    outliers, score, sureness, communities = probable_outliers(probabilities, measured)
+    decided = probable_outliers(probabilities, measured)
+    outliers, score, communities = decided.outliers, decided.score, decided.communities
     np.testing.assert_array_equal(outliers, naively_found(probabilities, measured))
     labelled = {}
     for point, label in zip(communities.points.tolist(), communities.labels.tolist(), strict=True):
@@ -76,7 +77,7 @@ def test_a_community_is_one_of_outliers_if_one_of_its_points_is_certain(seed, he
     assert np.nanmin(score) >= 0
     assert np.nanmax(score) <= 1
     for shares, points in (
-        (sureness, measured),
+        (decided.sureness, measured),
         (sureness_about_sets(probabilities, measured), in_sets(probabilities > UNDECIDED * ONE)),
     ):
         certain = (points & (probabilities > CERTAIN * ONE)).sum()
