@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What callers hand to the public functions: one name where several may come, settings and options."""
+"""What callers hand to the public functions: one name where several may come, settings, numbers and options."""
 
+import numbers
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal, TypeAlias, TypeVar, get_args
@@ -57,6 +58,20 @@ def settings_or_default(wanted: type[SettingsClass], given: object) -> SettingsC
         SettingError: they are not of the class that is wanted.
     """
     return wanted() if given is None else settings_of(wanted, given)
+
+
+def check_count(name: str, given: object) -> None:
+    """Check that a caller gives a number of things: a whole number above 0.
+
+    Args:
+        name: of the argument.
+        given: what is given for it; None, which stands for a default, is not for this function.
+
+    Raises:
+        SettingError: it is none.
+    """
+    if isinstance(given, bool) or not isinstance(given, numbers.Integral) or given < 1:
+        raise SettingError(f'{name} must be a whole number above 0, not {shown(given)}.')
 
 
 def check_compression(compression: str) -> None:

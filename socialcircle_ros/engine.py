@@ -19,6 +19,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from socialcircle_ros.arguments import check_count
 from socialcircle_ros.errors import SocialCircleError, install_command
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.kernels.machine import usable_cores
@@ -51,12 +52,15 @@ class Engine(Generic[Item, Result]):
         dashboard: address of Dask's dashboard; '': it has none.
 
     Raises:
+        SettingError: `workers` is not a number of processes.
         SocialCircleError: Dask is not installed, or no scheduler answers.
     """
 
     def __init__(
         self, scheduler: str | None = None, workers: int | None = None, preload: Sequence[str] = ()
     ) -> None:
+        if workers is not None:
+            check_count('workers', workers)
         if importlib.util.find_spec('distributed') is None:
             raise SocialCircleError(f'This needs Dask: {install_command("batch")}.')
         with ExitStack() as started:
@@ -78,7 +82,7 @@ class Engine(Generic[Item, Result]):
                     started.enter_context(dask.config.set({'temporary-directory': folder}))
                 started.enter_context(dask.config.set(method))
                 cluster = distributed.LocalCluster(
-                    n_workers=workers or usable_cores(),
+                    n_workers=usable_cores() if workers is None else workers,
                     threads_per_worker=1,
                     dashboard_address='127.0.0.1:0',
                     silence_logs=50,

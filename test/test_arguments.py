@@ -8,13 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from socialcircle_ros import CircleSettings, RepairSettings, make_report, remove_outliers, repair_holes, run_batch
-from socialcircle_ros.arguments import settings_of, settings_or_default, several
+from socialcircle_ros import (
+    CircleSettings,
+    RepairSettings,
+    make_report,
+    remove_outliers,
+    repair_holes,
+    run_batch,
+    run_sweep,
+)
+from socialcircle_ros.arguments import check_count, settings_of, settings_or_default, several
 from socialcircle_ros.baselines import median_filter, radius_filter, statistical_filter
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.recording.export import filter_to_file
 from socialcircle_ros.recording.offline import filter_recording, measure_recording
+from socialcircle_ros.sweep.search_space import Choice
 from socialcircle_ros.teaching.clouds import read_good_clouds
 from socialcircle_ros.teaching.teach import teach
 
@@ -85,3 +94,46 @@ def test_every_public_function_checks_its_settings(tmp_path, call, wanted):
     with pytest.raises(SettingError, match=rf'The settings must be a {wanted}\(\.\.\.\), not '):
         call(tmp_path / 'out.mcap')
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('given', [0, -1, 1.5, '5', None, True, np.float64(2)])
+def test_what_is_no_count_is_refused(given):
+    with pytest.raises(SettingError, match='search must be a whole number above 0, not '):
+        check_count('search', given)
+
+
+def test_whole_numbers_above_0_are_counts():
+    check_count('search', 1)
+    check_count('search', np.uint8(200))
+
+
+CHOICE = Choice('circle.window', [3, 5])
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'sentence'),
+    [
+        (
+            {'search_space': CHOICE},
+            r'The search space must be a list of Choice\(...\) and Range\(...\), not Choice',
+        ),
+        ({'search_space': 'circle.window=3,5'}, "The search space must be a list .*, not 'circle.window=3,5'"),
+        ({'search_space': ['circle.window=3,5']}, 'The search space must be a list of Choice'),
+        ({'search_space': {'circle.window': [3, 5]}}, 'The search space must be a list of Choice'),
+        ({'search_space': None}, 'The search space must be a list .*, not None'),
+        ({'search_space': iter([CHOICE])}, 'The search space must be a list of Choice'),
+        ({'search': '5'}, "search must be a whole number above 0, not '5'"),
+        ({'max_clouds': 0}, 'max_clouds must be a whole number above 0, not 0'),
+        ({'parameters': CircleSettings()}, 'parameters must be a mapping, .*, not CircleSettings'),
+        ({'parameters': []}, r'parameters must be a mapping, .*, not \[\]'),
+    ],
+)
+def test_a_wrong_argument_of_a_sweep_is_one_sentence(wrong, sentence, tmp_path):
+    with pytest.raises(SettingError, match=sentence):
+        run_sweep(**{'recording': PARTS, 'search_space': [CHOICE], 'output': tmp_path / 'sweep'} | wrong)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_wrong_number_of_processes_is_refused(tmp_path):
+    with pytest.raises(SettingError, match="workers must be a whole number above 0, not '2'"):
+        run_batch(PARTS, tmp_path / 'night', workers='2')

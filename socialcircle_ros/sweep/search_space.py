@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from socialcircle_ros.errors import SettingError
+from socialcircle_ros.errors import SettingError, shown
 from socialcircle_ros.settings import PARAMETERS, CircleSettings, FocusSettings, Parameter, RosValue
 from socialcircle_ros.settings.effects import MODE, has_effect, needing
 from socialcircle_ros.settings.plain_yaml import PlainYamlError, load_plain_yaml
@@ -188,11 +188,17 @@ def _checked(parameter: Parameter, value: RosValue) -> RosValue:
 
 
 def check_search_space(search_space: Sequence[SearchDimension]) -> None:
-    """Check that a search space varies something, and each parameter only once.
+    """Check that a search space is one, and that it varies something, and each parameter only once.
 
     Raises:
-        SettingError: it does not.
+        SettingError: it is not, or does not.
     """
+    if not isinstance(search_space, Sequence) or not all(
+        isinstance(each, SearchDimension) for each in search_space
+    ):
+        raise SettingError(
+            f'The search space must be a list of Choice(...) and Range(...), not {shown(search_space)}.'
+        )
     names = [dimension.name for dimension in search_space]
     if not names:
         raise SettingError('A sweep needs at least one parameter to vary.')

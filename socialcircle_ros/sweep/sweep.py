@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from socialcircle_ros.arguments import OneOrSeveral, several
+from socialcircle_ros.arguments import OneOrSeveral, check_count, several
 from socialcircle_ros.engine import Engine
+from socialcircle_ros.errors import SettingError, shown
 from socialcircle_ros.kernels.ordered import in_order
 from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.settings import (
@@ -98,7 +99,8 @@ def run_sweep(
         All trials, what can be concluded, and what was refused.
 
     Raises:
-        SettingError: a parameter cannot have a value, or the search space cannot be swept.
+        SettingError: an argument is of the wrong type, a parameter cannot have a value, or the search space cannot
+            be swept.
         RecordingError: the recording cannot be read, or no cloud of it can be filtered.
         SocialCircleError: a library is missing, the folder cannot be used, or the workers cannot do a trial.
 
@@ -109,9 +111,8 @@ def run_sweep(
         >>> result = run_sweep('bags/parts.mcap', [Range('circle.radius_scale', 0.5, 3)], 'out/search', search=20)
     """
     recording, output, names = Path(recording), Path(output), several(topics)
-    check_search_space(search_space)
-    check_folder_name(output)
-    parameters = parameters or {}
+    _check_arguments(search_space, output, search, max_clouds)
+    parameters = {} if parameters is None else parameters
     base = _all_parameters(parameters)
     search_space = with_mode(search_space, base)
     as_given = setting_as_given(search_space, base)
@@ -129,6 +130,16 @@ def run_sweep(
         result = _concluded(recording.name, search_space, base, trials, as_given, clouds, recorded, resumed)
         _write_results(output, result, parameters, made_by)
     return result
+
+
+def _check_arguments(
+    search_space: Sequence[SearchDimension], output: Path, search: int | None, max_clouds: int
+) -> None:
+    check_search_space(search_space)
+    check_count('max_clouds', max_clouds)
+    if search is not None:
+        check_count('search', search)
+    check_folder_name(output)
 
 
 def _swept(
@@ -202,6 +213,8 @@ def _write_results(output: Path, result: SweepResult, parameters: Mapping[str, R
 
 
 def _all_parameters(given: Mapping[str, RosValue]) -> ParameterValues:
+    if not isinstance(given, Mapping):
+        raise SettingError(f"parameters must be a mapping, such as {{'circle.window': 5}}, not {shown(given)}.")
     groups = [group.from_ros(given) for group in _GROUPS]
     return {name: value for group in groups for name, value in group.to_ros().items()}
 

@@ -48,7 +48,10 @@ def test_16_bits_stay_as_they_are(tmp_path, suffix):
 def test_whole_numbers_of_32_bits_become_16_bits(tmp_path, kind):
     picture = read(saved(tmp_path / 'a.tif', DEEP.astype(kind)))
     np.testing.assert_array_equal(picture.pixels, DEEP)
-    assert (picture.pixels.dtype, picture.mode) == (np.uint16, 'gray, 32 bits float' if kind == 'f4' else 'gray, 32 bits')
+    assert (picture.pixels.dtype, picture.mode) == (
+        np.uint16,
+        'gray, 32 bits float' if kind == 'f4' else 'gray, 32 bits',
+    )
 
 
 @given(
