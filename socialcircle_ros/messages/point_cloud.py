@@ -312,14 +312,19 @@ def encode_point_cloud(
         The message: fields x, y, z, then the extra ones, without padding; is_dense as it is.
 
     Raises:
-        MessageError: an array of another shape, without a point, or of a type that PointField does not know; or a
-            name that no field beside x, y and z can have.
+        MessageError: coordinates of another type or shape, or no point; a field of another shape, or of a type
+            that PointField does not know; or a name that no field beside x, y and z can have.
         CloudError: a field has masked whole numbers of 64 bits and others that float64 does not hold.
     """
     points = _array('The cloud', xyz)
     if points.ndim != 3 or points.shape[2] != 3:
         raise MessageError(f'An organized cloud has the shape (rows, columns, 3), not {points.shape}.')
     height, width = points.shape[:2]
+    kind: np.dtype[np.generic] = np.ma.asanyarray(xyz).dtype  # masked whole numbers became floats
+    if kind.kind != 'f' or kind.itemsize not in (4, 8):
+        raise MessageError(
+            f'Coordinates must be float32 or float64, not {kind}; convert them with np.float64(xyz).'
+        )
     if not points.size:
         raise MessageError(f'The cloud needs a point; it has {size_text(height, width)}.')
     for name in extra or ():

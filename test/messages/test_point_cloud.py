@@ -297,6 +297,22 @@ def test_what_is_no_organized_cloud_cannot_be_encoded(xyz):
         encode_point_cloud(Header(), xyz)
 
 
+@pytest.mark.parametrize('kind', np.typecodes['All'])
+def test_coordinates_are_written_exactly_if_they_can_be_read(kind):
+    """Of masked arrays, too: masked whole numbers become floats elsewhere."""
+    xyz = np.ones((2, 3, 3)).astype(kind)
+    swapped = xyz.astype(xyz.dtype.newbyteorder())
+    masked = np.ma.masked_array(xyz, np.arange(18).reshape(xyz.shape) % 4 == 0)
+    for cloud in (xyz, swapped, masked):
+        if kind in 'fd':
+            read = PointCloud.decode(encode_point_cloud(Header(), cloud)).xyz()
+            assert read.dtype == kind
+            np.testing.assert_array_equal(read, np.ma.filled(cloud, np.nan))
+        else:
+            with pytest.raises(MessageError, match='Coordinates must be float32 or float64, not '):
+                encode_point_cloud(Header(), cloud)
+
+
 @pytest.mark.parametrize('shape', [(0, 4, 3), (4, 0, 3)])
 def test_a_cloud_without_a_point_cannot_be_encoded(shape):
     with pytest.raises(MessageError, match='The cloud needs a point; it has [04] rows × [04] columns'):
