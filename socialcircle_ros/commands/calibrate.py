@@ -8,7 +8,7 @@ import click
 
 from socialcircle_ros.errors import SettingError
 
-from .options import parameter_options, parameter_values, progress_bar, quantity
+from .options import parameter_options, parameter_values, progress_bar, quantity, tell_refusals
 
 
 def _length(context: click.Context, parameter: click.Parameter, text: str) -> float:  # noqa: ARG001 - click's signature
@@ -66,6 +66,7 @@ def _latency(recording: Path, params_file: Path | None, parameters: tuple[str, .
         f' {settings.stack.latency:g} s, and by {1e6 * found.after_m:.3f} µm with the new one.'
     )
     click.echo(f'Set stack.latency: {found.latency_s:.6f}')
+    tell_refusals(found.refused, found.damage)
 
 
 @command.command('pitch')

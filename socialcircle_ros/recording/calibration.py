@@ -3,7 +3,8 @@
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,6 +42,8 @@ class Latency:
         spread_s: largest difference of a pair from the median; 0 where there is one pair.
         before_m: difference of the heights of an up and a down scan with the latency that was set.
         after_m: the same with the new latency.
+        refused: reasons with which messages or scans were refused, and how often.
+        damage: where the recording breaks off; None: it is sound.
     """
 
     latency_s: float
@@ -48,6 +51,8 @@ class Latency:
     spread_s: float
     before_m: float
     after_m: float
+    refused: Mapping[str, int]
+    damage: str | None
 
 
 @dataclass(frozen=True)
@@ -93,17 +98,18 @@ def measure_latency(
     latencies: list[float] = []
     for _ in range(PASSES):  # the frames at a turn may belong to another scan with another latency
         at_latency = dataclasses.replace(settings, stack=dataclasses.replace(stack, latency=latency))
-        scans = _scans(recording, at_latency, seen)
+        stage = _read_stage(recording, at_latency, seen)
         pairs = [
             (one, other)
-            for one, other in itertools.pairwise(scans)
+            for one, other in itertools.pairwise(stage.scans)
             if one.speed * other.speed < 0 and one.points.shape == other.points.shape
         ]
         found = [(_difference(one, other), one.speed - other.speed) for one, other in pairs]
         found = [(apart, speeds) for apart, speeds in found if np.isfinite(apart)]
         if not found:
-            raise StackError(
-                f'{recording} has {len(scans)} scan{"" if len(scans) == 1 else "s"}, and no scan up next to a scan'
+            count = len(stage.scans)
+            raise stage.error(
+                f'{recording} has {count} scan{"" if count == 1 else "s"}, and no scan up next to a scan'
                 f' down with {_LEAST_PIXELS} pixels of quality {TRUSTED_QUALITY:g} in both.'
             )
         latencies = [latency + apart / speeds for apart, speeds in found]
@@ -115,6 +121,8 @@ def measure_latency(
         spread_s=float(np.abs(np.array(latencies) - latency).max()),
         before_m=apart_m[0],
         after_m=apart_m[-1],
+        refused=stage.refused,
+        damage=stage.damage,
     )
 
 
@@ -128,8 +136,25 @@ class _StageScan:
     speed: float
 
 
-def _scans(recording: str | Path, settings: PipelineSettings, seen: Callable[[int], None]) -> list[_StageScan]:
-    """The scans of the first namespace with frames."""
+@dataclass(frozen=True, eq=False)
+class _StageScans:
+    """The scans of a recording, and what is not in them."""
+
+    scans: Sequence[_StageScan]
+
+    refused: Mapping[str, int]
+    """Reasons with which messages or scans were refused, and how often."""
+
+    damage: str | None
+    """Where the recording breaks off; None: it is sound."""
+
+    def error(self, sentence: str) -> StackError:
+        """An error for scans that are lacking; it says also what is not in them, which is the likely reason."""
+        return StackError(' '.join([sentence, *self.refused, *([self.damage] if self.damage else [])]))
+
+
+def _read_stage(recording: str | Path, settings: PipelineSettings, seen: Callable[[int], None]) -> _StageScans:
+    """The scans of the namespace with frames."""
     with open_recording(recording) as reader:
         namespaces = stacks_of(reader)
         if len(namespaces) != 1:
@@ -144,11 +169,12 @@ def _scans(recording: str | Path, settings: PipelineSettings, seen: Callable[[in
             events += take(message.data)
             seen(count)
         events += assembler.finish()
-    refused = [event.reason for event in events if isinstance(event, Refusal)]
-    scans = [_scan(event) for event in events if isinstance(event, StackCloud)]
-    if not scans and refused:
-        raise StackError(refused[0])
-    return scans
+        damage = reader.damage
+    return _StageScans(
+        [_scan(event) for event in events if isinstance(event, StackCloud)],
+        Counter(event.reason for event in events if isinstance(event, Refusal)),
+        damage,
+    )
 
 
 def _scan(cloud: StackCloud) -> _StageScan:

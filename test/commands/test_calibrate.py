@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
 import pytest
 from click.testing import CliRunner
 
@@ -29,3 +31,17 @@ def test_a_period_that_is_no_length_is_refused(text):
     done = CliRunner().invoke(command, ['pitch', 'grating.png', f'--period={text}'])
     assert done.exit_code == 2
     assert f'{text!r} is no length; give a number and a unit, such as 10um.' in ' '.join(done.output.split())
+
+
+def test_what_the_latency_leaves_out_is_told(monkeypatch):
+    found = calibration.Latency(
+        0.004, 1, 0.0, 1e-6, 0.0, {'A frame was refused: cut.': 2}, 'scans.mcap is damaged.'
+    )
+    monkeypatch.setattr(calibration, 'measure_latency', lambda *_: found)
+    recording = str(Path(__file__).parents[2] / 'bags' / 'stack.mcap')
+    done = CliRunner().invoke(command, ['latency', recording], catch_exceptions=False)
+    assert done.stdout.splitlines()[-1] == 'Set stack.latency: 0.004000'
+    assert done.stderr.splitlines()[-2:] == [
+        'Refused, 2 times: A frame was refused: cut.',
+        'Warning: scans.mcap is damaged.',
+    ]

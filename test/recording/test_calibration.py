@@ -8,6 +8,7 @@ from socialcircle_ros.errors import StackError
 from socialcircle_ros.messages import image, joint_state
 from socialcircle_ros.messages.header import Header
 from socialcircle_ros.recording.calibration import measure_latency, measure_pitch
+from socialcircle_ros.recording.reader import open_recording
 from socialcircle_ros.recording.topics import ros_topic
 from socialcircle_ros.recording.writer import RecordingWriter
 from socialcircle_ros.settings import PipelineSettings, StackSettings
@@ -49,6 +50,39 @@ def test_latency_is_found_from_a_scan_up_and_a_scan_down(tmp_path, latency_s):
     assert found.pairs >= 2
     assert found.before_m == pytest.approx(2 * abs(latency_s) * STEP / (PERIOD * 1e-9), abs=2e-8)
     assert found.after_m < 2e-8
+
+
+def with_damage(path):
+    """The same recording with a frame and a joint state of 9 bytes before the others, and without its end."""
+    damaged = path.with_name('damaged.mcap')
+    with open_recording(path) as reader, RecordingWriter(damaged) as writer:
+        for topic in reader.topics.values():
+            writer.add_topic(topic)
+            writer.write(topic.name, bytes(9), 1)
+        for message in reader.messages():
+            writer.write(message.topic, message.data, message.log_time)
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    return damaged
+
+
+def test_what_is_left_out_is_told(tmp_path):
+    sound = scan_file(tmp_path / 'scans.mcap', 0.004)
+    whole, found = measure_latency(sound, SETTINGS), measure_latency(with_damage(sound), SETTINGS)
+    assert whole.damage is None
+    assert found.latency_s == whole.latency_s
+    more = found.refused - whole.refused
+    assert sorted(reason.partition(':')[0] for reason in more) == [
+        'A frame was refused',
+        'A joint state was refused',
+    ]
+    assert set(more.values()) == {1}
+    assert 'damaged.mcap has a damaged or cut-off index' in found.damage
+
+
+def test_where_scans_lack_the_damage_is_told_as_well(tmp_path):
+    path = with_damage(scan_file(tmp_path / 'up.mcap', 0.0, (1,)))
+    with pytest.raises(StackError, match=r'has 1 scan, .* A frame was refused: .* cut-off index'):
+        measure_latency(path, SETTINGS)
 
 
 def test_a_scan_in_one_direction_has_no_latency(tmp_path):
