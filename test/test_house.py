@@ -207,6 +207,13 @@ def test_cores_are_those_that_the_process_may_use():
     assert not [str(path) for path in trees() if 'cpu_count' in (PACKAGE / path).read_text(encoding='utf-8')]
 
 
+def test_commands_draw_on_the_console_that_knows_the_foreground():
+    """Rich's own Console, and click's bar, draw over the prompt of a shell in whose background they run."""
+    drawing = re.compile(r'\b(Console|Progress|progressbar)\(')
+    own = [path for path in TREES if path != Path('commands/console.py')]
+    assert not [str(path) for path in own if drawing.search((PACKAGE / path).read_text(encoding='utf-8'))]
+
+
 TOPICS = re.compile(
     r"'(?!/truth/)[^' ]*\b(outlier_mask|outlier_score|points_filtered|points_repaired|stack/\w+|last_points)'"
 )

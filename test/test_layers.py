@@ -27,7 +27,7 @@ LEVELS = [
     {'circle', 'focus', 'repair', 'baselines', 'metrics'},
     {'cloud', 'engine'},
     {'arguments', 'settings', 'kernels', 'storage', 'lengths'},
-    {'errors', 'onnx_runtime', 'digits'},
+    {'errors', 'onnx_runtime', 'digits', 'terminal'},
 ]
 LEVEL = {room: level for level, rooms in enumerate(LEVELS) for room in rooms}
 NEED_ROS = {'node', 'clients'}

@@ -10,6 +10,8 @@ import tty
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 
+from socialcircle_ros.terminal import is_in_foreground
+
 _PERIOD_S = 0.1  # between two checks whether the command has ended
 _MOST_BYTES = 64  # that are read at once
 _LOCAL_MODES = 3  # their place among the attributes of a terminal
@@ -76,7 +78,7 @@ class _Keyboard:
 
     def is_taken(self) -> bool:
         """Whether keys come to this process; if so, each comes at once from now on."""
-        if not self._is_in_foreground():
+        if not is_in_foreground(self._terminal):
             return False
         attributes = termios.tcgetattr(self._terminal)
         if attributes[_LOCAL_MODES] & termios.ICANON:  # again after Ctrl-Z and fg, as a shell resets its terminal
@@ -86,14 +88,8 @@ class _Keyboard:
 
     def give_back(self) -> None:
         """Put the terminal as it was, unless it belongs to other programs now."""
-        if self._before is not None and self._is_in_foreground():
+        if self._before is not None and is_in_foreground(self._terminal):
             termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
-
-    def _is_in_foreground(self) -> bool:
-        try:
-            return os.tcgetpgrp(self._terminal) == os.getpgrp()
-        except OSError:
-            return True  # not the terminal that controls this process, so nothing stops it
 
 
 def _keys(pressed: bytes, known: Collection[bytes]) -> Iterator[bytes]:

@@ -14,8 +14,9 @@ from socialcircle_ros.storage import check_place
 from .options import Number, require_ros
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.table import Table
+
+    from .console import CommandConsole
 
 
 @click.command('bench', epilog='Example: socialcircle bench --json bench.json')
@@ -89,14 +90,14 @@ def _ratios(repeats: int, path: Path | None) -> None:
     """Print the time of each candidate, and the ratios with their goals."""
     import dataclasses
 
-    from rich.console import Console
-
     from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.studies.bench.candidates import COLUMNS, ROWS, SHARE, all_candidates, missing_peers
     from socialcircle_ros.studies.bench.ratios import benchmark, ratios
 
+    from .console import CommandConsole
+
     keep_freed_memory()  # as the node and the other commands do
-    console = Console()
+    console = CommandConsole()
     with console.status('simulating ...') as status, all_candidates() as candidates:
         figures = benchmark(candidates, repeats, status.update)
     found = ratios(figures)
@@ -127,13 +128,13 @@ def _ratios(repeats: int, path: Path | None) -> None:
 
 def _growth(repeats: int, path: Path | None, plot: Path | None) -> None:
     """Print the growth of the time with the number of points."""
-    from rich.console import Console
-
     from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.studies.bench.growth import POINTS, draw_growth, time_growth
 
+    from .console import CommandConsole
+
     keep_freed_memory()  # as the node and the other commands do
-    console = Console()
+    console = CommandConsole()
     title = 'Mirrored metal groove, float32; medians in ms'
     table = _table(title, 'million points', 'vote', 'radius and expansion', 'ns/point', left=0)
     points = []
@@ -159,13 +160,13 @@ def _growth(repeats: int, path: Path | None, plot: Path | None) -> None:
 
 def _sizes(repeats: int, path: Path | None) -> None:
     """Print the times of the filter's steps on clouds of several sizes."""
-    from rich.console import Console
-
     from socialcircle_ros.kernels.memory import keep_freed_memory
     from socialcircle_ros.studies.bench.sizes import SIZES, time_sizes
 
+    from .console import CommandConsole
+
     keep_freed_memory()  # as the node and the other commands do
-    console = Console()
+    console = CommandConsole()
     title = 'Simulated metal groove, float32, 9.55 % outliers; medians in ms'
     headings = ('rows × columns', 'vote', 'circle', 'ns/point', 'of bound', 'whole', 'copy')
     table = _table(title, *headings, left=0)
@@ -212,7 +213,7 @@ def _table(title: str, *headings: str, left: int = 1) -> 'Table':
     return table
 
 
-def _finish(console: 'Console', repeats: int, path: Path | None, results: Mapping[str, object]) -> None:
+def _finish(console: 'CommandConsole', repeats: int, path: Path | None, results: Mapping[str, object]) -> None:
     """Print the machine, and write the results if a path is given."""
     import json
 
@@ -237,11 +238,11 @@ def _live(repeats: int, seconds: float, path: Path | None) -> None:
     from socialcircle_ros.node.transport import prepare_process
 
     prepare_process()
-    from rich.console import Console
-
     from socialcircle_ros.studies.bench import live
 
-    console = Console()
+    from .console import CommandConsole
+
+    console = CommandConsole()
     rows, columns = live.SHAPE
     with tempfile.TemporaryDirectory() as name, console.status('') as status:
         folder = Path(name)
@@ -299,12 +300,12 @@ def _network(clouds: int, path: Path | None) -> None:
     require_ros()
     import dataclasses
 
-    from rich.console import Console
-
     from socialcircle_ros.studies.bench.live import SHAPE
     from socialcircle_ros.studies.bench.network import INTERVAL_S, measure_network
 
-    console = Console()
+    from .console import CommandConsole
+
+    console = CommandConsole()
     rows, columns = SHAPE
     title = f'{size_text(rows, columns)}, 16 bytes per point, every {INTERVAL_S:g} s, between two hosts'
     headings = ('', 'loss, %', 'arrived', 'median, ms', 'most, ms', 'told lost')
@@ -330,12 +331,12 @@ def _network(clouds: int, path: Path | None) -> None:
 
 def _depth() -> None:
     """Print the error of depth from focus, and what its quality value predicts."""
-    from rich.console import Console
-
     from socialcircle_ros.studies.bench.depth_error import SEEDS, depth_errors, quality_shares
     from socialcircle_ros.studies.bench.depth_trust import trust_rows
 
-    console = Console()
+    from .console import CommandConsole
+
+    console = CommandConsole()
     headings = ('stack', 'specimen', 'fit', 'RMS', 'bias', 'good')
     table = _table('Depth from focus: errors in z-steps over good pixels', *headings, left=3)
     with console.status('simulating and measuring stacks (20 s) ...'):
@@ -367,7 +368,7 @@ def _depth() -> None:
     _frame_costs(console)
 
 
-def _instruments(console: 'Console') -> None:
+def _instruments(console: 'CommandConsole') -> None:
     """Print what the quality predicts on several instruments, and what each step gives."""
     from socialcircle_ros.studies.bench import depth_instruments
 
@@ -389,7 +390,7 @@ def _instruments(console: 'Console') -> None:
     console.print(scales)
 
 
-def _depth_peers(console: 'Console') -> None:
+def _depth_peers(console: 'CommandConsole') -> None:
     """Print the errors of other focus measures on the same stacks."""
     from socialcircle_ros.studies.bench.depth_peers import missing_peers, peer_rows
 
@@ -420,7 +421,7 @@ def _depth_peers(console: 'Console') -> None:
         )
 
 
-def _frame_costs(console: 'Console') -> None:
+def _frame_costs(console: 'CommandConsole') -> None:
     """Print time and memory of the frames of a stack."""
     from socialcircle_ros.kernels.machine import hardware
     from socialcircle_ros.studies.bench.depth_cost import frame_costs

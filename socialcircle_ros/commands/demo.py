@@ -57,16 +57,16 @@ def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> 
     from socialcircle_ros.node.transport import prepare_process
 
     prepare_process()
-    from rich.console import Console
-
     from socialcircle_ros.clients.demo import RefusedCloud, run_demo
     from socialcircle_ros.storage import check_folder_name, folder_of_results
 
+    from .console import CommandConsole
+
     check_folder_name(output)
 
-    console = Console()
+    console = CommandConsole()
     if not console.is_terminal:
-        console = Console(width=_WIDTH)
+        console = CommandConsole(width=_WIDTH)
     with folder_of_results(output), console.status('') as status:
         demo = run_demo(files, output, params_file=params_file, status=status.update)
     console.print(_table(demo.clouds))

@@ -50,8 +50,7 @@ def command(
     It says first how long it will take, estimated from a small search on this machine. The results are written
     after each step. If a run is interrupted, the same command continues with the steps that are left.
     """
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from socialcircle_ros.pictures.style import new_figure
     from socialcircle_ros.storage import check_folder_name, folder_of_results
@@ -59,6 +58,8 @@ def command(
     from socialcircle_ros.studies.comparison.study import Plan, Study, quick_plan
     from socialcircle_ros.studies.experiments import learned_steps, run, steps_of
     from socialcircle_ros.studies.steps import fingerprint_of
+
+    from .console import CommandConsole, CommandProgress
 
     if name == 'learned' and data is None:
         raise click.UsageError('learned needs measured surfaces: give --data or set SOCIALCIRCLE_DATA.')
@@ -69,13 +70,13 @@ def command(
     surfaces = _surfaces(data) if data is not None and name != 'learned' else []
     if quick:
         surfaces = surfaces[:1]
-    console = Console(stderr=True)
+    console = CommandConsole(stderr=True)
     command_line = (
         f'socialcircle experiment {name}{f" --seeds {seeds}" if seeds else ""}{" --quick" if quick else ""}'
     )
     columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
     finished = None
-    with folder_of_results(out), Progress(*columns, console=console, transient=True) as progress:
+    with folder_of_results(out), CommandProgress(*columns, console=console) as progress:
         task = progress.add_task(name, total=None)
 
         def report(step: str) -> None:

@@ -84,13 +84,14 @@ def _print(names: Sequence[str], rows: Sequence[Sequence[object]], form: Literal
             values = dict(zip(keys, map(_without_nan, row), strict=True))
             click.echo(json.dumps(values, default=str, ensure_ascii=False, allow_nan=False))
     else:
-        from rich.console import Console
         from rich.table import Table
+
+        from .console import CommandConsole
 
         table = Table(*names)
         for row in rows:
             table.add_row(*('' if cell is None else _text(cell) for cell in row))
-        Console(width=None if sys.stdout.isatty() else 1000, markup=False, highlight=False).print(table)
+        CommandConsole(width=None if sys.stdout.isatty() else 1000, markup=False, highlight=False).print(table)
 
 
 def _different(names: Sequence[str]) -> list[str]:

@@ -157,9 +157,10 @@ def progress_bar(description: str) -> Iterator[Callable[[int, int], None]]:
 
 def progress_display() -> 'Progress':
     """A display on stderr of what is done, the rate, and the time left."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, Task, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Task, TextColumn, TimeRemainingColumn
     from rich.text import Text
+
+    from .console import CommandProgress
 
     class Rate(TextColumn):
         def __init__(self) -> None:
@@ -169,7 +170,7 @@ def progress_display() -> 'Progress':
             return Text(f'{task.speed:.2f}/s' if task.speed else '')
 
     columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300)
+    return CommandProgress(*columns, speed_estimate_period=300)
 
 
 class Number(click.FloatRange):

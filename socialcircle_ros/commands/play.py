@@ -65,16 +65,15 @@ def command(
     from socialcircle_ros.node.transport import prepare_process
 
     prepare_process()
-    from rich.console import Console
-    from rich.progress import Progress
-
     from socialcircle_ros.clients.keys import DOWN, RIGHT, SPACE, UP, listened_keys
     from socialcircle_ros.clients.pace import Pace
     from socialcircle_ros.clients.player import play_recording
 
+    from .console import CommandProgress
+
     namespace, prefix = _checked(namespace, prefix)
     pace = Pace(rate, paused=start_paused)
-    progress = Progress(console=Console(stderr=True), transient=True)
+    progress = CommandProgress()
     task = progress.add_task('', total=None)
 
     def show() -> None:

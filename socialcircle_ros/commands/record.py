@@ -92,11 +92,11 @@ def command(
     from socialcircle_ros.node.transport import prepare_process
 
     prepare_process()
-    from rich.console import Console
-
     from socialcircle_ros.clients.recorder import TopicChoice, record_topics
 
-    with Console(stderr=True).status('recording; Ctrl-C ends it') as status:
+    from .console import CommandConsole
+
+    with CommandConsole(stderr=True).status('recording; Ctrl-C ends it') as status:
         recorded = record_topics(
             output,
             TopicChoice(topics, every, regex, exclude_regex),

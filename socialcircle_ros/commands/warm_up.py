@@ -5,6 +5,8 @@ import time
 
 import click
 
+from .options import progress_bar
+
 
 @click.command('warm-up', epilog='Example, in a Dockerfile: RUN socialcircle warm-up')
 def command() -> None:
@@ -29,8 +31,10 @@ def command() -> None:
     if cache_folder() is None and not warm_up.is_warm():
         raise nowhere
     began_s = time.monotonic()
-    with click.progressbar(list(warm_up.steps()), label='Compiling') as bar:
-        for compile_some in bar:
+    steps = list(warm_up.steps())
+    with progress_bar('compiling') as progress:
+        for done, compile_some in enumerate(steps):
+            progress(done, len(steps))
             compile_some()
     failure = write_failure()
     if failure is not None and cache_folder() is None:
