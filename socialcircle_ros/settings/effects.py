@@ -45,17 +45,17 @@ def has_effect(name: str, values: Mapping[str, RosValue]) -> bool:
         values: of all parameters, or their texts. A parameter that depends on one that is not among them, or on
             a lesson that cannot be read here, has an effect.
     """
-    found_by = _finder(values)
-    if (
-        (name == _JUDGE and (values.get(_LESSON) or _has_depth_of_field(values)))
-        or (name == _PROVIDER and found_by == 'rules')
-        or (name == _DEPTH_OF_FIELD and values.get(_LESSON) and found_by == 'network')
-    ):
-        return False
     other, needed = _ONLY_WITH.get(name, (name, None))
-    if needed is None or other not in values:
-        return True
-    return values[other] == needed and has_effect(other, values)
+    depends = needed is not None and other in values
+    if depends and not (values[other] == needed and has_effect(other, values)):
+        return False
+    if name == _JUDGE:
+        return not values.get(_LESSON) and not _has_depth_of_field(values)
+    if name == _PROVIDER:
+        return _finder(values) != 'rules'
+    if name == _DEPTH_OF_FIELD:
+        return not values.get(_LESSON) or _finder(values) != 'network'
+    return True
 
 
 def needing(mode: str) -> tuple[str, ...]:

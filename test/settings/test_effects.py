@@ -7,7 +7,7 @@ import pytest
 from examples import surface
 
 from socialcircle_ros import CircleSettings, remove_outliers
-from socialcircle_ros.settings import PARAMETERS
+from socialcircle_ros.settings import PARAMETERS, effects
 from socialcircle_ros.settings.effects import _ONLY_WITH, has_effect
 from socialcircle_ros.settings.lessons import TRAITS, WEIGHTS, Lesson
 
@@ -93,6 +93,20 @@ def test_a_parameter_has_an_effect_where_its_lesson_is_on_another_machine():
     assert has_effect('circle.provider', values)
     assert has_effect('circle.depth_of_field', values)
     assert not has_effect('circle.judge', values)
+
+
+def test_a_lesson_is_opened_only_where_its_content_decides(monkeypatch):
+    opened = []
+    monkeypatch.setattr(effects, 'read_lesson', lambda path: opened.append(path) or LESSONS['rules'])
+    values = DEFAULTS | {'circle.lesson': 'part.teach'}
+    for name in values:
+        has_effect(name, values | {'circle.mode': 'paper'})
+    assert not opened
+    for name in values:
+        has_effect(name, values)
+    assert len(opened) == 2  # circle.provider and circle.depth_of_field
+    has_effect('circle.depth_of_field', DEFAULTS)
+    assert len(opened) == 2
 
 
 def test_parameters_of_another_mode_that_are_set_are_told():
