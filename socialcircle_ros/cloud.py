@@ -132,6 +132,19 @@ def unmasked(values: npt.ArrayLike) -> npt.NDArray[np.generic]:
     return floats
 
 
+def mask_of_points(name: str, given: npt.ArrayLike, shape: tuple[int, ...]) -> Mask:
+    """A mask of the points of a cloud; a point that a masked array masks is not in it.
+
+    Raises:
+        CloudError: it has another shape than the cloud, (H, W), or is not bool.
+    """
+    mask = np.asarray(np.ma.filled(given, False) if np.ma.is_masked(given) else given)
+    if mask.shape != shape or mask.dtype != np.bool_:
+        found = f'{mask.dtype} of the shape {mask.shape}'
+        raise CloudError(f'{name} must be a bool mask of the shape of the cloud {shape}, not {found}.')
+    return mask
+
+
 def is_exact(floats: npt.NDArray[np.floating], values: npt.NDArray[np.generic]) -> bool:
     """Whether floats that values were converted to hold all of them.
 

@@ -107,8 +107,10 @@ def checked_frame(frame: object) -> Frame:
     kernel compiled for another layout would take as long as a thousand passes.
 
     Raises:
-        StackError: this is not a gray image of a supported data type.
+        StackError: this is not a gray image of a supported data type, or pixels of it are masked.
     """
+    if np.ma.is_masked(frame):
+        raise StackError('A frame cannot have masked pixels: give all of them as they were taken.')
     array = np.asarray(frame)
     if array.ndim != 2 or array.size == 0:
         raise StackError(f'A frame must be a gray image of shape (H, W), not {array.shape}.')

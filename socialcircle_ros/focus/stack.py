@@ -149,6 +149,8 @@ class FocusStack:
                 f'A frame of {frame.shape} {frame.dtype} cannot join a stack of {image.shape}'
                 f' {image.dtype}: start a new stack.'
             )
+        if np.ma.is_masked(colours):
+            raise StackError('The colours of a frame cannot be masked: give all of them as they were taken.')
         colours = None if colours is None else np.asarray(colours)
         if colours is not None and (colours.shape != (*frame.shape, 3) or colours.dtype != np.uint8):
             raise StackError(

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, HeightMap, Mask, nearest_grid
+from socialcircle_ros.cloud import Cloud, HeightMap, Mask, mask_of_points, nearest_grid, unmasked
 
 _Coordinates = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
@@ -55,12 +55,15 @@ def texture(points: Cloud | HeightMap, kept: Mask | None = None) -> Texture:
     rows and columns apart, as where all x are equal.
 
     Args:
-        points: (H, W, 3) float32 or float64 cloud; or heights (H, W) on a regular grid. NaN is not measured and is
-            left out.
+        points: (H, W, 3) float32 or float64 cloud; or heights (H, W) on a regular grid. NaN, and what a masked
+            array masks, is not measured and is left out.
         kept: (H, W) bool, the points that count, if they are measured; None: all.
 
     Returns:
         The texture; all values are NaN where fewer than three points count.
+
+    Raises:
+        CloudError: `kept` is no bool mask of the shape of the cloud.
     """
     levelled = _levelled(points, kept)
     return _texture(levelled.heights[levelled.counted])
@@ -80,6 +83,9 @@ def areal_texture(points: Cloud | HeightMap, kept: Mask | None = None) -> ArealT
     Returns:
         The texture. All values are NaN where fewer than three points count, Ssk and Sku on a plane, and Sdr of a
         height map, where x and y do not tell rows and columns apart, or without four points in a square.
+
+    Raises:
+        CloudError: as by `texture`.
     """
     levelled = _levelled(points, kept)
     residuals = levelled.heights[levelled.counted]
@@ -111,11 +117,12 @@ class _Levelled:
 
 
 def _levelled(points: Cloud | HeightMap, kept: Mask | None) -> _Levelled:
-    xyz = cast('Cloud', points) if points.ndim == 3 else None
-    heights = points if xyz is None else xyz[..., 2]
+    plain = cast('Cloud', unmasked(points))
+    xyz = plain if plain.ndim == 3 else None
+    heights = plain if xyz is None else xyz[..., 2]
     counted: Mask = np.isfinite(heights)
     if kept is not None:
-        counted &= kept
+        counted &= mask_of_points('kept', kept, counted.shape)
     if xyz is not None:
         counted &= np.isfinite(xyz[..., 0])
         counted &= np.isfinite(xyz[..., 1])

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from socialcircle_ros.arguments import settings_or_default
-from socialcircle_ros.cloud import Cloud, Mask, measured_points, nearest_grid, organized
+from socialcircle_ros.cloud import Cloud, Mask, mask_of_points, measured_points, nearest_grid, organized
 from socialcircle_ros.errors import CloudError
 from socialcircle_ros.settings import RepairSettings
 
@@ -68,7 +68,7 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
     Args:
         xyz: (H, W, 3) float32 or float64 organized cloud; a point with a NaN or Inf is not measured.
         holes: (H, W) bool, the points that may be filled, with any values. Points that are not measured and
-            not in a hole stay as they are.
+            not in a hole stay as they are. What a masked array masks is not in a hole.
         settings: the parameters; None: the defaults.
 
     Returns:
@@ -81,12 +81,7 @@ def repair_holes(xyz: npt.ArrayLike, holes: npt.ArrayLike, settings: RepairSetti
     """
     settings = settings_or_default(RepairSettings, settings)
     cloud = organized(xyz)
-    mask = np.asarray(holes)
-    if mask.shape != cloud.shape[:2] or mask.dtype != np.bool_:
-        raise CloudError(
-            f'holes must be a bool mask of the shape of the cloud {cloud.shape[:2]}, not {mask.dtype} of the'
-            f' shape {mask.shape}.'
-        )
+    mask = mask_of_points('holes', holes, cloud.shape[:2])
     z = cloud[:, :, 2]
     measured = measured_points(cloud) & ~mask
     found = find_holes(mask)

@@ -61,6 +61,7 @@ def test_views_and_read_only_frames_are_accepted():
         (np.zeros((0, 4), np.uint8), 'gray image'),
         (np.zeros((4, 4)), 'uint8 or uint16 .* not float64'),
         (np.zeros((4, 4), np.dtype(np.uint16).newbyteorder()), 'byte order'),
+        (np.ma.masked_array(np.zeros((4, 4), np.uint8), np.eye(4)), 'cannot have masked pixels'),
     ],
 )
 def test_array_that_is_not_a_frame_is_refused(frame, message):

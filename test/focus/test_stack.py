@@ -223,3 +223,10 @@ def test_result_does_not_depend_on_the_number_of_threads(monkeypatch):
     three = stack.finish()
     for name in ('depth', 'quality', 'reasons', 'image'):
         np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
+
+
+def test_masked_colours_are_refused():
+    frame = np.zeros((8, 9), np.uint8)
+    colours = np.ma.masked_array(np.zeros((8, 9, 3), np.uint8), np.eye(8, 9)[..., None].repeat(3, axis=2))
+    with pytest.raises(StackError, match='The colours of a frame cannot be masked'):
+        FocusStack().add(frame, 0.0, colours)

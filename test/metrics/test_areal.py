@@ -29,6 +29,17 @@ def test_a_tilted_plane_has_no_texture():
     assert (found.sa, found.sq, found.sz) == pytest.approx((0, 0, 0), abs=1e-6)
 
 
+def test_what_is_masked_does_not_count():
+    rough = np.random.default_rng(1).normal(size=ROWS.shape)
+    spikes = np.random.default_rng(2).random(ROWS.shape) < 0.1
+    heights = np.where(spikes, 99.0, rough)
+    expected = texture(np.where(spikes, np.nan, rough))
+    assert texture(np.ma.masked_array(heights, spikes)) == expected
+    assert texture(heights, np.ma.masked_array(np.ones(ROWS.shape, bool), spikes)) == expected
+    xyz = np.dstack([COLUMNS, ROWS, heights])
+    assert texture(np.ma.masked_array(xyz, spikes[..., None].repeat(3, axis=2))) == expected
+
+
 def test_the_plane_is_fitted_to_the_measured_points_only():
     rough = np.random.default_rng(1).normal(size=ROWS.shape)
     holes = np.random.default_rng(2).random(ROWS.shape) < 0.3

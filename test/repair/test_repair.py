@@ -271,6 +271,17 @@ def test_mask_of_another_shape_or_type_is_refused():
         repair_holes(np.zeros((4, 5, 3)), np.zeros((4, 5), np.uint8))
 
 
+def test_what_is_masked_is_not_in_a_hole():
+    y, x = np.mgrid[:9, :11].astype(np.float64)
+    xyz, holes = np.dstack([x, y, x + y]), (y == 4) & ((x == 3) | (x == 7))
+    partly = np.ma.masked_array(holes, (x == 7) | (x == 9))
+    expected = repair_holes(xyz, holes & (x == 3))
+    found = repair_holes(xyz, partly)
+    np.testing.assert_array_equal(found.filled, expected.filled)
+    np.testing.assert_array_equal(found.xyz, expected.xyz)
+    assert found.filled.any()
+
+
 def test_bad_settings_are_refused_with_the_allowed_values():
     with pytest.raises(SettingError, match='use one of: biharmonic, spline'):
         RepairSettings(method='bspline')
