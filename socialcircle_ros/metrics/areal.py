@@ -116,6 +116,25 @@ class _Levelled:
     """Gives x and y, (H, W) each, of any value where a point does not count; None: not known."""
 
 
+def levelled_heights(xyz: Cloud, kept: Mask) -> npt.NDArray[np.float64]:
+    """Heights relative to the plane that `texture` subtracts, also of points that do not count.
+
+    Args:
+        xyz: (H, W, 3) float32 or float64 cloud.
+        kept: (H, W) bool, the points to which the plane is fitted, if they are measured.
+
+    Returns:
+        (H, W), NaN where a point is not measured; the heights as they are where fewer than three points count.
+    """
+    measured = np.isfinite(xyz).all(axis=2)
+    heights = np.where(measured, xyz[..., 2], np.nan).astype(np.float64, copy=False)
+    counted = measured & kept
+    if np.count_nonzero(counted) < 3:
+        return heights
+    plane, x, y, _ = _fitted(xyz, np.where(counted, heights, 0.0), counted)
+    return heights - plane.at(x, y)
+
+
 def _levelled(points: Cloud | HeightMap, kept: Mask | None) -> _Levelled:
     plain = cast('Cloud', unmasked(points))
     xyz = plain if plain.ndim == 3 else None
@@ -129,55 +148,86 @@ def _levelled(points: Cloud | HeightMap, kept: Mask | None) -> _Levelled:
     z = np.where(counted, heights, 0.0).astype(np.float64, copy=False)
     if np.count_nonzero(counted) < 3:
         return _Levelled(z, np.zeros_like(counted))
+    plane, x, y, places = _fitted(xyz, z, counted)
+    z -= plane.at(x, y)
+    return _Levelled(z, counted, places)
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """A plane over two coordinates; it goes through the middle of the points that it was fitted to."""
+
+    middle: tuple[float, float, float]
+    x_slope: float
+    y_slope: float
+
+    def at(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Its heights."""
+        middle_x, middle_y, middle_z = self.middle
+        return middle_z + self.y_slope * (y - middle_y) + self.x_slope * (x - middle_x)
+
+
+def _fitted(
+    xyz: Cloud | None, z: npt.NDArray[np.float64], counted: Mask
+) -> tuple[_Plane, npt.NDArray[np.float64], npt.NDArray[np.float64], Callable[[], _Coordinates] | None]:
+    """The least squares plane of a cloud, or of a height map without a cloud.
+
+    Args:
+        xyz: (H, W, 3); None: a height map.
+        z: (H, W) the heights, 0 where a point does not count.
+        counted: (H, W) the points that count, at least three.
+
+    Returns:
+        The plane; the coordinates over which it is one, which broadcast to (H, W); and what gives x and y, as
+        `_Levelled` has it.
+    """
     grid = None if xyz is None else nearest_grid(xyz, counted)
-    if xyz is None or grid is None:
-        _level_by_numbers(z, counted)
-        return _Levelled(z, counted)
-    if grid.holds(xyz, counted):
-        _level_by_numbers(z, counted)
-        return _Levelled(z, counted, partial(grid.coordinates, counted.shape))
-    places = _own_places(xyz, counted)
-    _level_by_places(z, counted, *places)
-    return _Levelled(z, counted, lambda: places)
+    if xyz is None or grid is None or grid.holds(xyz, counted):
+        rows, columns = (np.arange(count, dtype=np.float64) for count in counted.shape)
+        places = None if grid is None else partial(grid.coordinates, counted.shape)
+        return _plane_over_numbers(z, counted), columns, rows[:, np.newaxis], places
+    x, y = _own_places(xyz, counted)
+    return _plane_over_places(z, counted, x, y), x, y, lambda: (x, y)
 
 
 def _own_places(xyz: Cloud, counted: Mask) -> _Coordinates:
-    """Give x and y relative to the first point that counts, (H, W) each; 0 where none counts."""
+    """Give x and y relative to the first point that counts, (H, W) each; 0 where they are not finite."""
     first = np.unravel_index(int(counted.argmax()), counted.shape)
     places = []
     for axis in (0, 1):
         values = np.subtract(xyz[..., axis], xyz[..., axis][first], dtype=np.float64)
-        values[~counted] = 0.0
+        values[~np.isfinite(values)] = 0.0
         places.append(values)
     return places[0], places[1]
 
 
-def _level_by_numbers(z: npt.NDArray[np.float64], counted: Mask) -> None:
-    """Subtract the plane over row and column numbers from the heights in place; they are 0 where none counts.
+def _plane_over_numbers(z: npt.NDArray[np.float64], counted: Mask) -> _Plane:
+    """Fit the plane over the numbers of columns and rows to heights that are 0 where none counts.
 
     Sums over rows and columns give the normal equations of the plane in less than half the time of a list of
     points. Coordinates and heights are centred, so that the equations stay well conditioned on large maps.
     """
     per_row, per_column = counted.sum(axis=1), counted.sum(axis=0)
     count = per_row.sum()
-    rows, columns = (np.arange(len(n)) - n @ np.arange(len(n)) / count for n in (per_row, per_column))
-    mean = z.sum() / count
+    middle_row, middle_column = (float(n @ np.arange(len(n)) / count) for n in (per_row, per_column))
+    rows, columns = np.arange(len(per_row)) - middle_row, np.arange(len(per_column)) - middle_column
+    mean = float(z.sum() / count)
     row_sums, column_sums = z.sum(axis=1) - mean * per_row, z.sum(axis=0) - mean * per_column
     mixed = rows @ (counted @ columns)
     squares = [[per_row @ rows**2, mixed], [mixed, per_column @ columns**2]]
     products = np.array([row_sums @ rows, column_sums @ columns])
     (row_slope, column_slope), *_ = np.linalg.lstsq(np.array(squares), products, rcond=None)
-    z -= mean + (row_slope * rows)[:, None] + column_slope * columns
+    return _Plane((middle_column, middle_row, mean), float(column_slope), float(row_slope))
 
 
-def _level_by_places(
+def _plane_over_places(
     z: npt.NDArray[np.float64], counted: Mask, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]
-) -> None:
-    """Subtract the plane over x and y from the heights in place; all are 0 where none counts."""
+) -> _Plane:
+    """Fit the plane over x and y to heights that are 0 where none counts."""
     count = np.count_nonzero(counted)
-    z -= z.sum() / count * counted
-    flat_x, flat_y, heights = x.ravel(), y.ravel(), z.ravel()
-    mean_x, mean_y = flat_x.sum() / count, flat_y.sum() / count
+    mean = float(z.sum() / count)
+    flat_x, flat_y, heights = (np.where(counted, each, 0.0).ravel() for each in (x, y, z - mean))
+    mean_x, mean_y = float(flat_x.sum() / count), float(flat_y.sum() / count)
     mixed = flat_x @ flat_y - count * mean_x * mean_y
     squares = [
         [flat_x @ flat_x - count * mean_x**2, mixed],
@@ -185,9 +235,7 @@ def _level_by_places(
     ]
     products = np.array([flat_x @ heights, flat_y @ heights])
     (x_slope, y_slope), *_ = np.linalg.lstsq(np.array(squares), products, rcond=_ON_A_LINE)
-    z -= x_slope * x
-    z -= y_slope * y
-    z += x_slope * mean_x + y_slope * mean_y
+    return _Plane((mean_x, mean_y, mean), float(x_slope), float(y_slope))
 
 
 def _texture(residuals: npt.NDArray[np.float64]) -> Texture:

@@ -12,11 +12,12 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from socialcircle_ros.cloud import Cloud, Floats, HeightMap, Mask, NearestGrid, nearest_grid
+from socialcircle_ros.cloud import Cloud, Floats, Mask, NearestGrid, nearest_grid
 from socialcircle_ros.errors import CloudError, MessageError
 from socialcircle_ros.lengths import LengthScale, length_scale
 from socialcircle_ros.messages.image import NOT_MEASURED, OUTLIER
 from socialcircle_ros.messages.point_cloud import PointCloud
+from socialcircle_ros.metrics.areal import levelled_heights
 
 from . import colours
 
@@ -177,7 +178,7 @@ def drawing_of(cloud: PointCloud, mask: npt.NDArray[np.uint8], display: Display,
     kept = measured & (mask != OUTLIER)
     heights = np.where(measured, xyz[..., 2], np.nan).astype(np.float64)
     if display.levelled:
-        heights = levelled(xyz, heights, kept)
+        heights = np.where(measured, levelled_heights(xyz, kept), np.nan)
     name = _FIELDS.get(display.values)
     values = heights
     if name is not None and display.values in quantities_of(cloud):
@@ -196,29 +197,6 @@ def quantities_of(cloud: PointCloud) -> tuple[Quantity, ...]:
             cloud.field(name)
             found.append(values)
     return tuple(found)
-
-
-def levelled(xyz: Cloud, heights: HeightMap, kept: Mask) -> npt.NDArray[np.float64]:
-    """Heights relative to the least squares plane through the kept points, as `texture` fits it.
-
-    Args:
-        xyz: (H, W, 3).
-        heights: (H, W), NaN where not measured.
-        kept: (H, W) the points that the plane is fitted to.
-    """
-    if np.count_nonzero(kept) < 3:
-        return np.asarray(heights, np.float64)
-    grid = nearest_grid(xyz, kept)
-    if grid is None or grid.holds(xyz, kept):
-        places = np.indices(kept.shape, np.float64)
-    else:
-        places = np.moveaxis(xyz[..., :2], 2, 0).astype(np.float64)
-    places -= places[:, kept].mean(axis=1)[:, np.newaxis, np.newaxis]
-    basis = np.column_stack([np.ones(np.count_nonzero(kept)), *places[:, kept]])
-    fit, *_ = np.linalg.lstsq(basis, np.asarray(heights[kept], np.float64))
-    plane = fit[0] + fit[1] * places[0] + fit[2] * places[1]
-    relative: npt.NDArray[np.float64] = np.asarray(heights, np.float64) - plane
-    return relative
 
 
 def _span(values: npt.NDArray[np.float64], kept: Mask, display: Display) -> tuple[float, float]:

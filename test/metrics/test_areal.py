@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from naive import areal as naive
 
 from socialcircle_ros.cloud import organized_from
-from socialcircle_ros.metrics.areal import areal_texture, texture
+from socialcircle_ros.metrics.areal import areal_texture, levelled_heights, texture
 
 ROWS, COLUMNS = np.mgrid[:48, :64].astype(float)
 
@@ -27,6 +27,28 @@ def test_a_sine_wave_has_the_values_of_the_textbook():
 def test_a_tilted_plane_has_no_texture():
     found = texture(5e3 + 0.3 * COLUMNS - 0.2 * ROWS)
     assert (found.sa, found.sq, found.sz) == pytest.approx((0, 0, 0), abs=1e-6)
+
+
+@pytest.mark.parametrize('x', [COLUMNS, COLUMNS**1.5], ids=['even', 'uneven'])
+def test_levelled_heights_are_those_of_the_texture_and_outliers_have_theirs(x):
+    rough = np.random.default_rng(1).normal(size=ROWS.shape)
+    plane = 5e3 + 0.3 * x - 0.2 * ROWS
+    kept = np.random.default_rng(2).random(ROWS.shape) < 0.9
+    xyz = np.dstack([x, ROWS, plane + np.where(kept, rough, 40.0)])
+    xyz[3, 4, 0] = np.inf
+    xyz[5, 6, 2] = np.nan
+    found = levelled_heights(xyz, kept)
+    measured = np.isfinite(xyz).all(axis=2)
+    np.testing.assert_array_equal(np.isfinite(found), measured)
+    assert np.abs(found[kept & measured]).mean() == pytest.approx(texture(xyz, kept).sa, rel=1e-9)
+    np.testing.assert_allclose(found[measured & ~kept], 40, atol=0.3)  # the plane through the noise
+
+
+def test_heights_of_two_points_have_no_plane():
+    xyz = np.dstack([COLUMNS, ROWS, ROWS])
+    kept = np.zeros(ROWS.shape, bool)
+    kept[0, :2] = True
+    np.testing.assert_array_equal(levelled_heights(xyz, kept), ROWS)
 
 
 def test_what_is_masked_does_not_count():
