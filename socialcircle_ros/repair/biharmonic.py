@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from socialcircle_ros.cloud import Floats
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
+from socialcircle_ros.kernels.sampling import sampled_rows
 
 from .bounds import AROUND, MARGIN, span_at_rim
 from .holes import MEASURED, PADDING, UNUSABLE, Holes
@@ -107,7 +108,7 @@ def biharmonic_heights(
     if count == 0:
         return heights
     measured = measured_heights(z, unknowns)
-    tables = sum_differences(measured, usual_squared_differences(measured, ratio == 1.0))
+    tables = sum_differences(measured, usual_squared_differences(measured, sampled_rows(*z.shape), ratio == 1.0))
     energy = _weighted(ratio)
 
     def solve(some: slice) -> None:

@@ -11,9 +11,6 @@ from socialcircle_ros.kernels.compiled import kernel
 
 from .holes import MEASURED, PADDING
 
-_SAMPLES = 20000
-"""Approximate number of points from which the usual second difference of a cloud is found."""
-
 _MEDIAN_OF_SQUARES = 0.4549
 """Median of the square of a normal variable of variance 1."""
 
@@ -56,11 +53,14 @@ def measured_heights(z: Floats, unknowns: NDArray[np.int32]) -> Floats:
 
 
 @kernel
-def usual_squared_differences(heights: Floats, equal_pitches: bool) -> tuple[float, float]:
+def usual_squared_differences(
+    heights: Floats, rows: NDArray[np.int64], equal_pitches: bool
+) -> tuple[float, float]:
     """Estimate the mean squared second difference, from the median: steps do not change it.
 
     Args:
         heights: padded, from `measured_heights`.
+        rows: those that stand for all, without padding.
         equal_pitches: whether points are as far apart along rows as along columns. Otherwise the differences of
             one surface are larger in one direction, which is no step: each direction then has its own.
 
@@ -68,14 +68,12 @@ def usual_squared_differences(heights: Floats, equal_pitches: bool) -> tuple[flo
         The mean squares along rows and along columns, in the squared unit of the heights; 0 where nothing is
         measured.
     """
-    height, width = heights.shape
-    stride = max(1, int(np.sqrt(height * width / _SAMPLES)))
-    squares = np.empty((2, (height // stride + 1) * (width // stride + 1)))
-    squares[:] = np.nan
+    width = heights.shape[1] - 2 * PADDING
+    squares = np.empty((2, len(rows) * width))
     count = 0
-    for row in range(PADDING, height - PADDING, stride):
-        for column in range(PADDING, width - PADDING, stride):
-            squares[0, count], squares[1, count] = squared_differences(heights, row, column)
+    for row in rows:
+        for column in range(PADDING, PADDING + width):
+            squares[0, count], squares[1, count] = squared_differences(heights, row + PADDING, column)
             count += 1
     if equal_pitches:
         both = _mean_square(squares.ravel())

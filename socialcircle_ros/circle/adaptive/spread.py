@@ -13,6 +13,7 @@ import numpy.typing as npt
 from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 from socialcircle_ros.kernels.order_statistics import sorted_values
+from socialcircle_ros.kernels.sampling import SAMPLES, sampled_rows
 from socialcircle_ros.kernels.sorting_networks import Comparators, run_network, sort_network
 
 from .blocks import Blocks, median_of_blocks
@@ -41,11 +42,6 @@ _SAME_LEVEL = 4.0
 rounded."""
 _HIGH = 0.9
 """That is the resolution at this quantile of the heights' sizes, which a few outliers do not change."""
-_SAMPLES = 60_000
-"""Differences from which the spread of a direction is estimated."""
-_FEWEST_ROWS, _RUN = 60, 12
-"""They come from so many rows at least, in runs of so many: a run sees all places of a fine ruling. Of rows with
-more than 2000 points fewer are taken."""
 _SMALLEST = STEPS_PER_SPREAD / float(np.finfo(np.float32).max)
 """Least spread of all: below it normalised differences overflow float32, and those of 0 become NaN."""
 _ROW_STRIDE = 3
@@ -63,7 +59,7 @@ def estimate_spread(heights: RelativeHeights, tile_side: int, *, may_predict: bo
         step: the spread is at least this, such as the `quantisation_step`.
     """
     slopes = block_slopes(heights)
-    rows = _sampled_rows(*heights.shape)
+    rows = sampled_rows(*heights.shape)
     surface = Surface(heights, Slopes.from_blocks(slopes, heights.shape[1]), predicted=False)
     sizes = _sampled_sizes(surface, rows)
     if may_predict:
@@ -72,25 +68,10 @@ def estimate_spread(heights: RelativeHeights, tile_side: int, *, may_predict: bo
         if _mean_median(predicted_sizes) < _MUCH_BETTER * _mean_median(sizes):
             # A difference that is the median of the five predicts itself: that says nothing of the spread.
             surface, sizes = with_prediction, [_above_zero(each) for each in predicted_sizes]
-    least = max(_least_spread(heights.ravel()[:: max(1, heights.size // _SAMPLES)]), step)
+    least = max(_least_spread(heights.ravel()[:: max(1, heights.size // SAMPLES)]), step)
     by_direction = np.array([max(_core(each) if each.size else 0.0, least) for each in sizes])
     by_tile = _spread_by_tile(surface, by_direction, tile_side, max(_CALMEST, least / by_direction.min()))
     return Spread(slopes, by_direction, by_tile, tile_side, surface.predicted)
-
-
-def _sampled_rows(height: int, width: int) -> npt.NDArray[np.int64]:
-    """Rows from which the spread is estimated, (n,) ascending: a run in each band, at random but always the same.
-
-    Evenly spaced rows could all be at one place of a ruling. Between its lines they would show no step, and at
-    their edges nothing but steps.
-    """
-    number = max(_SAMPLES // width, min(_FEWEST_ROWS, 2 * _SAMPLES // width), 1)
-    stride, run = max(1, height // number), min(_RUN, number)
-    end = height - (stride > 1)  # below the last row there is none
-    bands = np.arange(0, end, run * stride)
-    first = bands + np.random.default_rng(0).integers(run * (stride - 1) + 1, size=bands.size)
-    rows: npt.NDArray[np.int64] = (np.minimum(first, max(end - run, 0))[:, np.newaxis] + np.arange(run)).ravel()
-    return np.unique(rows[rows < height])
 
 
 def _sampled_sizes(surface: Surface, rows: npt.NDArray[np.int64]) -> list[Sample]:
