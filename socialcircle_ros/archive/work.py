@@ -2,18 +2,18 @@
 """The task of a worker: one input in; a cleaned recording, rows and an entry of the ledger out."""
 
 import time
-import warnings
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
-from socialcircle_ros.errors import SocialCircleError, UnitWarning, printable
+from socialcircle_ros.errors import SocialCircleError, printable
 from socialcircle_ros.measurements import MeasurementRow, Origin, SettingsText, refused_row, row_of, write_rows
 from socialcircle_ros.messages.header import FIRST_DATE, readable_header
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import CloudOutputs
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
+from socialcircle_ros.recording.any_file import units_told_to
 from socialcircle_ros.recording.offline import (
     KeptPoints,
     SourceCloud,
@@ -123,17 +123,12 @@ def _recorded_failure(task: BatchTask, reason: str) -> LedgerEntry:
 
 
 def _with_units(task: BatchTask, path: Path, content: str, *, moved: bool) -> TaskResult:
-    """Filter an input; warnings on its unit become part of the result, because nobody reads those of a worker."""
-    with warnings.catch_warnings(record=True) as met:
-        warnings.simplefilter('always', UnitWarning)
+    """Filter an input. What is taken for its unit is part of the result: nobody reads the warnings of a worker."""
+    units: set[str] = set()
+    with units_told_to(units.add):
         result = _measured(task, path, content, moved=moved)
-    units = set()
-    for warning in met:
-        if issubclass(warning.category, UnitWarning):
-            units.add(str(warning.message).replace(str(path), task.found.location))
-        else:
-            warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
-    return replace(result, units=tuple(sorted(units)))
+    told = (sentence.replace(str(path), task.found.location) for sentence in units)
+    return replace(result, units=tuple(sorted(told)))
 
 
 def _measured(task: BatchTask, path: Path, content: str, *, moved: bool) -> TaskResult:

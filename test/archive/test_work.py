@@ -3,6 +3,8 @@
 
 import os
 import resource
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -12,7 +14,7 @@ import yaml
 from archive.archives import BAGS, NOON, all_is_there, in_between, recorded
 from examples import cloud, surface
 
-from socialcircle_ros.archive import NamePattern, find_inputs
+from socialcircle_ros.archive import NamePattern, find_inputs, work
 from socialcircle_ros.archive.ledger import Ledger
 from socialcircle_ros.archive.work import BatchTask, do_task
 from socialcircle_ros.formats import MeasuredSurface, write_surface
@@ -75,6 +77,23 @@ def test_a_row_has_the_unit_of_its_lengths(tmp_path):
         ('a.npz', 'm', -6), ('b.npz', 'm', -3), ('kept.mcap', 'mm', 0), ('metres.mcap', 'm', -6),
         ('unknown.mcap', None, 0),
     ]  # fmt: skip
+
+
+def test_units_are_told_whatever_other_threads_do_with_warnings(tmp_path, monkeypatch, recwarn):
+    """They all share the filters of the process, and the place where warnings go."""
+    path = tmp_path / 'a.npz'
+    np.savez(path, z=surface()[..., 2], dx=1.0, dy=1.0)
+    measured = work._measured
+
+    def amid_others(*arguments, **options):
+        with ThreadPoolExecutor(1) as other, warnings.catch_warnings():
+            other.submit(warnings.simplefilter, 'ignore').result()
+            return measured(*arguments, **options)
+
+    monkeypatch.setattr(work, '_measured', amid_others)
+    result = do_task(task(path, tmp_path / 'out', recordings=False))
+    assert result.units == (f'{path} does not state its unit: taken as µm; import --unit names it.',)
+    assert not recwarn.list
 
 
 def test_a_row_has_the_time_of_its_measurement_file(tmp_path):
