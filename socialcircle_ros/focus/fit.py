@@ -16,7 +16,7 @@ if that is less, where F_floor is what noise and rounding give, see `noise`.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,25 +72,34 @@ TRUSTED_QUALITY = 0.9
 _HALF = float(np.log(0.5))
 
 
+Value = TypeVar('Value', bound=np.generic)
+
+_SAMPLES = 4
+"""Pixels of a tile whose widths are kept, besides that of the best one."""
+
+
 @dataclass(frozen=True, eq=False)
 class CurveWidths:
-    """The widths of a sample of the focus curves: of the pixel with the best quality in each tile of a row."""
+    """The widths of a sample of the focus curves."""
 
     columns: NDArray[np.int32]
-    """(H, tiles): column of the pixel."""
+    """(H, n): columns of the pixels in each row."""
 
     values: NDArray[np.float32]
-    """(H, tiles): standard deviation of the Gaussian that its curve is taken for, in units of z; NaN: no peak."""
+    """(H, n): standard deviation of the Gaussian that the curve is taken for, in units of z; NaN: no peak."""
 
-    def median(self, quality: NDArray[np.float32]) -> float | None:
-        """Return the median over the pixels of `TRUSTED_QUALITY`; None if there is none.
+    def median(self, counted: Mask) -> float | None:
+        """Return the median over the pixels with a peak that count; None if there is none.
 
         Args:
-            quality: (H, W), 0 to 1.
+            counted: (H, n), of the pixels of the sample.
         """
-        rows = np.arange(len(self.values))[:, np.newaxis]
-        trusted = self.values[(quality[rows, self.columns] >= TRUSTED_QUALITY) & np.isfinite(self.values)]
-        return float(np.median(trusted)) if trusted.size else None
+        widths = self.values[counted & np.isfinite(self.values)]
+        return float(np.median(widths)) if widths.size else None
+
+    def at(self, values: NDArray[Value]) -> NDArray[Value]:
+        """The values at the pixels of the sample, (H, n), from those of all pixels, (H, W)."""
+        return values[np.arange(len(self.columns))[:, np.newaxis], self.columns]
 
 
 class Scan(NamedTuple):
@@ -130,11 +139,17 @@ class PeakMaps(NamedTuple):
     reasons: NDArray[np.uint8]
     """(H, W), bits of `Reason`, without SATURATED."""
 
-    width_columns: NDArray[np.int32]
-    """(H, tiles), see `CurveWidths`."""
+    best_columns: NDArray[np.int32]
+    """(H, tiles): of the pixel with the best quality in each tile of a row, see `CurveWidths`."""
 
-    widths: NDArray[np.float32]
+    best_widths: NDArray[np.float32]
     """(H, tiles), see `CurveWidths`, but in typical steps."""
+
+    spread_columns: NDArray[np.int32]
+    """(H, tiles · _SAMPLES): of pixels that are spread over each tile. Given, not written."""
+
+    spread_widths: NDArray[np.float32]
+    """(H, tiles · _SAMPLES), as `best_widths`."""
 
     def band(self, rows: slice) -> 'PeakMaps':
         """The maps of some rows, as views."""
@@ -143,7 +158,7 @@ class PeakMaps(NamedTuple):
 
 def fit_peaks(
     curves: Curves, order: FrameOrder, z: NDArray[np.float64], floor: Floor, *, three_point: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8], CurveWidths]:
+) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.uint8], CurveWidths, CurveWidths]:
     """Find depth, quality and reasons of all pixels, and the widths of some of their curves.
 
     Args:
@@ -155,16 +170,20 @@ def fit_peaks(
 
     Returns:
         depth (H, W) float64 in the unit of z, NaN where there is no peak; quality (H, W) float32, 0 to 1; reasons
-        (H, W) uint8, bits of `Reason`, without SATURATED; the width of one curve of each tile.
+        (H, W) uint8, bits of `Reason`, without SATURATED; the widths of the best curves, one of each tile; the
+        widths of curves that are chosen without regard to their quality.
     """
     shape = curves.image.shape
     tiles = shape[0], -(-shape[1] // TILE)
+    spread = _spread_columns(*shape)
     maps = PeakMaps(
         depth=np.empty(shape, np.float64),
         quality=np.empty(shape, np.float32),
         reasons=np.empty(shape, np.uint8),
-        width_columns=np.empty(tiles, np.int32),
-        widths=np.empty(tiles, np.float32),
+        best_columns=np.empty(tiles, np.int32),
+        best_widths=np.empty(tiles, np.float32),
+        spread_columns=spread,
+        spread_widths=np.empty(spread.shape, np.float32),
     )
     step = float(np.median(np.diff(z)))
     # Relative to the first frame, float32 resolves 1e-4 of a step over a thousand frames.
@@ -176,8 +195,22 @@ def fit_peaks(
         _fit(curves.arrays.band(rows), curves.image[rows], floor.band(rows), scan, three_point, maps.band(rows))
 
     in_bands(fit, *shape)
-    maps.widths[:] *= step
-    return maps.depth, maps.quality, maps.reasons, CurveWidths(maps.width_columns, maps.widths)
+    maps.best_widths[:] *= step
+    maps.spread_widths[:] *= step
+    best = CurveWidths(maps.best_columns, maps.best_widths)
+    return maps.depth, maps.quality, maps.reasons, best, CurveWidths(spread, maps.spread_widths)
+
+
+def _spread_columns(height: int, width: int) -> NDArray[np.int32]:
+    """Columns that are spread over each tile, and over the phases of a ruling, (H, tiles · _SAMPLES) int32."""
+    starts = np.arange(0, width, TILE)
+    sizes = np.minimum(width - starts, TILE)
+    turns = np.arange(height)[:, np.newaxis] + np.arange(_SAMPLES) * height
+    # Multiples of the golden ratio are spread evenly, however many are taken.
+    shares = turns * ((np.sqrt(5) - 1) / 2) % 1
+    columns = starts[:, np.newaxis] + shares[:, np.newaxis] * sizes[:, np.newaxis]
+    spread: NDArray[np.int32] = columns.reshape(height, -1).astype(np.int32)
+    return spread
 
 
 @kernel
@@ -245,9 +278,17 @@ def _fit(curves: CurveArrays, image: Frame, floors: Floor, scan: Scan, three_poi
             _judge(sums, peaks, lowest[columns], outside[columns], incomplete[columns])
             _store(sums, centre, scan, maps.depth[row, columns], quality[columns], maps.reasons[row, columns])
             best = _best(quality[columns])
-            maps.width_columns[row, start // TILE] = start + best
-            # From ln F = -z² / (2 width²).
-            maps.widths[row, start // TILE] = np.sqrt(np.divide(np.float32(-0.5), bends[best]))
+            maps.best_columns[row, start // TILE] = start + best
+            maps.best_widths[row, start // TILE] = _width_of(bends[best])
+            for k in range(start // TILE * _SAMPLES, (start // TILE + 1) * _SAMPLES):
+                maps.spread_widths[row, k] = _width_of(bends[maps.spread_columns[row, k] - start])
+
+
+@kernel
+def _width_of(bend: np.float32) -> np.float32:
+    """The width of a curve from its second coefficient: ln F = -z² / (2 width²)."""
+    width: np.float32 = np.sqrt(np.divide(np.float32(-0.5), bend))
+    return width
 
 
 @kernel

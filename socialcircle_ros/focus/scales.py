@@ -21,10 +21,11 @@ from socialcircle_ros.settings import FocusSettings
 from .centroid import correct_for_centroid
 from .curve import Curves
 from .evenness import lower_where_few_pixels_have_texture
-from .fit import fit_peaks
+from .fit import TRUSTED_QUALITY, fit_peaks
 from .measure import Frame, MeasureParameters, checked_frame, measure_frame
 from .noise import NoiseSampler
 from .order import RECENT, Arrival, FrameOrder
+from .steps import curve_width, lower_where_steps_are_wide
 
 BIN = 4
 """Side of a binned pixel."""
@@ -40,6 +41,12 @@ _LEAST_GAIN = 0.125
 
 It resolves less: on walls it is trusted where it is wrong, which alone gave a gain of 0.1 on simulated grooves.
 """
+
+_LEAST_SHARE = 0.2
+"""Share of the pixels of the finest scale with a curve, from which these curves tell how wide the steps are."""
+
+_WIDER = 1.2
+"""How much wider the curves of binned pixels are at least than the optics make them; up to twice as wide."""
 
 _EDGE = 1.0
 """Largest difference of two neighbours, in steps, between which depths are interpolated; above it is an edge."""
@@ -76,12 +83,19 @@ class ScaleResult:
         width: standard deviation of the focus curve, in the unit of z; None: no curve is trusted.
         step: of the modified Laplacian, in pixels of the frame.
         half_window: of the focus measure, in pixels of the frame.
+        fitted_width: median width of the fitted curves, whether they are trusted or not, in the unit of z; None:
+            there are none.
+        fitted_share: share of the pixels with such a curve.
+        wide_steps: whether the frames are too few, or too far apart, for the focus curves.
     """
 
     maps: DepthMaps
     width: float | None
     step: int
     half_window: int
+    fitted_width: float | None = None
+    fitted_share: float = 0.0
+    wide_steps: bool = False
 
 
 class Scale:
@@ -173,15 +187,16 @@ class Scale:
         for part in range(len(order.z), RECENT):
             self.curves.clear_slots(part)
         floor = self._noise.floor(self.image, scale / self._gain)
-        depth, quality, reasons, widths = fit_peaks(self.curves, order, z, floor, three_point=three_point)
+        depth, quality, reasons, best, spread = fit_peaks(self.curves, order, z, floor, three_point=three_point)
         lower_where_few_pixels_have_texture(self.image, self.parameters, quality, reasons)
         if not three_point:
             depth = correct_for_centroid(depth, quality, self.image, z, self.parameters)
         side, half = self._side, self.parameters.half_window
-        maps, width = DepthMaps(depth, quality, reasons), widths.median(quality)
+        width = best.median(best.at(quality) >= TRUSTED_QUALITY)
         if side > 1 and width is not None:
             _lower_where_bent(depth, quality, half, width)
-        return ScaleResult(maps, width, self.step, half * side)
+        fitted_width, share = curve_width(spread, depth, quality, z)
+        return ScaleResult(DepthMaps(depth, quality, reasons), width, self.step, half * side, fitted_width, share)
 
 
 def scales_for(frame: Frame, settings: FocusSettings) -> tuple[Scale, ...]:
@@ -210,16 +225,27 @@ def choose(
         The result of the chosen one, at every pixel of the frames.
     """
     shape = scales[0].image.shape
-    found = measure(scales[0])
+    found = finest = measure(scales[0])
     for scale in scales[1:]:
         if 1 - _mean(found.maps.quality) <= _LEAST_GAIN:
             break  # even a quality of 1 everywhere would not gain enough
         other = measure(scale)
         if _mean(other.maps.quality) - _mean(found.maps.quality) > _LEAST_GAIN:
             found = other
+    if lower_where_steps_are_wide(found.maps.depth, found.maps.quality, z, _curve_width(found, finest)):
+        found = replace(found, width=None, wide_steps=True)
     if found.maps.depth.shape != shape:  # not before: both scales at every pixel would take 13 bytes a pixel more
         found = replace(found, maps=_at_every_pixel(found.maps, z, shape))
     return found
+
+
+def _curve_width(found: ScaleResult, finest: ScaleResult) -> float | None:
+    """How wide the focus curves are by the chosen scale and, as far as that has curves, by the finest one."""
+    if found is finest or found.fitted_width is None:
+        return found.fitted_width
+    width = found.fitted_width / _WIDER
+    finer = (finest.fitted_width, finest.width) if finest.fitted_share >= _LEAST_SHARE else ()
+    return min([width, *(each for each in finer if each is not None)])
 
 
 def _mean(quality: NDArray[np.float32]) -> float:

@@ -75,6 +75,9 @@ class FocusResult:
     registered: Registered | None = None
     """What was corrected of drift and magnification; None where nothing was asked for."""
 
+    wide_steps: bool = False
+    """Whether the frames are too few, or too far apart, for the focus curves: the quality is low, see `steps`."""
+
 
 _MOST_FLICKER = 4.0
 """Greatest ratio between the mean light of a frame and of the first one that is divided out."""
@@ -260,9 +263,18 @@ class FocusStack:
         width = found.width
         depth_of_field = width and width / _WIDTH
         picture = None if self._picture is None else self._picture.copy()
-        drift = self._drift.drift
         return FocusResult(
-            depth, quality, image, reasons, depth_of_field, flicker, found.step, drift, picture, registered
+            depth=depth,
+            quality=quality,
+            image=image,
+            reasons=reasons,
+            depth_of_field=depth_of_field,
+            flicker=flicker,
+            step=found.step,
+            drift=self._drift.drift,
+            colours=picture,
+            registered=registered,
+            wide_steps=found.wide_steps,
         )
 
 
