@@ -639,3 +639,10 @@ def test_a_stack_whose_frames_cannot_be_registered_is_a_cloud_with_a_warning():
     cloud = feed(assembler(frames=5, register=True), frames)[-1]
     assert cloud.registered.failed == 4
     assert '4 frames of a stack could not be registered' in cloud.warning
+
+
+def test_a_stack_with_too_wide_steps_is_a_cloud_with_a_warning_that_names_a_step():
+    fine = frames(33)
+    assert feed(assembler(frames=33), fine)[-1].warning == ''
+    (cloud,) = feed(assembler(frames=9, z_step=4 * STEP), fine[::4])
+    assert 'Scan with steps of 1 µm, instead of 4 µm.' in cloud.warning
