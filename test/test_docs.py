@@ -61,6 +61,13 @@ def test_the_pages_describe_every_topic_service_key_and_parameter():
         assert f'| `{name}` |' in parameters
 
 
+def test_the_page_of_topics_names_the_key_of_each_stage():
+    modules = (TOP / 'socialcircle_ros').rglob('*.py')
+    stages = {stage for path in modules for stage in re.findall(r"\.lap\('(.+?)'\)", path.read_text('utf-8'))}
+    named = re.findall(r'`time_(\w+)_ms`', (DOCS / 'topics.md').read_text(encoding='utf-8'))
+    assert sorted(named) == sorted({*stages, 'total'})
+
+
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
 def test_relative_links_lead_to_existing_files_and_headings(page):
     for link in relative_links(page):

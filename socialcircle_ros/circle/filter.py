@@ -187,7 +187,7 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
         found = replace(
             found, outliers=found.outliers | lonely, score=np.where(lonely, np.float32(1), found.score)
         )
-    stopwatch.lap('lonely points')
+    stopwatch.lap('few_neighbours')
     inliers = measured & ~found.outliers
     if lesson is None and settings.depth_of_field is None:
         warnings += single_steps(heights, found.outliers)

@@ -200,7 +200,7 @@ def find_probable_outliers(
     if judge is not None:
         found = probabilities > round(judge.least * ONE)
         far = far_points(relative, spread, found, found)
-        stopwatch.lap('far points')
+        stopwatch.lap('far_points')
         probabilities[far] = ONE
         score = np.divide(probabilities, ONE, dtype=np.float32)
         outliers = _judged(relative, found | far, score, mean_spread, judge)
@@ -216,7 +216,7 @@ def find_probable_outliers(
     stopwatch.lap('communities')
     known = decided.outliers
     far = far_points(relative, spread, known, probabilities > round(UNDECIDED * ONE))
-    stopwatch.lap('far points')
+    stopwatch.lap('far_points')
     if far.any():
         probabilities[far] = ONE
         decided = probable_outliers(probabilities, measured)

@@ -127,7 +127,7 @@ def test_patches_far_off_white_noise_are_found_whatever_their_probability(side, 
     assert result.outliers[patches].all()
     assert np.count_nonzero(result.outliers & ~patches) <= 6
     assert (result.score[patches] > 0.5).all()
-    assert 'far points' in result.times_ms
+    assert 'far_points' in result.times_ms
 
 
 def test_a_patch_is_found_though_its_rim_is_known():
