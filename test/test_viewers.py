@@ -12,7 +12,7 @@ from socialcircle_ros.messages import image, point_cloud
 from socialcircle_ros.recording.stacks import FRAME_ID
 
 VIEWERS = Path(__file__).resolve().parents[1] / 'viewers'
-SHOWN = (interface.POINTS, *interface.CLOUD_OUTPUTS, *interface.STACK_OUTPUTS)
+SHOWN = (interface.POINTS, *interface.CLOUD_OUTPUTS, *interface.STACK_OUTPUTS, interface.STACK_PREVIEW)
 CLOUDS = {topic for topic in SHOWN if topic.type == point_cloud.TYPE}
 IMAGES = {topic for topic in SHOWN if topic.type == image.TYPE}
 AT_START = {interface.FILTERED, interface.MASK}
