@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/tutorial.md: its commands run, one after the other, in one shell."""
 
+import csv
 import os
 import re
 import shlex
@@ -15,9 +16,8 @@ from launching.stand_in import commands
 from socialcircle_ros.interface import NODE_NAME
 
 TOP = Path(__file__).resolve().parents[1]
-BLOCKS = re.findall(
-    r'^```(\w+)(?: (\w+))?\n(.*?)^```$', (TOP / 'docs/tutorial.md').read_text(), re.MULTILINE | re.DOTALL
-)
+TEXT = (TOP / 'docs/tutorial.md').read_text(encoding='utf-8')
+BLOCKS = re.findall(r'^```(\w+)(?: (\w+))?\n(.*?)^```$', TEXT, re.MULTILINE | re.DOTALL)
 
 NODE = f'/cell1/{NODE_NAME}'
 """The node that the tutorial starts."""
@@ -67,6 +67,23 @@ def test_the_launch_files_take_the_arguments():
         assert commands(TOP / 'launch' / file, given)
 
 
+def scores(folder):
+    """The score of the setting as given, and the rows of the other settings of a sweep."""
+    with (folder / 'sweep.csv').open(encoding='utf-8', newline='') as file:
+        given, *others = csv.DictReader(file)
+    return float(given['F1']), others
+
+
+def table_of_settings(modes, scales):
+    """The scores of the tutorial's two sweeps, as its table has them."""
+    best = max(scales[1], key=lambda row: float(row['F1']))
+    return {
+        'adaptive, as given': f'{modes[0]:.2f}',
+        f'paper, best radius scale ({float(best["circle.radius_scale"]):g})': f'{float(best["F1"]):.2f}',
+        'paper, default': f'{float(modes[1][0]["F1"]):.2f}',
+    }
+
+
 @pytest.mark.long
 @pytest.mark.live
 def test_the_commands_run_one_after_the_other(tmp_path):
@@ -92,3 +109,5 @@ def test_the_commands_run_one_after_the_other(tmp_path):
     pages = ('before', 'after', 'night', 'modes/sweep', 'paper/sweep', 'search/sweep')
     for page in (f'{name}.html' for name in pages):
         assert (work / 'out' / page).stat().st_size > 10_000
+    table = dict(re.findall(r'^\| (\w+, .+?) \| (0\.\d\d) \|$', TEXT, re.MULTILINE))
+    assert table == table_of_settings(scores(work / 'out/modes'), scores(work / 'out/paper'))

@@ -3,6 +3,7 @@
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -225,6 +226,20 @@ def test_a_topic_without_messages_is_reported(run):
     assert 'No message came on /nowhere' in done.err
 
 
+def summary(output):
+    """The rows of the README's table: recording, mode, and the spans of outliers, precision and recall."""
+    found, name = {}, ''
+    for own, mode, cells in re.findall(r'^(.*?) *(adaptive|paper) +([0-9].*)$', output, re.MULTILINE):
+        name = own.split()[0] if own else name
+        _, outliers, *_, precision, recall = cells.split()
+        found.setdefault((name, mode), []).append((f'{int(outliers):,}', precision, recall))
+    return [
+        (*key, *(' to '.join(sorted({min(column), max(column)})) for column in zip(*rows, strict=True)))
+        for key, rows in found.items()
+        if key[0] != 'padded'
+    ]
+
+
 def test_the_demo_prints_a_table_and_names_the_files_that_it_wrote(run, tmp_path):
     done = run('demo', timeout=300)
     assert done.code == 0, done.err
@@ -249,6 +264,9 @@ def test_the_demo_prints_a_table_and_names_the_files_that_it_wrote(run, tmp_path
     assert float(stack[-1]) > 0.99
     assert float(stack[-2]) > 0.99
     assert max(len(line) for line in done.out.splitlines() if not line.startswith('  ')) <= 100
+    readme = (BAGS.parent / 'README.md').read_text(encoding='utf-8')
+    row = r'^\| `(\w+)`.*? \| (adaptive|paper).*? \| (.+) \| (.+) \| (.+) \|$'
+    assert summary(done.out) == re.findall(row, readme, re.MULTILINE)
     topics, messages = contents(tmp_path / 'out/demo/metal_groove_cleaned.mcap')
     assert {'/points', '/points_filtered', '/outlier_mask', '/social_circle/measurement'} == set(topics)
     assert len(messages) == 4
