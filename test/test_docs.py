@@ -107,8 +107,12 @@ def test_the_rooms_are_described_in_the_order_of_their_levels():
     assert [set(re.findall(r'\w+', row)) for row in rows] == LEVELS
 
 
-def test_the_page_of_parameters_names_those_that_cannot_be_changed_while_the_node_runs():
-    text = ' '.join((DOCS / 'parameters.md').read_text(encoding='utf-8').split())
-    sentence = text.partition('can be changed while the node runs, except ')[2].partition('. ')[0]
-    named = set(re.findall(r'`([^`]+)`', f'{sentence}.'))
+@pytest.mark.parametrize(('page', 'before', 'after'), [
+    ('parameters', 'can be changed while the node runs, except ', '. '),
+    ('node', 'All parameters except ', ' can be changed'),
+    ('security', '| change every other parameter | change ', ', which are fixed at the start'),
+])  # fmt: skip
+def test_the_pages_name_the_parameters_that_cannot_be_changed_while_the_node_runs(page, before, after):
+    text = ' '.join((DOCS / f'{page}.md').read_text(encoding='utf-8').split())
+    named = set(re.findall(r'`([^`]+)`', text.partition(before)[2].partition(after)[0]))
     assert named == {name for name, parameter in PARAMETERS.items() if parameter.read_only}
