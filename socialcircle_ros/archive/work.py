@@ -32,7 +32,7 @@ from .tasks import BatchTask, TaskResult
 
 
 def do_task(task: BatchTask) -> TaskResult:
-    """Filter one input; what fails is told in the result, so that the other inputs go on.
+    """Filter one input; the result holds what failed, so that the other inputs go on.
 
     The entry of the ledger is written last: a worker that is killed leaves an input that is done again, and its
     results, which have the same names, are replaced.

@@ -36,7 +36,7 @@ _LEAST_SHARE = 0.02
 """Share of the points that a height must have to be a mark; clusters of outliers are smaller."""
 
 _DOUBTFUL_SHARE = 0.05
-"""Share of the points from which on another height that stands apart is told."""
+"""Share of the points from which on a warning names another height that stands apart."""
 
 _MOST_SHARE = 0.5
 

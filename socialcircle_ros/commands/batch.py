@@ -29,7 +29,7 @@ _MOST_NAMES = 5  # of inputs in one sentence
 @click.option(
     '-o', '--output', required=True,
     help='Folder of the results, or its URL. A rerun with the same folder does only what is new. It may lie among'
-    ' the inputs; results are no inputs.',
+    ' the inputs; results are not read again.',
 )  # fmt: skip
 @click.option('--no-recordings', is_flag=True, help='Write rows of measurements only, and no cleaned recordings.')
 @click.option(
@@ -78,14 +78,14 @@ def command(
     recordings/    a cleaned recording for each input, as `socialcircle filter` writes it
     measurements/  one row per cloud, for `socialcircle measurements` and `socialcircle trend`
     reports/       a report for each input, with --reports
-    inputs/        what is done
+    inputs/        which inputs are done
 
     The same command continues after an interruption, and does only what is new: content, settings and version
     count.
-    Inputs that fail are told at the end and tried again by the next run.
+    Inputs that fail are listed at the end and tried again by the next run.
 
     The exit code is 1 if an input failed or is damaged, otherwise 3 if a cloud failed its limits, otherwise 0.
-    Refused clouds do not change it: they are told at the end.
+    Refused clouds do not change it: they are listed at the end.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.archive import run_batch
     from socialcircle_ros.cloud import load_row
@@ -162,7 +162,9 @@ def _tell(result: 'BatchResult', output: str) -> None:
         f'{skipped}; {len(result.failed)} failed, {len(result.damaged)} damaged. Results are in {output}.'
     )
     if result.left_out:
-        click.echo(f'{quantity(result.left_out, "result")} in {output} left out: results are no inputs.', err=True)
+        click.echo(
+            f'{quantity(result.left_out, "result")} in {output} left out: results are not read again.', err=True
+        )
     for location, other in sorted(result.same.items()):
         click.echo(f'{location} has the content of {other}, and is not measured twice.', err=True)
     _tell_refusals(result, output)

@@ -20,7 +20,7 @@ def command(files: tuple[Path, ...]) -> None:
     measurement file  points, measured points, unit, pitch, range of heights, fields
     focus stack       number and size of frames, range of z
 
-    A recording is read whole, so that damage is found. A file that cannot be read is told, the others are shown
+    A recording is read whole, so that damage is found. A file that cannot be read is named, the others are shown
     all the same, and the exit code is 1.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.errors import SocialCircleError

@@ -13,8 +13,8 @@ def command() -> None:
     """Compile the kernels into the cache, so that no later process compiles.
 
     Run it once when the package is installed or an image is built, as the user that will run the node or as one
-    whose files that user can read. It takes about 105 s of processor time the first time, on up to two cores, and a
-    second when nothing is new.
+    whose files that user can read. It takes about 105 s of processor time the first time, on up to two cores, and
+    a second when nothing is new.
 
     The cache lies beside the package, or in NUMBA_CACHE_DIR. It may be read-only afterwards. Another processor, or
     another version of Numba, compiles anew: build images on the kind of processor that they run on. What cannot be

@@ -84,8 +84,8 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
     elif now.compiling_s > _NOTICEABLE_S:
         level = diagnostics.WARN
         message = (
-            'Kernels that the settings need are compiled, once; the input at hand has waited'
-            f' {now.compiling_s:.0f} s for them.'
+            'Kernels that the settings need are compiled, once;'
+            f' a cloud has waited {now.compiling_s:.0f} s for them.'
         )
     elif health.failed_limits():
         level, message = diagnostics.WARN, f'The last measurement failed its limits: {health.failed_limits()}'

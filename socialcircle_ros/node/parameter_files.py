@@ -14,7 +14,7 @@ def fault_of_a_file(arguments: Sequence[str]) -> str | None:
     """Why the first faulty parameter file cannot be used, as a sentence; None: rcl is left to read the files.
 
     rcl shows its source code for a file that it cannot open, and takes a file with another text for one without
-    parameters. An empty file may be intended. Other faults are told by rcl.
+    parameters. An empty file may be intended. rcl reports other faults.
 
     Args:
         arguments: of the process, such as `--ros-args --params-file a.yaml`.

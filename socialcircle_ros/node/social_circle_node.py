@@ -254,7 +254,7 @@ class SocialCircleNode(LifecycleNode):
         if self._filter is not None:
             self._filter.forget()
         self._health.reset()
-        return True, 'All counts are 0; the last cloud and the running stack are forgotten.'
+        return True, 'All counts are 0; the last cloud and the running stack are discarded.'
 
     def _publish_last(self) -> tuple[bool, str]:
         if self._filter is None or self._filter.input is None:

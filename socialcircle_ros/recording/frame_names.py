@@ -2,7 +2,7 @@
 """The order of frames, and their z, from the names of their files.
 
 A name such as `part_z-12.5um.png` holds z; `frame007.png` holds the number of the frame. What is not certain is
-refused with the option that settles it, and what is taken is told.
+refused with the option that settles it, and a note says what is taken.
 """
 
 import math

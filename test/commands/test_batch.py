@@ -38,7 +38,7 @@ def test_it_filters_with_processes_of_its_own_and_tells_what_is_wrong(run, tmp_p
     again = run('batch', 'cell7', 'out', '-o', 'out', *names)
     assert again.code == 0, again.err
     assert '1 input: 0 filtered with 0 clouds, 1 done before; 0 failed, 0 damaged.' in again.out
-    assert '1 result in out left out: results are no inputs.' in again.err
+    assert '1 result in out left out: results are not read again.' in again.err
 
 
 def test_refused_clouds_are_told_with_their_inputs_and_the_query_that_lists_them(run, tmp_path):

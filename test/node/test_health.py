@@ -92,7 +92,7 @@ def test_the_sentence_does_not_say_that_nothing_has_come_yet_after_something_cam
 
 def test_it_is_told_where_a_cloud_waits_for_kernels_that_are_compiled():
     status = status_where(POINTS, compiling_s=7.0)
-    sentence = 'Kernels that the settings need are compiled, once; the input at hand has waited 7 s for them.'
+    sentence = 'Kernels that the settings need are compiled, once; a cloud has waited 7 s for them.'
     assert (status.level, status.message) == (WARN, sentence)
     assert status_where(POINTS, compiling_s=0.9).level == OK
 
