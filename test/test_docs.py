@@ -12,6 +12,7 @@ from test_layers import LEVELS
 
 from socialcircle_ros.interface import SERVICES, TOPICS, HealthValues, MeasurementValues
 from socialcircle_ros.settings import PARAMETERS
+from socialcircle_ros.studies.bench.ratios import GOALS
 
 TOP = Path(__file__).resolve().parents[1]
 DOCS = TOP / 'docs'
@@ -116,3 +117,11 @@ def test_the_pages_name_the_parameters_that_cannot_be_changed_while_the_node_run
     text = ' '.join((DOCS / f'{page}.md').read_text(encoding='utf-8').split())
     named = set(re.findall(r'`([^`]+)`', text.partition(before)[2].partition(after)[0]))
     assert named == {name for name, parameter in PARAMETERS.items() if parameter.read_only}
+
+
+def test_the_page_of_benchmarks_has_each_ratio_with_its_goal():
+    rows = re.findall(
+        r'^\| (.+?) \|.*\| (at \w+ [\d.]+) \|', (DOCS / 'benchmarks.md').read_text('utf-8'), re.MULTILINE
+    )
+    for goal in GOALS:
+        assert (goal.label, f'{goal.sense} {goal.bound:g}') in rows

@@ -110,9 +110,8 @@ def _ratios(repeats: int, path: Path | None) -> None:
     goals = _table('ratios of this run', '', 'our threads', 'ratio', 'goal', 'result')
     for ratio in found:
         goal = ratio.goal
-        name = f'{goal.numerator} : {goal.denominator}' if goal.denominator else f'{goal.numerator}, ms'
         result = 'met' if ratio.is_met else 'MISSED'
-        goals.add_row(name, str(ratio.threads), f'{ratio.ratio:.2f}', f'{goal.sense} {goal.bound:g}', result)
+        goals.add_row(goal.label, str(ratio.threads), f'{ratio.ratio:.2f}', f'{goal.sense} {goal.bound:g}', result)
     console.print(goals)
     missing = missing_peers()
     if missing:

@@ -25,6 +25,7 @@ from .candidates import (
     PCL_RADIUS,
     PCL_STATISTICAL,
     RADIUS,
+    RULES,
     STATISTICAL,
     VOTE,
     Candidate,
@@ -70,6 +71,11 @@ class RatioGoal:
     sense: Literal['at most', 'at least']
     bound: float
 
+    @property
+    def label(self) -> str:
+        """What is divided by what; of a time, its unit."""
+        return f'{self.numerator} : {self.denominator}' if self.denominator else f'{self.numerator}, ms'
+
     def is_met(self, ratio: float) -> bool:
         """Whether the ratio is on the right side of the bound."""
         return ratio <= self.bound if self.sense == 'at most' else ratio >= self.bound
@@ -87,6 +93,7 @@ GOALS = (
     RatioGoal(f'{EXACT}, window 5', EXACT, 'at most', 3),
     RatioGoal(f'{EXACT}, window 7', EXACT, 'at most', 3),
     RatioGoal(PCL_STATISTICAL, ADAPTIVE, 'at least', 10),
+    RatioGoal(PCL_STATISTICAL, RULES, 'at least', 10),
     RatioGoal(PCL_RADIUS, RADIUS, 'at least', 20),
     RatioGoal(PCL_STATISTICAL, STATISTICAL, 'at least', 20),
     RatioGoal(FILTER, COPY, 'at most', 1.5),
