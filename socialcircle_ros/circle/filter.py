@@ -14,7 +14,14 @@ from socialcircle_ros.errors import CloudError, NoSeedError, SocialCircleError, 
 from socialcircle_ros.kernels.stopwatch import Stopwatch
 from socialcircle_ros.settings import CircleSettings
 
-from .adaptive import TOUCH, LessonJudge, find_outliers, find_probable_outliers, lonely_outliers, unlike
+from .adaptive import (
+    TOUCH,
+    LessonJudge,
+    find_outliers,
+    find_probable_outliers,
+    outliers_with_few_neighbours,
+    unlike,
+)
 from .doubts import (
     doubts_of,
     kept_islands,
@@ -182,10 +189,10 @@ def _remove_adaptively(cloud: Cloud, settings: CircleSettings) -> CircleResult:
     if lesson is not None:
         warnings = unlike(lesson, found.spread)
     stopwatch = Stopwatch()
-    lonely = lonely_outliers(heights)
-    if lonely.any():
+    sparse = outliers_with_few_neighbours(heights)
+    if sparse.any():
         found = replace(
-            found, outliers=found.outliers | lonely, score=np.where(lonely, np.float32(1), found.score)
+            found, outliers=found.outliers | sparse, score=np.where(sparse, np.float32(1), found.score)
         )
     stopwatch.lap('few_neighbours')
     inliers = measured & ~found.outliers

@@ -565,8 +565,8 @@ def cover(parts):
     return sum(len(part) for part in parts)
 
 
-def lonely_distances(heights):
-    """How far lonely points stand beyond the others, less half of their range: see `circle.adaptive.lonely`.
+def distances_with_few_neighbours(heights):
+    """How far points with few neighbours stand beyond the others, less half of their range.
 
     Returns:
         (H, W), above 0 for outliers; -Inf for other points.
@@ -576,10 +576,10 @@ def lonely_distances(heights):
     numbers = np.array([(column, row, 1.0) for row, column in known]).reshape(-1, 3)
     slope, row_slope, _ = np.linalg.pinv(numbers) @ np.array(list(known.values()))
     level = {(row, column): z - slope * column - row_slope * row for (row, column), z in known.items()}
-    lonely = [place for place in level if sum(near in level for near in neighbours(*place, heights.shape)) < 3]
-    others = [level[place] for place in level if place not in lonely]
-    if others and len(lonely) <= 0.1 * len(level):
+    sparse = [place for place in level if sum(near in level for near in neighbours(*place, heights.shape)) < 3]
+    others = [level[place] for place in level if place not in sparse]
+    if others and len(sparse) <= 0.1 * len(level):
         low, high = min(others), max(others)
-        for place in lonely:
+        for place in sparse:
             found[place] = max(low - level[place], level[place] - high) - 0.5 * (high - low)
     return found

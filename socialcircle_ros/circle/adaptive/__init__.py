@@ -16,20 +16,20 @@ Its steps, in order:
 In their place `likelihood` decides by the probability of each point, which a network gives. `far` finds the
 islands far off a plain surface that the network takes for parts of it; `parts` counts these.
 
-Both compare neighbours. `lonely` finds points far off that have none.
+Both compare neighbours. `few_neighbours` finds points far off that have hardly any.
 
 `detection` composes them. `docs/adaptive.md` has the equations.
 """
 
 from .detection import AdaptiveResult, Rules, find_outliers, find_probable_outliers
+from .few_neighbours import outliers_with_few_neighbours
 from .isolated import TOUCH
 from .lesson import CommunityJudge, LessonJudge, unlike
 from .likelihood import MANY_UNDECIDED, UNDECIDED, Likelihood, Probabilities, Sureness
-from .lonely import lonely_outliers
 from .texture import Islands
 
 __all__ = [
     'MANY_UNDECIDED', 'TOUCH', 'UNDECIDED', 'AdaptiveResult', 'CommunityJudge', 'Islands', 'LessonJudge',
     'Likelihood', 'Probabilities', 'Rules', 'Sureness', 'find_outliers', 'find_probable_outliers',
-    'lonely_outliers', 'unlike',
+    'outliers_with_few_neighbours', 'unlike',
 ]  # fmt: skip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lonely points: they have hardly a neighbour that could be in touch, and stand beyond all other heights.
+"""Points with few neighbours that stand beyond all other heights: hardly a neighbour could be in touch with them.
 
 What is measured alone, where nothing else is, is often glare. The network and the rules compare neighbours, and so
 keep such a point, however far off it is. Heights count from a plane, so that a tilt changes nothing.
@@ -14,25 +14,25 @@ from socialcircle_ros.kernels.bands import in_bands
 from socialcircle_ros.kernels.compiled import kernel
 
 LEAST_NEIGHBOURS = 3
-"""A point with fewer measured neighbours, of eight, is lonely."""
+"""A point with fewer measured neighbours, of eight, has few."""
 BEYOND = 0.5
-"""Lonely points further beyond the heights of the others than this share of their range are outliers."""
+"""Such points further beyond the heights of the others than this share of their range are outliers."""
 MOST = 0.1
-"""Share of the measured points above which lonely points are how the surface was sampled."""
+"""Share of the measured points above which such points are how the surface was sampled."""
 _SAMPLE = 4096  # points that tell the plane
 _ROUNDINGS = 8
 
 
 class _Others(NamedTuple):
-    """What is known of the points that are not lonely: their number, and their lowest and highest height."""
+    """What is known of all other points: their number, and their lowest and highest height."""
 
     number: int
     low: float
     high: float
 
 
-def lonely_outliers(heights: HeightMap) -> Mask:
-    """Find the lonely points that stand beyond the heights of all others.
+def outliers_with_few_neighbours(heights: HeightMap) -> Mask:
+    """Find the points with few neighbours that stand beyond the heights of all others.
 
     Args:
         heights: (H, W), NaN where not measured; the unit plays no part.
@@ -40,14 +40,14 @@ def lonely_outliers(heights: HeightMap) -> Mask:
     Returns:
         (H, W) bool.
     """
-    lonely: Mask = np.zeros(heights.shape, np.bool_)
+    sparse: Mask = np.zeros(heights.shape, np.bool_)
     slopes = _plane(heights)
-    bands = in_bands(lambda rows: _Others(*_find(heights, slopes, rows.start, rows.stop, lonely)), *heights.shape)
+    bands = in_bands(lambda rows: _Others(*_find(heights, slopes, rows.start, rows.stop, sparse)), *heights.shape)
     others = sum(band.number for band in bands)
-    found = np.flatnonzero(lonely)
+    found = np.flatnonzero(sparse)
     if not len(found) or len(found) > MOST * (len(found) + others):
-        lonely[:] = False
-        return lonely
+        sparse[:] = False
+        return sparse
     low, high = min(band.low for band in bands), max(band.high for band in bands)
     rows, columns = np.divmod(found, heights.shape[1])
     own = heights[rows, columns].astype(np.float64)
@@ -56,8 +56,8 @@ def lonely_outliers(heights: HeightMap) -> Mask:
     rounding = (
         _ROUNDINGS * float(np.finfo(heights.dtype).eps) * largest
     )  # all that a noiseless plane has as a range
-    lonely.flat[found] = np.maximum(low - values, values - high) > BEYOND * (high - low) + rounding
-    return lonely
+    sparse.flat[found] = np.maximum(low - values, values - high) > BEYOND * (high - low) + rounding
+    return sparse
 
 
 def _plane(heights: HeightMap) -> tuple[float, float]:
@@ -76,16 +76,16 @@ def _plane(heights: HeightMap) -> tuple[float, float]:
 
 @kernel
 def _find(
-    heights: HeightMap, slopes: tuple[float, float], first: int, last: int, lonely: Mask
+    heights: HeightMap, slopes: tuple[float, float], first: int, last: int, sparse: Mask
 ) -> tuple[int, float, float]:
-    """Mark the lonely points of the rows from `first` to before `last`.
+    """Mark the points with few neighbours of the rows from `first` to before `last`.
 
     Args:
         heights: (H, W), NaN where not measured.
         slopes: of the plane, from a column to the next and from a row to the next.
         first: row.
         last: row.
-        lonely: (H, W) is written.
+        sparse: (H, W) is written.
 
     Returns:
         Number, lowest and highest height of the other measured points; ∞ and -∞ without any.
@@ -99,7 +99,7 @@ def _find(
             values = heights[near]
             for column in range(width):
                 measured[column + 1] += np.uint8(values[column] == values[column])
-        values, marks = heights[row], lonely[row]
+        values, marks = heights[row], sparse[row]
         for column in range(width):
             value = values[column] - slopes[0] * column - slopes[1] * row
             known = value == value  # noqa: PLR0124 - not NaN
