@@ -49,8 +49,8 @@ class Format:
         lacking = [
             ('points off a regular grid, another origin than 0', self.any_points),
             ('fields; `export` writes the mask as a PNG beside it', self.fields),
-            ('float64: rounded to float32, and said', self.double),
-            ('another unit than m: converted, and said', not self.metres),
+            ('float64: rounded to float32, with a note', self.double),
+            ('another unit than m: converted, with a note', not self.metres),
         ]
         return '; '.join(text for text, held in lacking if not held) or 'nothing'
 
