@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from rclpy.lifecycle import LifecycleNode
 
 from socialcircle_ros.errors import SocialCircleError, printable
-from socialcircle_ros.interface import CLOUD_OUTPUTS, LAST_POINTS, MEASUREMENT, POINTS
+from socialcircle_ros.interface import CLOUD_OUTPUTS, LAST_POINTS, MEASUREMENT, POINTS, NodeTopic
 from socialcircle_ros.kernels.memory import give_back_freed_memory, reserve_memory
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import readable_header
@@ -40,8 +40,11 @@ _EXPECTED_SIZE = 1280 * 960 * _POINT_SIZE
 
 _REPLACED = 'A cloud was dropped: a newer one arrived while the one before was being filtered.'
 _TOO_LATE = 'A cloud was dropped: it waited when the node was deactivated.'
+_TOO_SLOW = 'A cloud was dropped: it was still being filtered when the node was no longer active.'
+_UNFINISHED = 'A cloud was dropped: it was still being filtered when the node ended.'
 
-_DRAINING_S = 5.0  # how long deactivation waits for the cloud at hand
+DRAINING_S = 5.0
+"""How long deactivation and the end of the node wait for the cloud at hand."""
 
 
 @dataclass(frozen=True)
@@ -172,9 +175,9 @@ class CloudFilter:
         return True
 
     def finish(self) -> None:
-        """Drop the cloud that waits, and let the one at hand be published."""
+        """Drop the cloud that waits, and let the one at hand be published, if it is filtered soon."""
         self._worker.forget()
-        self._worker.drain(_DRAINING_S)
+        self._worker.drain(DRAINING_S)
 
     def forget(self) -> None:
         """Finish, and forget the last cloud."""
@@ -185,6 +188,8 @@ class CloudFilter:
         """Stop the worker and destroy the publishers; argument and result as of `LatestWorker.stop`."""
         self.ignore()
         ended = self._worker.stop(patient)
+        if not ended:
+            self._drop(_UNFINISHED)
         self._rows.close()
         self._publishers.destroy()
         return ended
@@ -199,7 +204,16 @@ class CloudFilter:
         self._node.get_logger().warning(reason, throttle_duration_sec=LOG_PERIOD_S)
 
     def _dropped(self, _: QueuedCloud) -> None:
-        self._health.dropped(_REPLACED if self._input is not None else _TOO_LATE)
+        if self._input is not None:
+            self._health.dropped(_REPLACED)
+        else:
+            self._drop(_TOO_LATE)
+
+    def _drop(self, reason: str) -> None:
+        """Count a cloud as dropped, and log it: who deactivates or ends the node may not see its diagnostics."""
+        self._health.dropped(reason)
+        if self._node.context.ok():
+            self._node.get_logger().warning(reason)
 
     def _process_again(self) -> None:
         if self._last is not None:
@@ -210,16 +224,17 @@ class CloudFilter:
         # A refused cloud is kept too: the next change of parameters may be what it needs.
         self._last = replace(cloud, again=True)
         settings = self._configuration()
+        published: list[bool] = []
+
+        def publish(topic: NodeTopic, output: bytes | memoryview) -> None:
+            published.append(self._publishers.publish(topic, output))
+
         try:
             measurement = process_cloud(
-                cloud.message,
-                self._publishers.publish,
-                settings,
-                cloud.depth_of_field,
-                lend=True,
-                take_kept=self._rows.take_kept,
+                cloud.message, publish, settings, cloud.depth_of_field, lend=True, take_kept=self._rows.take_kept
             )
-            self._publishers.publish(MEASUREMENT, measurement.status(timed=True).encode())
+            if all(published):  # a node that is not active has dropped the first outputs
+                publish(MEASUREMENT, measurement.status(timed=True).encode())
         except SocialCircleError as refusal:
             self._health.refused(str(refusal), again=cloud.again)
             if not cloud.again:
@@ -232,6 +247,10 @@ class CloudFilter:
         if self._is_first:
             self._is_first = False
             _fit_memory(len(cloud.message))
+        if not all(published):
+            if not cloud.again:
+                self._drop(_TOO_SLOW)
+            return
         self._health.judged(measurement.values.verdict_reason or '', again=cloud.again)
         if not cloud.again:
             latency_s = time.monotonic() - cloud.arrived_s

@@ -2,16 +2,14 @@
 """The executable `social_circle_node`."""
 
 import os
-import signal
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
+from .ending_signals import EndingSignals
 from .parameter_files import fault_of_a_file, files_for_other_nodes
 from .transport import prepare_process
 
 if TYPE_CHECKING:
-    from rclpy.executors import SingleThreadedExecutor
-
     from .social_circle_node import SocialCircleNode
 
 _SWITCH_S = 1e-4  # interval at which threads switch; 5 ms is the default of Python
@@ -24,15 +22,16 @@ def main(arguments: list[str] | None = None) -> int:
         arguments: those of ROS (--ros-args ...); None: those of the command line.
 
     Returns:
-        The exit code: 0 after a clean end, 1 where the node could not start.
+        The exit code: 0 after a signal, 1 where the node could not start.
     """
+    signals = EndingSignals()
     try:
-        return _run(arguments)
-    except KeyboardInterrupt:
-        return 0  # a signal came before the node handles it
+        return _run(arguments, signals)
+    finally:
+        signals.ignore()
 
 
-def _run(arguments: list[str] | None) -> int:
+def _run(arguments: list[str] | None, signals: EndingSignals) -> int:
     prepare_process()
     try:
         import rclpy  # noqa: PLC0415 - after the environment is set, and with a sentence where it is missing
@@ -42,7 +41,7 @@ def _run(arguments: list[str] | None) -> int:
         sys.stderr.write(f'ROS 2 is not here ({error}): source Jazzy, or {install_command("ros")}.\n')
         return 1
     from rclpy.exceptions import ParameterException  # noqa: PLC0415
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415
+    from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
     from socialcircle_ros.errors import SocialCircleError  # noqa: PLC0415
 
@@ -58,70 +57,61 @@ def _run(arguments: list[str] | None) -> int:
     if fault is not None:
         sys.stderr.write(f'The node cannot start: {fault}\n')
         return 1
-    node, began = None, False
+    if signals.came:
+        return 0
+    node = None
     try:
-        start_ros(arguments)
-        began = True
-        node = SocialCircleNode()
+        start_ros(arguments, signals=SignalHandlerOptions.NO)
+        node = SocialCircleNode(is_wanted=lambda: not signals.came)
         for sentence in files_for_other_nodes(given, node.get_fully_qualified_name()):
             node.get_logger().warning(sentence)
         node.start()
-        if not rclpy.ok():
-            return 0
         # The worker takes a cloud at once, instead of waiting until the executor has prepared its next wait.
         sys.setswitchinterval(_SWITCH_S)
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        while rclpy.ok():
-            _spin(executor, node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        return 0
+        _spin(node, signals)
     except (ParameterException, SocialCircleError, RuntimeError) as error:
-        if began and not rclpy.ok():
-            return 0  # a signal ended the context, and the call that needed it failed
         if node is not None:
             raise
         # rclpy raises RuntimeError, with several lines, for arguments and files that it cannot read.
         sys.stderr.write(f'The node cannot start: {str(error).splitlines()[0]}\n')
         return 1
     finally:
-        _end(node)
+        ended = node is None or node.close()
+        rclpy.try_shutdown()
+    if node is not None and not ended:
+        _exit_at_once(node)
     return 0
 
 
-def _spin(executor: 'SingleThreadedExecutor', node: 'SocialCircleNode') -> None:
-    """Run the executor until the context ends or one of rclpy's own callbacks raises; the node reports that.
+def _spin(node: 'SocialCircleNode', signals: EndingSignals) -> None:
+    """Run the executor until a signal comes. What one of rclpy's own callbacks raises, the node reports.
 
     rclpy raises for legal messages too, such as a `/clock` before 0 (with use_sim_time).
     """
-    from rclpy.executors import ExternalShutdownException  # noqa: PLC0415 - as in _run
-
-    try:
-        executor.spin()
-    except ExternalShutdownException:
-        raise
-    except Exception as error:  # noqa: BLE001 - whatever it is, the node goes on
-        node.executor_failed(error)
-
-
-def _end(node: 'SocialCircleNode | None') -> None:
-    """Leave the graph. A second Ctrl-C must not interrupt this: a worker that still runs aborts the process."""
     import rclpy  # noqa: PLC0415 - as in _run
+    from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if node is None:
-        rclpy.try_shutdown()
-        return
-    ended = node.close()
-    rclpy.try_shutdown()
-    if not ended:
-        # The compilation can neither be interrupted nor waited for. Everything else has ended. The context
-        # is freed here, since that frees the shared memory, and the interpreter's exit is skipped.
-        from .rclpy_internals import release_context  # noqa: PLC0415
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    signals.wake_by(lambda: executor.create_task(lambda: None))
+    while rclpy.ok() and not signals.came:
+        try:
+            executor.spin_once()
+        except Exception as error:  # noqa: BLE001, PERF203 - whatever it is, the node goes on
+            node.executor_failed(error)
 
-        release_context(node)
-        sys.stderr.flush()
-        os._exit(0)
+
+def _exit_at_once(node: 'SocialCircleNode') -> NoReturn:
+    """End a process in which a thread filters or compiles, once all else has ended.
+
+    That can neither be interrupted nor waited for, and at the interpreter's exit it would abort the process. The
+    context is freed here, since that frees the shared memory, and that exit is skipped.
+    """
+    from .rclpy_internals import release_context  # noqa: PLC0415 - as in _run
+
+    release_context(node)
+    sys.stderr.flush()
+    os._exit(0)
 
 
 if __name__ == '__main__':

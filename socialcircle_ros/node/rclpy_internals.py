@@ -141,26 +141,29 @@ def differences(node: Node) -> list[str]:
 # Serialized messages
 
 
-def publish(publisher: LifecyclePublisher, message: bytes | memoryview) -> None:
+def publish(publisher: LifecyclePublisher, message: bytes | memoryview) -> bool:
     """Publish a serialized message through a lifecycle publisher; it is read during the call only.
 
-    As with rclpy, nothing is published while the publisher is not active, and once the context has ended.
+    Returns:
+        Whether it was published: as with rclpy, nothing is while the publisher is not active, and once the context
+        has ended. rclpy's own way does not tell the latter.
 
     Raises:
         RCLError: it cannot be published.
     """
     if not publisher.is_activated:
-        return
+        return False
     # From Kilted on a publisher ends with its context.
     with suppress(InvalidHandle):
         rcl = _rcl()
-        if rcl is None:
-            publisher.publish(bytes(message))
-        else:
-            _publish_by_rcl(rcl, publisher, message)
+        if rcl is not None:
+            return _publish_by_rcl(rcl, publisher, message)
+        publisher.publish(bytes(message))
+        return True
+    return False
 
 
-def _publish_by_rcl(rcl: _Rcl, publisher: LifecyclePublisher, message: bytes | memoryview) -> None:
+def _publish_by_rcl(rcl: _Rcl, publisher: LifecyclePublisher, message: bytes | memoryview) -> bool:
     values = np.frombuffer(message, np.uint8)
     given = _Bytes(values.ctypes.data, len(values), len(values))
     with publisher.handle:
@@ -168,8 +171,9 @@ def _publish_by_rcl(rcl: _Rcl, publisher: LifecyclePublisher, message: bytes | m
         code = rcl.publish(pointer, ctypes.byref(given), None)
         if code == _PUBLISHER_INVALID and rcl.is_valid(pointer):
             rcl.reset_error()
-            return
+            return False
     rcl.check(code)
+    return True
 
 
 @dataclass(frozen=True)

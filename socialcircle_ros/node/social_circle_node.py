@@ -32,7 +32,7 @@ from socialcircle_ros.pipeline.stack_cloud import StackCloud
 from socialcircle_ros.pipeline.stacks import Refusal
 
 from . import rclpy_internals
-from .cloud_filter import LOG_PERIOD_S, CloudFilter
+from .cloud_filter import DRAINING_S, LOG_PERIOD_S, CloudFilter
 from .health import Health
 from .health_report import NodeState, health_status
 from .parameter_saving import ParameterSaver
@@ -41,7 +41,7 @@ from .stack_input import StackInput
 from .warm_up import WarmUp
 from .worker import always
 
-_ENDING_S = 2.0
+_COMPILING_S = 2.0
 """How long the end of the node waits for a cloud at hand that may itself wait for a kernel to be compiled."""
 
 AnyNode = TypeVar('AnyNode', bound='SocialCircleNode')
@@ -66,14 +66,16 @@ class SocialCircleNode(LifecycleNode):
     """The filter as a ROS 2 node; `interface` lists its topics and services, `settings` its parameters.
 
     Args:
+        is_wanted: asked while kernels are compiled; False: the node is to end, and configuring is given up.
         options: arguments of rclpy's Node.
 
     Raises:
         SettingError: the node was started with invalid parameters.
     """
 
-    def __init__(self, **options: object) -> None:
+    def __init__(self, is_wanted: Callable[[], bool] = always, **options: object) -> None:
         super().__init__(NODE_NAME, **options)
+        self._is_wanted = is_wanted
         rclpy_internals.refuse_invalid_transitions(self, self._transition_refused)
         self._differences = rclpy_internals.differences(self)
         self._health = Health()
@@ -103,23 +105,22 @@ class SocialCircleNode(LifecycleNode):
 
     def start(self) -> None:
         """Configure and activate, if `autostart` says so."""
-        if not self._configuration().node.autostart:
-            return
-        try:
-            if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-                self.trigger_activate()
-        except rclpy_internals.RCLError:
-            if self.context.ok():  # a signal ends the context, and with it the transition
-                raise
+        autostart = self._configuration().node.autostart
+        if autostart and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            self.trigger_activate()
 
     def close(self) -> bool:
-        """Stop the workers and destroy the node.
+        """Publish the cloud at hand, stop the workers, and destroy the node.
 
         Returns:
-            Whether all threads have ended. One that compiles, which takes up to a minute, is not waited for.
+            Whether all threads have ended. One that filters for long, or that compiles, is not waited for.
         """
         began_s = time.monotonic()
-        ended = self._release(lambda: not is_compiling() or time.monotonic() - began_s < _ENDING_S)
+
+        def patient() -> bool:
+            return time.monotonic() - began_s < (_COMPILING_S if is_compiling() else DRAINING_S)
+
+        ended = self._release(patient)
         self.destroy_node()
         return ended and not self.warm_up.running
 
@@ -131,7 +132,7 @@ class SocialCircleNode(LifecycleNode):
         self._filter = CloudFilter(self, self._configuration, self._health)
         began_s = time.monotonic()
         circle = self._configuration().circle
-        if not self.warm_up.wait(self.context.ok, circle.mode, circle.judge, circle.provider):
+        if not self.warm_up.wait(self._is_wanted, circle.mode, circle.judge, circle.provider):
             return TransitionCallbackReturn.FAILURE
         self.get_logger().info(f'The filter is compiled ({time.monotonic() - began_s:.1f} s).')
         self._filter.reserve()
@@ -153,7 +154,7 @@ class SocialCircleNode(LifecycleNode):
 
     @_reported
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the subscriptions; the cloud at hand is still published."""
+        """End the subscriptions; the cloud at hand is still published, if it is filtered soon."""
         self._ignore()
         if self._filter is not None:
             self._filter.finish()

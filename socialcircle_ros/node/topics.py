@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's topics in rclpy: classes of their messages, QoS, and the publishers of several topics together."""
 
+import time
 from collections.abc import Iterable
 from typing import TypedDict
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -22,6 +24,8 @@ CLASSES: dict[str, type] = {
     diagnostics.TYPE: DiagnosticStatus,
 }
 """Class of a message by the name of its type."""
+
+_ARRIVING_S = 1.0  # how long messages are waited for that a subscription does not acknowledge
 
 _OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 
@@ -61,11 +65,17 @@ class Publishers:
             self.destroy()
             raise
 
-    def publish(self, topic: NodeTopic, message: bytes | memoryview) -> None:
-        """Publish a serialized message; it is read during the call only."""
-        publish(self._publishers[topic], message)
+    def publish(self, topic: NodeTopic, message: bytes | memoryview) -> bool:
+        """Publish a serialized message, read during the call only; False: the node is not active, or has ended."""
+        publisher = self._publishers.get(topic)
+        return publisher is not None and publish(publisher, message)
 
     def destroy(self) -> None:
-        """Destroy all of them."""
+        """Destroy all of them, once what they published has arrived: a message ends with its publisher."""
+        until_s = time.monotonic() + _ARRIVING_S
+        if self._node.context.ok():
+            for publisher in self._publishers.values():
+                left_s = max(0.0, until_s - time.monotonic())
+                publisher.wait_for_all_acked(Duration(nanoseconds=int(1e9 * left_s)))
         for topic in list(self._publishers):
             self._node.destroy_lifecycle_publisher(self._publishers.pop(topic))

@@ -8,6 +8,7 @@ import rclpy
 from examples import cloud
 from rclpy.lifecycle import LifecycleNode
 
+from socialcircle_ros.interface import FILTERED, MASK
 from socialcircle_ros.node.cloud_filter import CloudFilter
 from socialcircle_ros.node.health import Health
 from socialcircle_ros.node.parameters import Configuration
@@ -23,11 +24,26 @@ class Clouds(CloudFilter):
         self.begun, self.through = threading.Event(), threading.Event()
         self.through.set()
         super().__init__(node, self.settings, self.health)
+        self.node, self.rows = node, []
+        self._rows.put = lambda *row: self.rows.append(row)
 
     def settings(self):
         self.begun.set()
         self.through.wait()
         return Configuration.from_ros({'circle.mode': 'paper', **self.values})
+
+    def begin(self):
+        """Filter a cloud until the settings are asked for; `through` lets it go on."""
+        self.through.clear()
+        self.begun.clear()  # the settings are also asked for when it is made
+        self.filter(cloud())
+        assert self.begun.wait(60)
+
+    def outcome(self):
+        """How many clouds count as published and as dropped, and how many have a row."""
+        self.through.set()
+        self._worker.drain()
+        return self.health.counts.published, self.health.counts.dropped, len(self.rows)
 
     def again(self, values):
         self.values = values
@@ -41,6 +57,8 @@ def clouds():
     rclpy.init(context=context)
     node = LifecycleNode('clouds', context=context)
     clouds = Clouds(node)
+    node.trigger_configure()
+    node.trigger_activate()
     yield clouds
     clouds.through.set()
     clouds.close()
@@ -79,15 +97,10 @@ def test_a_cloud_that_passes_again_does_not_end_the_trouble_with_frames(clouds):
 
 def test_a_cloud_that_a_newer_one_replaces_is_told(clouds):
     clouds.listen()
-    clouds.through.clear()
-    clouds.begun.clear()  # the settings are also asked for when it is made
-    clouds.filter(cloud())
-    assert clouds.begun.wait(60)
+    clouds.begin()
     for _ in range(2):
         clouds.filter(cloud())
-    clouds.through.set()
-    clouds._worker.drain()
-    assert clouds.health.counts.dropped == 1
+    assert clouds.outcome() == (2, 1, 2)
     assert 'a newer one arrived' in clouds.health.last_reason
 
 
@@ -99,11 +112,38 @@ def test_a_cloud_that_waits_when_the_node_is_deactivated_counts_as_dropped(cloud
         clouds.through.set()
 
     monkeypatch.setattr(health, 'dropped', dropped)
-    clouds.through.clear()
-    clouds.begun.clear()
-    clouds.filter(cloud())
-    assert clouds.begun.wait(60)
+    clouds.begin()
     clouds.filter(cloud())
     clouds.finish()
-    assert (health.counts.published, health.counts.dropped) == (1, 1)
+    assert clouds.outcome() == (1, 1, 1)
     assert health.last_reason == 'A cloud was dropped: it waited when the node was deactivated.'
+
+
+def test_a_cloud_that_is_not_filtered_in_time_counts_as_dropped_and_has_no_row(clouds, monkeypatch):
+    monkeypatch.setattr('socialcircle_ros.node.cloud_filter.DRAINING_S', 0.01)
+    clouds.begin()
+    clouds.finish()
+    clouds.node.trigger_deactivate()
+    assert clouds.outcome() == (0, 1, 0)
+    assert clouds.health.last_reason.endswith('it was still being filtered when the node was no longer active.')
+
+
+def test_a_cloud_whose_first_outputs_were_not_published_has_no_measurement(clouds, monkeypatch):
+    """As where the node is deactivated and activated again while the cloud is filtered."""
+    published, real = [], clouds._publishers.publish
+
+    def publish(topic, message):
+        published.append(topic)
+        return real(topic, message) and topic != FILTERED
+
+    monkeypatch.setattr(clouds._publishers, 'publish', publish)
+    clouds.filter(cloud())
+    assert clouds.outcome() == (0, 1, 0)
+    assert published == [FILTERED, MASK]
+
+
+def test_a_cloud_that_is_at_hand_when_the_node_ends_is_told(clouds):
+    clouds.begin()
+    assert not clouds.close(lambda: False)
+    assert clouds.health.counts.dropped == 1
+    assert clouds.health.last_reason.endswith('it was still being filtered when the node ended.')

@@ -88,14 +88,17 @@ def test_a_signal_ends_it_cleanly_and_leaves_no_shared_memory(start_cell, number
     assert 'Traceback' not in cell.node_process.log.read_text()
 
 
-def test_a_signal_while_it_filters_lets_no_traceback_out(start_cell):
+def test_a_signal_while_it_filters_loses_no_cloud_silently(start_cell):
+    """The cloud at hand is published, unless it takes longer than the end of the node waits for it."""
     cell = start_cell(begin=NodeProcess)
     cell.set(circle__vote_region=[0, 0, 200, 200])
     cell.publish(cloud(400, 500))
     cell.diagnosis(lambda found: found.values['clouds_received'] == '1')
     cell.node_process.process.send_signal(signal.SIGINT)
     assert cell.node_process.process.wait(60) == 0
-    assert 'Traceback' not in cell.node_process.log.read_text()
+    log = cell.node_process.log.read_text()
+    assert 'Traceback' not in log
+    assert 'A cloud was dropped' in log or cell.answer()
 
 
 def test_a_best_effort_publisher_is_reported_with_what_to_change(start_cell):

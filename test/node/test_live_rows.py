@@ -28,6 +28,8 @@ def cloud_filter(configuration):
     rclpy.init(context=context)
     node = LifecycleNode('rows', context=context)
     clouds = CloudFilter(node, configuration, Health())
+    node.trigger_configure()
+    node.trigger_activate()
     try:
         yield clouds
     finally:

@@ -109,9 +109,9 @@ def test_a_message_that_was_taken_has_memory_of_its_own_and_can_be_published(pai
 
 def test_a_publisher_that_is_not_active_is_silent(pair):
     pair.node.trigger_deactivate()
-    publish(pair.publisher, serialize_message(String(data='unheard')))
+    assert not publish(pair.publisher, serialize_message(String(data='unheard')))
     pair.node.trigger_activate()
-    publish(pair.publisher, serialize_message(String(data='heard')))
+    assert publish(pair.publisher, serialize_message(String(data='heard')))
     pair.spin_until(lambda: pair.heard)
 
     assert [said(taken) for taken in pair.heard] == ['heard']
@@ -152,7 +152,7 @@ def test_an_input_that_was_destroyed_hears_no_more_and_can_be_made_anew(pair):
 def test_a_publisher_whose_context_has_ended_is_silent():
     pair = Pair()
     rclpy.shutdown(context=pair.context)
-    publish(pair.publisher, serialize_message(String(data='too late')))
+    assert not publish(pair.publisher, serialize_message(String(data='too late')))
     pair.node.destroy_node()
 
     assert pair.heard == []
