@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows in Parquet files, partitioned by day and cell: `measurements/day=2026-11-28/cell=cell1/NAME.parquet`."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import blake2b
@@ -56,6 +57,16 @@ def write_rows(folder: Path, name: str, rows: Sequence[MeasurementRow]) -> list[
         write_file(folder / path, content)
         written.append(str(path))
     return written
+
+
+def folder_fault(folder: Path) -> str:
+    """Why no rows can be written to a folder of results, which is made; empty if nothing speaks against it."""
+    path = folder / FOLDER
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return f'{path} cannot be made: {error.strerror}.'
+    return '' if os.access(path, os.W_OK | os.X_OK) else f'{path} cannot be written: Permission denied.'
 
 
 def _folder_of(cell: str) -> str:

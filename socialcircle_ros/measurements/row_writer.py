@@ -14,7 +14,7 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import Measurement
 
-from .files import arrow_schema, write_rows
+from .files import arrow_schema, folder_fault, write_rows
 from .row import MeasurementRow, Origin, refused_row, row_of
 
 MOST_ROWS = 1000
@@ -56,7 +56,7 @@ class RowWriter:
         folder: the rows are in `measurements` in it.
         name: of the files, with the time of the start and a number; another one for each node.
         period_s: time from the first row of a batch to its writing.
-        failed: called on the writer's thread with a sentence if rows wait or are lost.
+        failed: called on the writer's thread with a sentence if the folder cannot be used, or rows wait or are lost.
 
     Raises:
         SocialCircleError: pyarrow is not installed.
@@ -74,6 +74,7 @@ class RowWriter:
         self._write_at_s = float('inf')
         self._lost = 0
         self._waits = False  # after an attempt that failed
+        self._reason = ''
         self._thread = threading.Thread(target=self._run, name='row_writer')
         self._thread.start()
 
@@ -88,14 +89,24 @@ class RowWriter:
             self._coming.append(cloud)
             self._changed.notify_all()
 
-    def close(self) -> None:
-        """Write what waits, and end the thread; may be called twice."""
+    def close(self) -> str:
+        """Write what waits, and end the thread; may be called twice.
+
+        Returns:
+            A sentence on the rows that could not be written and are lost; empty if there are none.
+        """
         with self._changed:
             self._stopping = True
             self._changed.notify_all()
         self._thread.join()
+        if not self._rows:
+            return ''
+        return f'{self._lost + len(self._rows)} rows of measurements are lost, because: {self._reason}'
 
     def _run(self) -> None:
+        fault = folder_fault(self._folder)
+        if fault:
+            self._failed(f'Rows of measurements will wait, because: {fault}')
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._coming or self._stopping, self._left_s())
@@ -135,8 +146,9 @@ class RowWriter:
             write_rows(self._folder, f'{self._name}-{self._number:06d}', self._rows)
         except (SocialCircleError, OSError) as error:
             lost = f' {self._lost} rows are lost.' if self._lost else ''
-            self._waits = True
-            self._failed(f'{len(self._rows)} rows of measurements wait, because: {error}{lost}')
+            self._waits, self._reason = True, str(error)
+            if not self._stopping:
+                self._failed(f'{len(self._rows)} rows of measurements wait, because: {error}{lost}')
             return
         except Exception:  # noqa: BLE001 - the last resort, as above
             self._write_singly()

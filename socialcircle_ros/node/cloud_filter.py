@@ -104,7 +104,7 @@ class CloudFilter:
         self._last: QueuedCloud | None = None
         self._is_first = True
         self._spare = SpareMemory()
-        self._rows = LiveRows(node, configuration().measurements)
+        self._rows = LiveRows(node, configuration().measurements, health)
         self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
         self._worker = LatestWorker(self._process, self._dropped, self._process_again)
 

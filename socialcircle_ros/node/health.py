@@ -112,6 +112,12 @@ class Health:
             self._trouble(reason)
             self._last_refused_was_cloud = True
 
+    def rows_failed(self, reason: str) -> None:
+        """Rows of measurements wait for their folder, or are lost."""
+        with self._lock:
+            self.last_reason = reason
+            self._trouble_at_s = time.monotonic()
+
     def frame_received(self) -> None:
         """A frame of a stack arrived."""
         with self._lock:

@@ -16,6 +16,7 @@ from socialcircle_ros.messages.header import Header
 from socialcircle_ros.pipeline.clouds import Measurement
 from socialcircle_ros.settings import MeasurementSettings
 
+from .health import Health
 from .parameters import Configuration
 
 _LOG_PERIOD_S = 60.0
@@ -27,13 +28,15 @@ class LiveRows:
     Args:
         node: names the cell where no parameter does.
         settings: where rows go, and how often.
+        health: is told of rows that wait or are lost.
 
     Raises:
         SocialCircleError: a folder is set, and pyarrow is not installed.
     """
 
-    def __init__(self, node: Node, settings: MeasurementSettings) -> None:
+    def __init__(self, node: Node, settings: MeasurementSettings, health: Health) -> None:
         self._node = node
+        self._health = health
         self._version = importlib.metadata.version('socialcircle_ros')
         self._number = 0
         self._kept: tuple[Cloud, Mask] | None = None
@@ -68,9 +71,12 @@ class LiveRows:
         self._number += 1
 
     def close(self) -> None:
-        """Write what waits."""
-        if self._writer is not None:
-            self._writer.close()
+        """Write what waits, and tell what cannot be written."""
+        lost = printable(self._writer.close()) if self._writer is not None else ''
+        if lost:
+            self._health.rows_failed(lost)
+            if self._node.context.ok():
+                self._node.get_logger().error(lost)
 
     def _origin(self, configuration: Configuration, unit: str | None) -> Origin:
         if self._settings is None or self._settings[0] is not configuration:
@@ -90,5 +96,6 @@ class LiveRows:
         )
 
     def _tell(self, sentence: str) -> None:
+        self._health.rows_failed(printable(sentence))
         if self._node.context.ok():
             self._node.get_logger().warning(printable(sentence), throttle_duration_sec=_LOG_PERIOD_S)

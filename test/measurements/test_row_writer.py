@@ -79,8 +79,22 @@ def test_what_cannot_be_written_waits_and_the_oldest_rows_are_lost(tmp_path, mon
     assert '3 rows of measurements wait, because: ' in told[-1]
     (tmp_path / 'measurements').unlink()
     wait_for(lambda: list(tmp_path.rglob('*.parquet')))
-    writer.close()
+    assert writer.close() == ''
     assert numbers(tmp_path) == [2, 3, 4]
+
+
+def test_a_folder_that_cannot_be_used_is_told_before_the_first_row_and_what_is_lost_at_the_end(tmp_path):
+    told = []
+    (tmp_path / 'measurements').write_text('in the way')
+    writer = RowWriter(tmp_path, 'live', 3600, told.append)
+    wait_for(lambda: told)
+    (sentence,) = told
+    assert sentence.startswith('Rows of measurements will wait, because: ')
+    for number in range(2):
+        writer.put(refused(number))
+    for _ in range(2):
+        assert writer.close().startswith('2 rows of measurements are lost, because: ')
+    assert told == [sentence]
 
 
 def test_a_full_disk_keeps_rows_waiting_until_there_is_room(tmp_path):

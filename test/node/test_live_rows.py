@@ -22,12 +22,12 @@ pytest.importorskip('duckdb')
 
 
 @contextmanager
-def cloud_filter(configuration):
+def cloud_filter(configuration, health=None):
     """What a node does with clouds, in a node of its own."""
     context = rclpy.Context()
     rclpy.init(context=context)
     node = LifecycleNode('rows', context=context)
-    clouds = CloudFilter(node, configuration, Health())
+    clouds = CloudFilter(node, configuration, health or Health())
     node.trigger_configure()
     node.trigger_activate()
     try:
@@ -92,6 +92,17 @@ def test_the_row_of_a_refused_cloud_has_its_stamp(tmp_path):
     query = 'select status, stamp, frame, epoch(time)::bigint from measurements'
     found = ('refused', '1790000000.000000000', 'microscope', 1_790_000_000)
     assert open_measurements(tmp_path).sql(query).fetchall() == [found]
+
+
+def test_rows_that_are_lost_at_the_end_are_told(tmp_path, capfd):
+    (tmp_path / 'measurements').write_text('in the way')
+    health = Health()
+    configuration = Configuration.from_ros({'measurements.folder': str(tmp_path)})
+    with cloud_filter(lambda: configuration, health) as clouds:
+        clouds.filter(b'no cloud')
+        clouds._worker.drain()
+    assert health.last_reason.startswith('1 rows of measurements are lost, because: ')
+    assert health.last_reason in capfd.readouterr().err
 
 
 def test_the_node_keeps_a_row_of_each_cloud(start_cell, tmp_path):
