@@ -14,8 +14,7 @@ from socialcircle_ros.errors import SettingError, SocialCircleError, install_com
 from socialcircle_ros.settings import PARAMETERS, RosValue
 from socialcircle_ros.settings.files import read_parameter_file
 from socialcircle_ros.settings.rcl_rules import RclError, rcl_value
-
-from .spelling import nearest_name
+from socialcircle_ros.settings.spelling import nearest_parameter
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -78,7 +77,7 @@ def parameter_values(
         node = context.meta.get(_NODE, NODE_NAME) if context is not None else NODE_NAME
         values |= read_parameter_file(params_file, node, lambda: _recorded_namespaces(recording))
         for name in [name for name in values if not _is_known(name)]:
-            near = _nearest_parameter(name)
+            near = nearest_parameter(name)
             hint = f' Did you mean {near}?' if near else ''
             click.echo(
                 f'Warning: there is no parameter {name}; its value in {params_file} has no effect.{hint}', err=True
@@ -89,7 +88,7 @@ def parameter_values(
         if not separator:
             raise SettingError(f'-p {text} is not of the form NAME:=VALUE, such as circle.radius_scale:=1.5.')
         if not _is_known(name):
-            near = _nearest_parameter(name)
+            near = nearest_parameter(name)
             hint = f'did you mean {near}?' if near else f'the parameters are: {", ".join(PARAMETERS)}.'
             raise SettingError(f'There is no parameter {name}; {hint}')
         try:
@@ -100,12 +99,6 @@ def parameter_values(
             raise SettingError(f'-p {text} has no value, such as circle.radius_scale:=1.5.')
         values[name] = cast('RosValue', value)
     return values
-
-
-def _nearest_parameter(name: str) -> str | None:
-    """The parameter that was meant, perhaps without its group; None if none is spelled like that."""
-    whole = (each for each in PARAMETERS if each.endswith(f'.{name}'))
-    return next(whole, None) or nearest_name(name, PARAMETERS)
 
 
 def _keep_node(context: click.Context, _: click.Parameter, name: str | None) -> None:

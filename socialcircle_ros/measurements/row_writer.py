@@ -56,7 +56,7 @@ class RowWriter:
         folder: the rows are in `measurements` in it.
         name: of the files, with the time of the start and a number; another one for each node.
         period_s: time from the first row of a batch to its writing.
-        failed: called on the writer's thread with a sentence if the folder cannot be used, or rows wait or are lost.
+        failed: called on the writer's thread with a sentence if rows wait, will wait or are lost.
 
     Raises:
         SocialCircleError: pyarrow is not installed.

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's parameters: declared from the table in `settings`, validated as a whole, applied at once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -17,7 +18,9 @@ from socialcircle_ros.settings import (
     PipelineSettings,
     RosValue,
 )
+from socialcircle_ros.settings.spelling import no_parameter
 
+from .parameter_services import prepare_changes
 from .rclpy_internals import given_parameters
 
 _QOS, _SIM_TIME = 'qos_overrides.', 'use_sim_time'
@@ -48,13 +51,17 @@ class LiveParameters:
     def __init__(self, node: Node, changed: Callable[[Configuration], None]) -> None:
         self._node = node
         self._changed = changed
+        given = {name: _plain(each) for name, each in self._given().items() if name in PARAMETERS}
+        Configuration.from_ros(given)  # refuses them in our own words, before rclpy does
         for row in PARAMETERS.values():
-            node.declare_parameter(row.name, row.default, _descriptor(row))
+            value = _in_type(row, given.get(row.name, row.default))
+            node.declare_parameter(row.name, value, _descriptor(row), ignore_override=row.name in given)
         self.configuration = Configuration.from_ros(self._values())
         # What was checked last, and is applied next; meanwhile a file that it names may change.
         self._next = self.configuration
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
+        prepare_changes(node, self._prepared)
 
     def unknown(self) -> list[str]:
         """Parameters that the node was started with and does not have; they are probably misspelled."""
@@ -88,16 +95,46 @@ class LiveParameters:
     def _values(self) -> dict[str, RosValue | None]:
         return {name: _plain(self._node.get_parameter(name)) for name in PARAMETERS}
 
+    def _prepared(self, asked: Sequence[ParameterMessage]) -> list[ParameterMessage]:
+        """Changes that a service asks for, checked and in the declared types.
+
+        Raises:
+            SettingError: they are refused.
+        """
+        changes = [_read(each) for each in asked]
+        for change in changes:
+            if not self._node.has_parameter(change.name):
+                raise SettingError(no_parameter(change.name))
+            if change.name in PARAMETERS and PARAMETERS[change.name].read_only:
+                raise SettingError(
+                    f'{change.name} is read-only; start the node with the value that it shall have.'
+                )
+        self._changed_by(changes)
+        return [
+            RosParameter(change.name, value=_in_type(PARAMETERS[change.name], change.value)).to_parameter_msg()
+            if change.name in PARAMETERS
+            else message
+            for change, message in zip(changes, asked, strict=True)
+        ]
+
     def _validate(self, changes: list[RosParameter]) -> SetParametersResult:
-        ours = [change for change in changes if change.name in PARAMETERS]
         try:
-            for change in ours:
-                if change.type_ == RosParameter.Type.NOT_SET:
-                    raise SettingError(f'{change.name} cannot be removed; set it to a value.')  # noqa: TRY301
-            self._next = self.configuration.with_ros({change.name: _plain(change) for change in ours})
+            self._next = self._changed_by(changes)
         except SettingError as refusal:
             return SetParametersResult(successful=False, reason=str(refusal))
         return SetParametersResult(successful=True)
+
+    def _changed_by(self, changes: list[RosParameter]) -> Configuration:
+        """The configuration with changes.
+
+        Raises:
+            SettingError: they are not allowed.
+        """
+        ours = [change for change in changes if change.name in PARAMETERS]
+        for change in ours:
+            if change.type_ == RosParameter.Type.NOT_SET:
+                raise SettingError(f'{change.name} cannot be removed; set it to a value.')
+        return self.configuration.with_ros({change.name: _plain(change) for change in ours})
 
     def _apply(self, changes: list[RosParameter]) -> None:
         if any(change.name in PARAMETERS for change in changes):
@@ -116,18 +153,32 @@ def _plain(parameter: RosParameter) -> RosValue | None:
     return value if isinstance(value, (bool, int, float, str)) or value is None else list(value)
 
 
-def _descriptor(row: Parameter) -> ParameterDescriptor:
-    """The descriptor of a parameter in ROS.
+def _read(message: ParameterMessage) -> RosParameter:
+    """A parameter as a service gets it.
 
-    A real number is typed dynamically, because ROS refuses 1 where 1.0 is meant (rclcpp #979); `settings` checks
-    the type.
+    Raises:
+        SettingError: ROS has no such type of values.
     """
+    try:
+        return RosParameter.from_parameter_msg(message)
+    except ValueError:
+        raise SettingError(
+            f'{message.name} cannot be set: ROS has no values of type {message.value.type}.'
+        ) from None
+
+
+def _in_type(row: Parameter, value: object) -> object:
+    """A valid value in the type of the parameter: ROS refuses 1 where 1.0 is meant (rclcpp #979)."""
+    return float(value) if row.kind is float and isinstance(value, int) else value
+
+
+def _descriptor(row: Parameter) -> ParameterDescriptor:
+    """The descriptor of a parameter in ROS."""
     descriptor = ParameterDescriptor(
         name=row.name,
         description=row.description,
         additional_constraints=row.allowed,
         read_only=row.read_only,
-        dynamic_typing=row.kind is float,
     )
     low, high = row.limits.minimum, row.limits.maximum
     if low is not None and high is not None:

@@ -134,7 +134,7 @@ def test_after_a_change_the_cloud_is_filtered_again(pair):
 def test_a_refused_change_gives_the_reason_and_changes_nothing(pair):
     before = pair.until_active().values
     assert 'is empty; give a height' in pair.link.change({SCALE: 2.0, 'circle.vote_region': [0, 0, 5, 0]})
-    assert 'not a valid step' in pair.link.change({'circle.window': 4})
+    assert 'must be odd, not 4; use 3 or 5' in pair.link.change({'circle.window': 4})
     assert pair.link.wait(-1, 0).values == before
 
 
