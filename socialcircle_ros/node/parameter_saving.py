@@ -86,7 +86,7 @@ class ParameterSaver:
 
 
 def parameter_path(given: str, node_name: str) -> Path:
-    """Where the parameters of a node are saved.
+    """Where the parameters of a node are saved; an absolute path, as a caller does not know the node's folder.
 
     Args:
         given: the value of `parameters_file`; empty: a file in `~/.ros/socialcircle` named after the node.
@@ -97,8 +97,8 @@ def parameter_path(given: str, node_name: str) -> Path:
     """
     try:
         if given:
-            return Path(given).expanduser()
-        home = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros')
+            return Path(given).expanduser().absolute()
+        home = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros').absolute()
     except RuntimeError:
         raise SocialCircleError(f'The home directory of {given or "the node"} is not known.') from None
     return home / 'socialcircle' / f'{node_name.strip("/").replace("/", ".")}.yaml'

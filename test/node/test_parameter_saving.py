@@ -203,3 +203,10 @@ def test_text_that_is_not_valid_utf_8_is_refused():
 def test_a_home_is_expanded(monkeypatch, tmp_path):
     monkeypatch.setenv('HOME', str(tmp_path))
     assert parameter_path('~/a.yaml', '/node') == tmp_path / 'a.yaml'
+
+
+def test_a_relative_path_is_that_in_the_folder_of_the_node(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('ROS_HOME', 'ros')
+    assert parameter_path('a.yaml', '/node') == tmp_path / 'a.yaml'
+    assert parameter_path('', '/node') == tmp_path / 'ros' / 'socialcircle' / 'node.yaml'
