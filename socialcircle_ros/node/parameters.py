@@ -3,11 +3,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 
 from socialcircle_ros.errors import SettingError
 from socialcircle_ros.settings import (
@@ -24,6 +26,12 @@ from .parameter_services import prepare_changes
 from .rclpy_internals import given_parameters
 
 _QOS, _SIM_TIME = 'qos_overrides.', 'use_sim_time'
+
+_POLICIES: dict[str, type[Enum]] = {
+    'history': HistoryPolicy,
+    'reliability': ReliabilityPolicy,
+    'durability': DurabilityPolicy,
+}
 
 
 @dataclass(frozen=True)
@@ -72,9 +80,21 @@ class LiveParameters:
 
         A file for several cells has overrides for topics of the same names in other namespaces.
         """
-        own = {_in_namespace(name) for name in self._node.get_parameters_by_prefix(_QOS.rstrip('.'))}
-        given = (name for name in self._missing() if name.startswith(_QOS))
-        return [name for name in given if _in_namespace(name) not in own]
+        namespace = f'{self._node.get_namespace().rstrip("/")}/'
+        own = tuple(
+            # Of a topic that is remapped to elsewhere, the last part of its name.
+            f'/{name.removeprefix(namespace) if name.startswith(namespace) else name.rpartition("/")[2]}'
+            for name in self._node.get_parameters_by_prefix(_QOS.rstrip('.'))
+        )
+        return [name for name in self._missing() if name.startswith(_QOS) and not name.endswith(own)]
+
+    def wrong_overrides(self) -> str:
+        """A sentence on each of the qos_overrides of the node that has a value that QoS does not have."""
+        given = {name: each.value for name, each in self._given().items() if name.startswith(_QOS)}
+        sentences = [
+            _wrong_override(name, value) for name, value in given.items() if self._node.has_parameter(name)
+        ]
+        return ' '.join(sentence for sentence in sentences if sentence)
 
     def _missing(self) -> list[str]:
         return sorted(name for name in self._given() if not self._node.has_parameter(name))
@@ -142,9 +162,17 @@ class LiveParameters:
             self._changed(before)
 
 
-def _in_namespace(override: str) -> str:
-    """What an override says of a topic, without the namespace of the topic: `points.subscription.depth`."""
-    return override.rpartition('/')[2]
+def _wrong_override(name: str, value: object) -> str:
+    """Why an override of QoS cannot be; empty if nothing speaks against it."""
+    policy = name.rpartition('.')[2]
+    choices = [each.name.lower() for each in _POLICIES.get(policy, ()) if each.name != 'UNKNOWN']
+    if choices and str(value).lower() not in choices:
+        allowed = f'use one of: {", ".join(choices)}'
+    elif policy == 'depth' and isinstance(value, int) and value < 0:
+        allowed = 'it must be at least 0'
+    else:
+        return ''
+    return f'{name} cannot be {value}; {allowed}. Start the node again with another value.'
 
 
 def _plain(parameter: RosParameter) -> RosValue | None:

@@ -148,10 +148,11 @@ def test_a_silent_publisher_is_reported(start_cell):
 
 
 def test_what_a_failed_activation_began_is_undone(start_cell):
-    cell = start_cell(active=False, parameters={'qos_overrides./odd.subscription.reliability': 'sometimes'},
+    cell = start_cell(active=False, parameters={'qos_overrides./odd.subscription.depth': '-3'},
                       arguments=('-r', 'stack/image:=/odd'))  # fmt: skip
     cell.wait_for_state('inactive')
-    found = cell.diagnosis(lambda found: 'on_activate failed' in found.status.message)
+    sentence = 'on_activate failed: qos_overrides./odd.subscription.depth cannot be -3; it must be at least 0.'
+    found = cell.diagnosis(lambda found: found.status.message.startswith(sentence))
     assert found.status.level == b'\2'
     assert cell.clouds.get_subscription_count() == 0
 
@@ -169,7 +170,8 @@ def test_a_bad_qos_override_is_told_and_leaves_the_node_unconfigured(start_cell)
     cell = start_cell(active=False, parameters={'qos_overrides./odd.publisher.reliability': 'sometimes'},
                       arguments=('-r', 'points_filtered:=/odd'))  # fmt: skip
     cell.wait_for_state('unconfigured')
-    assert cell.wait_for(lambda: 'on_configure failed' in cell.node_process.log.read_text())
+    sentence = 'on_configure failed: qos_overrides./odd.publisher.reliability cannot be sometimes; use one of: '
+    assert cell.wait_for(lambda: sentence in cell.node_process.log.read_text())
 
 
 def test_a_clock_before_zero_does_not_end_the_node(start_cell):

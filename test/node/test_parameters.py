@@ -249,8 +249,9 @@ def test_a_node_that_is_started_with_what_cannot_be_says_so_and_ends(start_cell,
 
 
 def test_a_misspelled_parameter_is_told(start_cell):
-    topics = ('/camera/pionts', '/camera/points', '/another_cell/points')
-    overrides = [f'qos_overrides.{topic}.subscription.reliability' for topic in topics]
+    topics = ('/camera/pionts.subscription', '/camera/points.subscription', '/another_cell/points.subscription',
+              '/another_cell/points.publisher')  # fmt: skip
+    overrides = [f'qos_overrides.{topic}.reliability' for topic in topics]
     given = {'circle.raduis': '1.0', 'circle.radius': '2', **dict.fromkeys(overrides, 'reliable')}
     cell = start_cell(given, ('-r', 'points:=/camera/points'), active=False)
     cell.wait_for_state('active')
@@ -259,6 +260,7 @@ def test_a_misspelled_parameter_is_told(start_cell):
     assert f'There is no parameter {overrides[0]}' in log
     assert overrides[1] not in log
     assert overrides[2] not in log  # a file may be for several cells
+    assert f'There is no parameter {overrides[3]}' in log  # the node publishes on stack/points alone
     assert cell.get('circle.radius') == 2
 
 
