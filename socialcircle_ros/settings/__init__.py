@@ -11,7 +11,6 @@ from .documents import (
     yaml_text,
 )
 from .groups import (
-    CPU_PROVIDER,
     GROUPS,
     OF_CELL,
     PARAMETERS,
@@ -25,9 +24,9 @@ from .groups import (
     PipelineSettings,
     RepairMethod,
     RepairSettings,
-    require_runtime,
 )
 from .lessons import Judge
+from .providers import CPU_PROVIDER, require_runtime
 from .schema import (
     Limits,
     Parameter,

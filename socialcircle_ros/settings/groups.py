@@ -6,7 +6,6 @@ Each field of the frozen dataclasses below is a row of the table. The node's des
 """
 
 import dataclasses
-import importlib.util
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from socialcircle_ros.errors import SettingError
 
 from .effects import needing
 from .lessons import Judge, Lesson, finder, read_lesson
+from .providers import CPU_PROVIDER, check_provider, require_runtime
 from .schema import Parameter, RosValue, Settings, setting
 from .stack_groups import FocusSettings, StackSettings
 
@@ -24,9 +24,6 @@ VOTERS = 40_000
 
 
 Mode = Literal['paper', 'adaptive']
-
-CPU_PROVIDER = 'CPUExecutionProvider'
-"""The execution provider that every ONNX Runtime offers."""
 
 
 @dataclass(frozen=True)
@@ -179,35 +176,9 @@ class CircleSettings(Settings):
         if self._read is None or self._read[0] != self.lesson:
             read = (self.lesson, read_lesson(self.lesson)) if self.lesson else None
             object.__setattr__(self, '_read', read)
-        if self.uses_network and self.provider != CPU_PROVIDER:
-            _check_offered(self.provider)
+        check_provider(self.provider, is_used=self.uses_network)
         if self.depth_of_field == 0.0:
             raise SettingError('circle.depth_of_field must be above 0; use None if it is unknown.')
-
-
-def require_runtime() -> None:
-    """Fail if ONNX Runtime is not installed.
-
-    Raises:
-        SettingError: It is not; the message says what to do.
-    """
-    if importlib.util.find_spec('onnxruntime') is None:
-        raise SettingError(
-            'The network needs ONNX Runtime, which is not installed: pip install onnxruntime. Or do without it:'
-            ' circle.judge: rules, and no circle.lesson that was taught with the network.'
-        )
-
-
-def _check_offered(provider: str) -> None:
-    require_runtime()
-    from socialcircle_ros.onnx_runtime import onnxruntime  # noqa: PLC0415 - slow to load
-
-    offered = onnxruntime.get_available_providers()
-    if provider not in offered:
-        raise SettingError(
-            f'circle.provider: {provider} is not offered by the ONNX Runtime of this machine; it offers'
-            f' {", ".join(offered)}. Install an ONNX Runtime with that provider, or use {CPU_PROVIDER}.'
-        )
 
 
 def _is_finite_number(text: str) -> bool:

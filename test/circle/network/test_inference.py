@@ -19,6 +19,8 @@ from socialcircle_ros.kernels import bands
 from socialcircle_ros.settings import CPU_PROVIDER
 from socialcircle_ros.studies.learned.surfaces import DEVELOPMENT, HELD_OUT
 
+OTHER = 'NoExecutionProvider'
+
 
 @pytest.fixture(scope='module')
 def judge():
@@ -243,9 +245,15 @@ def test_another_provider_computes_the_same(judge):
 
 
 def test_a_provider_that_is_not_offered_is_refused_with_those_that_are():
-    with pytest.raises(SettingError, match=r'circle\.provider: NoProvider is not offered.*CPUExecutionProvider'):
-        CircleSettings(judge='network', provider='NoProvider')
-    assert CircleSettings(judge='rules', provider='NoProvider').provider == 'NoProvider'  # it has no effect
+    with pytest.raises(SettingError, match=rf'circle\.provider: {OTHER} is not offered.*CPUExecutionProvider'):
+        CircleSettings(judge='network', provider=OTHER)
+    assert CircleSettings(judge='rules', provider=OTHER).provider == OTHER  # it has no effect
+
+
+@pytest.mark.parametrize('settings', [{}, {'mode': 'paper'}])
+def test_a_text_that_names_no_provider_is_refused_whether_it_is_used_or_not(settings):
+    with pytest.raises(SettingError, match="circle.provider is 'gpu', which names no execution provider"):
+        CircleSettings(provider='gpu', **settings)
 
 
 def test_a_provider_that_fails_is_an_error_and_not_the_cpu_in_silence():
