@@ -185,7 +185,10 @@ def _helper(part: 'Mode | _HelperPart') -> 'subprocess.Popen[bytes] | None':
         return None  # this process could not load what the helper compiles
     program = f'from {__name__} import _help; _help({part!r})'
     with contextlib.suppress(OSError):
-        return subprocess.Popen([sys.executable, '-c', program], stdin=subprocess.PIPE)  # noqa: S603 - our own
+        # Ctrl-C in a terminal is for the node alone: the helper ends with it.
+        return subprocess.Popen(  # noqa: S603 - our own
+            [sys.executable, '-c', program], stdin=subprocess.PIPE, start_new_session=True
+        )
     return None
 
 

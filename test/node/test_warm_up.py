@@ -2,6 +2,7 @@
 """Compiling before the first cloud comes."""
 
 import importlib.util
+import os
 import subprocess
 import sys
 
@@ -148,6 +149,7 @@ def test_the_first_start_compiles_in_other_processes_and_the_second_not_at_all(t
 def test_the_helper_ends_with_the_process_that_asked_for_it(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
     helper = warm_up._helper('stack')
+    assert os.getsid(helper.pid) != os.getsid(0)  # Ctrl-C in a terminal does not reach it
 
     helper.stdin.close()
 
