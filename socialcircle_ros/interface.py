@@ -349,6 +349,7 @@ class HealthValues(StatusValues):
     frames_dropped: int = field(
         metadata=_key('Frames that arrived faster than the node can process them.', 'frames')
     )
+    frames_lost: int = field(metadata=_key('Frames that were published but did not reach the node.', 'frames'))
     joint_states_dropped: int = field(metadata=_key('Joint states that came faster than they could be taken.'))
     stack_refusals: int = field(metadata=_key('Frames, joint states and stacks that cannot be used.'))
     stacks_finished: int = field(metadata=_key('Stacks that gave a cloud.', 'stacks'))

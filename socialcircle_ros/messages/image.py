@@ -44,7 +44,7 @@ class Image:
         data_length: bytes of all rows.
     """
 
-    message: bytes
+    message: bytes | memoryview
     header: Header
     height: int
     width: int
@@ -55,7 +55,7 @@ class Image:
     data_length: int
 
     @classmethod
-    def decode(cls, message: bytes) -> 'Image':
+    def decode(cls, message: bytes | memoryview) -> 'Image':
         """Read the description of a serialized Image; the pixels are neither read nor copied.
 
         Raises:

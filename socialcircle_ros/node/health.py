@@ -30,6 +30,7 @@ class InputCounts:
     limits_failed: int = 0
     frames_received: int = 0
     frames_dropped: int = 0
+    frames_lost: int = 0
     joint_states_dropped: int = 0
     stack_refusals: int = 0
     stacks: int = 0
@@ -128,6 +129,13 @@ class Health:
         with self._lock:
             self.counts.frames_dropped += 1
             self._trouble('A frame was dropped: frames come faster than their focus is measured.')
+
+    def frames_lost(self, count: int, reason: str) -> None:
+        """Frames did not arrive."""
+        with self._lock:
+            self.counts.frames_lost += count
+            self.last_reason = reason
+            self._trouble_at_s = time.monotonic()
 
     def joint_state_dropped(self) -> None:
         """A joint state was dropped, because too many others waited."""
@@ -232,6 +240,7 @@ class Health:
                 limits_failed=self.counts.limits_failed,
                 frames_received=self.counts.frames_received,
                 frames_dropped=self.counts.frames_dropped,
+                frames_lost=self.counts.frames_lost,
                 joint_states_dropped=self.counts.joint_states_dropped,
                 stack_refusals=self.counts.stack_refusals,
                 stacks_finished=self.counts.stacks,

@@ -37,19 +37,25 @@ class LostMessages(SubscriptionEventCallbacks):
         self._reported_since = 0  # by the middleware, since the last message
         self._told = 0
 
-    def arrived(self, taken: TakenMessage) -> None:
-        """A message came; its publisher numbers its messages."""
+    def arrived(self, taken: TakenMessage) -> int:
+        """A message came; its publisher numbers its messages.
+
+        Returns:
+            How many messages of the publisher are known to be missing since the one before.
+        """
         publisher, number = taken.publisher, taken.number
         if number is None:
-            return
+            return 0
         before = self._last_numbers.pop(publisher, None)
         self._last_numbers[publisher] = number
         if len(self._last_numbers) > _MOST_PUBLISHERS:
             del self._last_numbers[next(iter(self._last_numbers))]
         # What was reported since the last message is part of a gap, unless the gap is not known.
-        self._missing += self._reported_since if before is None else max(0, number - before - 1)
+        missing = self._reported_since if before is None else max(0, number - before - 1)
+        self._missing += missing
         self._reported_since = 0
         self._tell()
+        return missing
 
     def knows(self, publisher: bytes) -> bool:
         """Whether a message of the publisher has arrived, and its number is kept."""
@@ -77,16 +83,17 @@ class LostMessages(SubscriptionEventCallbacks):
             self._lost(count)
 
 
-def lost_sentence(count: int, topic: str) -> str:
-    """What to say of clouds that were lost, and what to change.
+def lost_sentence(count: int, topic: str, what: str = 'cloud') -> str:
+    """What to say of messages that were lost, and what to change.
 
     Args:
-        count: of clouds that were lost at once.
+        count: of messages that were lost at once.
         topic: the resolved name.
+        what: each of them is.
     """
-    clouds = 'A cloud was' if count == 1 else f'{count} clouds were'
+    were = f'A {what} was' if count == 1 else f'{count} {what}s were'
     return (
-        f'{clouds} lost on the way to {topic}: they come faster than the node takes them, or parts did not arrive'
-        ' before the next cloud was published. Publish less often; if the publisher is on another machine, start'
+        f'{were} lost on the way to {topic}: they come faster than the node takes them, or parts did not arrive'
+        f' before the next {what} was published. Publish less often; if the publisher is on another machine, start'
         f' it with FASTRTPS_DEFAULT_PROFILES_FILE={NETWORK_PROFILE.name} (docs/network.md).'
     )

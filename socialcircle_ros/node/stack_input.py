@@ -28,8 +28,9 @@ from socialcircle_ros.pipeline.stack_cloud import StackCloud
 from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
 
 from .health import Health
+from .lost_messages import LostMessages, lost_sentence
 from .parameters import Configuration
-from .rclpy_internals import waiting_messages
+from .rclpy_internals import MessageInput, TakenMessage, listen, take, waiting_messages
 from .topics import CLASSES, Publishers, qos_options
 from .worker import QueueWorker, always
 
@@ -87,20 +88,31 @@ class StackInput:
         self._reserved = 0
         self._last_arrival_s = float('-inf')
         self._closing_arrival_s = float('-inf')
-        self._subscriptions: list[tuple[Subscription, str]] = []
+        self._frames: MessageInput | None = None
+        self._joint_states: Subscription | None = None
+        self._lost = LostMessages(self._frames_lost)
+        self._missing = 0  # frames, lost or dropped, since the last one that waits or was measured
         self._publishers = Publishers(node, (*STACK_OUTPUTS, STACK_PREVIEW))
         self._worker = QueueWorker[_Task](self._work, self._check_timeout, PAUSE_S)
 
     def listen(self) -> None:
         """Subscribe to frames and joint states."""
-        for topic, arrived in (
-            (STACK_FRAMES, self._frame_arrived),
-            (STACK_JOINT_STATES, self._joint_state_arrived),
-        ):
-            subscription = self._node.create_subscription(
-                CLASSES[topic.type], topic.name, arrived, raw=True, **qos_options(topic)
-            )
-            self._subscriptions.append((subscription, topic.type))
+        self._lost, self._missing = LostMessages(self._frames_lost), 0
+        self._frames = listen(
+            self._node,
+            CLASSES[STACK_FRAMES.type],
+            STACK_FRAMES.name,
+            self._frame_arrived,
+            event_callbacks=self._lost,
+            **qos_options(STACK_FRAMES),
+        )
+        self._joint_states = self._node.create_subscription(
+            CLASSES[STACK_JOINT_STATES.type],
+            STACK_JOINT_STATES.name,
+            self._joint_state_arrived,
+            raw=True,
+            **qos_options(STACK_JOINT_STATES),
+        )
 
     @property
     def busy_s(self) -> float:
@@ -110,7 +122,12 @@ class StackInput:
     @property
     def subscriptions(self) -> list[tuple[Subscription, str]]:
         """The subscriptions in force, with the types of their messages."""
-        return list(self._subscriptions)
+        subscriptions = []
+        if self._frames is not None:
+            subscriptions.append((self._frames.subscription, STACK_FRAMES.type))
+        if self._joint_states is not None:
+            subscriptions.append((self._joint_states, STACK_JOINT_STATES.type))
+        return subscriptions
 
     @property
     def reserves_memory(self) -> bool:
@@ -135,9 +152,7 @@ class StackInput:
         Raises:
             StackError: it did not end in time.
         """
-        for subscription, _ in self._subscriptions:
-            for message in waiting_messages(subscription):
-                subscription.callback(message)
+        self._take_delivered()
         return self._ask(StackAssembler.finish)
 
     def close(self, patient: Callable[[], bool] = always) -> bool:
@@ -147,17 +162,39 @@ class StackInput:
         self._publishers.destroy()
         return ended
 
-    def _unsubscribe(self) -> None:
-        while self._subscriptions:
-            subscription, _ = self._subscriptions.pop()
-            self._node.destroy_subscription(subscription)
+    def _take_delivered(self) -> None:
+        """Take what the middleware has delivered and the executor has not taken yet."""
+        if self._frames is not None:
+            while (taken := take(self._frames.subscription)) is not None:
+                self._frame_arrived(taken)
+        if self._joint_states is not None:
+            for message in waiting_messages(self._joint_states):
+                self._joint_state_arrived(message)
 
-    def _frame_arrived(self, message: bytes) -> None:
+    def _unsubscribe(self) -> None:
+        if self._frames is not None:
+            self._frames.destroy()
+            self._frames = None
+        if self._joint_states is not None:
+            self._node.destroy_subscription(self._joint_states)
+            self._joint_states = None
+
+    def _frame_arrived(self, taken: TakenMessage) -> None:
         self._health.frame_received()
         self._last_arrival_s = time.monotonic()
-        task = _Task(lambda assembler: assembler.add_frame(message), self._last_arrival_s)
-        if not self._worker.put_if_room(task, MOST_WAITING):
+        # Read-only, as bytes are: the kernels of colours are compiled for that.
+        message, missing = taken.message.toreadonly(), self._missing + self._lost.arrived(taken)
+        task = _Task(lambda assembler: assembler.add_frame(message, missing), self._last_arrival_s)
+        if self._worker.put_if_room(task, MOST_WAITING):
+            self._missing = 0
+        else:
+            self._missing = missing + 1
             self._health.frame_dropped()
+
+    def _frames_lost(self, count: int) -> None:
+        reason = lost_sentence(count, self._node.resolve_topic_name(STACK_FRAMES.name), 'frame')
+        self._health.frames_lost(count, reason)
+        self._node.get_logger().warning(reason, throttle_duration_sec=_LOG_PERIOD_S)
 
     def _joint_state_arrived(self, message: bytes) -> None:
         task = _Task(lambda assembler: assembler.add_joint_state(message), time.monotonic())

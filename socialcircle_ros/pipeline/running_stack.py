@@ -41,6 +41,9 @@ class RunningStack:
         offered: frames that were offered, with those that could not be measured.
         ended_by: what ended the stack before its time; '': nothing did.
         after_another: whether another stack was given up before it, and nothing tells where the next scan began.
+        first: number in its scan of the first frame, as far as the numbers of the publisher tell it.
+        missing_before: frames that are known to be missing before the first one; they may belong to it.
+        missing: frames that are known to be missing between the first and the last one.
     """
 
     focus: FocusStack
@@ -52,6 +55,9 @@ class RunningStack:
     offered: int = 0
     ended_by: str = ''
     after_another: bool = False
+    first: int = 0
+    missing_before: int = 0
+    missing: int = 0
     _first_z: float = math.nan
     _last_z: float = math.nan
     _furthest_z: float = math.nan
@@ -66,19 +72,33 @@ class RunningStack:
         """How many frames were measured."""
         return len(self.stamps)
 
-    def add(self, frame: Image, pixels: Frame, z: float | None) -> None:
+    def begin_behind(self, missing: int, ahead: int | None) -> None:
+        """Take note of frames that are known to be missing before the first one.
+
+        Args:
+            missing: how many.
+            ahead: number in its scan of the first of them, from the end of the stack before; None: not known.
+        """
+        self.missing_before = missing
+        if ahead is not None and self.settings.frames and not self.counts:
+            # Nothing but their count tells where the scans that follow begin.
+            self.first = (ahead + missing) % self.settings.frames
+
+    def add(self, frame: Image, pixels: Frame, z: float | None, missing: int = 0) -> None:
         """Measure a frame.
 
         Args:
             frame: its message.
             pixels: (H, W), its pixels in gray.
             z: position of the stage in m; None: it is counted.
+            missing: frames that are known to be missing before it; those before the first one are not counted.
 
         Raises:
             StackError: the frame cannot be used.
         """
         if z is None:
-            z = self.settings.z_start + self.settings.z_step * self.offered
+            self.missing += missing if self.offered else 0
+            z = self.settings.z_start + self.settings.z_step * (self.first + self.offered + self.missing)
         self.offered += 1
         self.focus.add(pixels, z, frame.colours())
         header = frame.header
@@ -94,8 +114,8 @@ class RunningStack:
             self._furthest_z = z
         self._last_z = z
 
-    def ends_before(self, stamp: int, z: float | None) -> bool:
-        """Whether a frame belongs to the next stack, and not to the rest of this one."""
+    def ends_before(self, stamp: int, z: float | None, missing: int = 0) -> bool:
+        """Whether a frame belongs to the next stack, and not to the rest of this one; arguments as of `add`."""
         if z is not None:
             if self.settings.end_at_turn and self._turned(z):
                 return True
@@ -103,14 +123,15 @@ class RunningStack:
                 self.ended_by = ', and the stage began again'
                 return True
             return False
-        if not self.counts:
-            return False
+        if not self.counts or period_of(self.stamps) <= 0:
+            wanted = self.settings.frames
+            return 0 < wanted <= self.last_number + missing + 1 and missing > 0
         periods = self._periods_to(stamp)
         if periods < GAP_PERIODS:
             return False
         if self.settings.frames:
-            return self._last_number() + round(periods) >= self.settings.frames
-        if periods >= PAUSE_PERIODS:
+            return self.last_number + round(periods) >= self.settings.frames
+        if periods - missing >= PAUSE_PERIODS:
             self.ended_by = f', before a pause of {periods:.0f} periods'
             return True
         return False
@@ -119,7 +140,8 @@ class RunningStack:
     def is_whole(self) -> bool:
         """Whether all frames have come that `stack.frames` asks for, or were lost on the way."""
         wanted = self.settings.frames
-        return bool(wanted) and (self.frames >= wanted or (self._gap and self._last_number() >= wanted - 1))
+        has_gaps = self._gap or self.first + self.missing > 0
+        return bool(wanted) and (self.frames >= wanted or (has_gaps and self.last_number >= wanted - 1))
 
     def cloud(self, *, preview: bool) -> StackCloud:
         """The cloud and the image of the frames so far.
@@ -129,7 +151,8 @@ class RunningStack:
         """
         numbers = frame_numbers(self.stamps) if self.counts else None
         z = None if numbers is None else self._counted(numbers)
-        lost = 0 if numbers is None else int(numbers[-1]) + 1 - self.frames
+        lost = self.missing if numbers is None else int(numbers[-1]) + 1 - self.frames
+        known_by = 'the numbers of their publisher' if numbers is None else 'the stamps'
         result = self.focus.finish(z)
         return make_cloud(
             result,
@@ -137,7 +160,7 @@ class RunningStack:
             self.header,
             frames=self.frames,
             preview=preview,
-            warning='' if preview else self._warning(lost, result),
+            warning='' if preview else self._warning(lost, known_by, result),
             speed=self._speed,
             blue_first=self._blue_first,
         )
@@ -154,8 +177,8 @@ class RunningStack:
         return self.settings.z_source == 'step' and self.settings.check_stamps
 
     def _counted(self, numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.float64] | None:
-        """Z of the frames in ascending order; None: some frame was not measured, or no frame was lost."""
-        if self.offered != self.frames or numbers[-1] + 1 == self.frames:
+        """Z of the frames in ascending order; None: some frame was not measured, or their z are those."""
+        if self.offered != self.frames or numbers[-1] + 1 == self.frames + self.missing == self.frames:
             return None
         z = self.settings.z_start + self.settings.z_step * numbers
         return np.sort(z)
@@ -175,13 +198,14 @@ class RunningStack:
         period = period_of(self.stamps)
         return (stamp - self.stamps[-1]) / period if period > 0 else 0.0
 
-    def _last_number(self) -> int:
-        """The number of the last frame, lost ones counted; without them where the stamps do not fit."""
+    @property
+    def last_number(self) -> int:
+        """The number of the last frame in its scan, with lost ones as far as stamps or the publisher tell."""
         try:
-            numbers = frame_numbers(self.stamps)
+            numbers = frame_numbers(self.stamps) if self.counts else None
         except StackError:
             numbers = None
-        return self.frames - 1 if numbers is None else int(numbers[-1])
+        return self.first + self.frames + self.missing - 1 if numbers is None else int(numbers[-1])
 
     def _turned(self, z: float) -> bool:
         """Whether z moved back by more than half of the mean step, which jitter does not reach."""
@@ -202,11 +226,12 @@ class RunningStack:
         step = (self._furthest_z - self._first_z) / (self.frames - 1)
         return abs((z - self._last_z) / step - 1) > 0.5
 
-    def _warning(self, lost: int, result: FocusResult) -> str:
+    def _warning(self, lost: int, known_by: str, result: FocusResult) -> str:
         """What may be wrong with the cloud; '': there is no sign of it.
 
         Args:
             lost: frames that were lost on the way.
+            known_by: what shows that.
             result: what was measured.
         """
         sentences = []
@@ -232,8 +257,14 @@ class RunningStack:
             )
         if lost:
             sentences.append(
-                f'{_frames(lost)} of a stack {"was" if lost == 1 else "were"} lost on the way, as the stamps show;'
+                f'{_frames(lost)} of a stack {"was" if lost == 1 else "were"} lost on the way, as {known_by} show;'
                 ' z is counted with the gaps.'
+            )
+        if self.missing_before:
+            were = 'was' if self.missing_before == 1 else 'were'
+            sentences.append(
+                f'{_frames(self.missing_before)} {were} lost on the way just before a stack, of which z counts'
+                f' {self.first or "none"} as its own: where that is wrong, all its heights are shifted.'
             )
         if self.after_another and self.counts:
             sentences.append(
@@ -241,7 +272,7 @@ class RunningStack:
                 ' scan, its heights are wrong.'
             )
         wanted = self.settings.frames
-        if self.frames + lost < wanted:
+        if self.first + self.frames + lost < wanted:
             sentences.append(
                 f'A stack ended after {_frames(self.frames)}, where stack.frames says {wanted}{self.ended_by}:'
                 ' heights that the stage did not reach are missing or wrong.'

@@ -83,7 +83,7 @@ class StackAssembler:
         self._track_is_new = False  # whether it began again since the last frame
         self._last_stamp = self._last_placed = _NEVER
         self._recent: deque[int] = deque(maxlen=4)  # stamps of the last frames, ascending
-        self._last_message = b''
+        self._last_message: bytes | memoryview = b''
         self._gave_up = False  # a stack since the last one began, and nothing tells where the next scan begins
         self._late: int | None = None  # stamp of the last frame, if that was refused: it came after a later one
         self._first: int | None = None  # stamp of the first frame of the scan
@@ -91,6 +91,8 @@ class StackAssembler:
         self._rest: RestOfScan | None = None  # of a stack that was given up
         self._ended: RestOfScan | None = None  # of the last stack that ended
         self._ended_early = False  # whether frames of that one may follow: its end was told by a stamp alone
+        self._missing = 0  # frames that are known to be missing before the next one that is counted
+        self._ahead: int | None = None  # number in its scan of the frame behind the last stack; None: unknown
 
     def configure(self, focus: FocusSettings, settings: StackSettings) -> None:
         """Set how the next stack is measured; the running one keeps its settings."""
@@ -107,8 +109,14 @@ class StackAssembler:
         stack = self._stack
         return 4 * len(fields_of(stack.encoding)) * math.prod(stack.shape) if stack is not None else 0
 
-    def add_frame(self, message: bytes) -> Iterator[StackEvent]:
-        """Take in a serialized Image."""
+    @property
+    def frames(self) -> int:
+        """How many frames the running stack has, with those that wait for a joint state."""
+        return len(self._waiting) + (0 if self._stack is None else self._stack.frames)
+
+    def add_frame(self, message: bytes | memoryview, missing: int = 0) -> Iterator[StackEvent]:
+        """Take in a serialized Image; `missing`: frames known to be missing since the one before, which count."""
+        self._missing += missing
         try:
             frame = Image.decode(message)
             self._check(frame)
@@ -180,7 +188,7 @@ class StackAssembler:
 
     def finish(self) -> Iterator[StackEvent]:
         """Close the running stack, on request or after the timeout."""
-        self._rest = self._ended = self._first = None
+        self._rest = self._ended = self._first = self._ahead = None
         self._last_message = b''
         if self._waiting:
             count = len(self._waiting)
@@ -199,6 +207,8 @@ class StackAssembler:
             is_far = len(stamps) > 1 and stamps[-1] - stamps[-2] >= PAUSE_PERIODS * period > 0
             last = stamps[-2] if is_far else stamps[-1]  # a stamp far ahead ends a stack, but is a wrong one
             self._ended = RestOfScan(stamps[0], last, period, stack.settings.frames)
+        elif stack.settings.z_source == 'step' and stack.settings.frames:
+            self._ahead = stack.last_number + 1 - stack.settings.frames
         yield from self._close()
 
     def _close(self) -> Iterator[StackEvent]:
@@ -227,7 +237,7 @@ class StackAssembler:
             back_s = (self._last_stamp - stamp) / 1e9
             yield Refusal(f'Time went backwards by {back_s:.3f} s: the running stack was given up.')
             self._gave_up = True
-        self._stack = self._first = self._ended = None
+        self._stack = self._first = self._ended = self._ahead = None
         self._waiting.clear()
         self._last_placed = _NEVER
         if not self._track_is_new:
@@ -322,7 +332,8 @@ class StackAssembler:
         self._recent.append(stamp)
         pixels = frame.gray()
         stack = self._stack
-        if stack is not None and stack.ends_before(stamp, z):
+        missing, self._missing = self._missing, 0
+        if stack is not None and stack.ends_before(stamp, z, missing):
             yield from self._end(stack, early=True)
             stack = None
         if stack is not None and (pixels.shape, frame.encoding) != (stack.shape, stack.encoding):
@@ -334,9 +345,9 @@ class StackAssembler:
                 return
             stack = self._stack = None
         if stack is None:
-            stack = self._begin(frame, pixels.shape)
+            stack = self._begin(frame, pixels.shape, missing if z is None else 0)
         try:
-            stack.add(frame, pixels, z)
+            stack.add(frame, pixels, z, missing)
         except StackError as error:
             yield Refusal(f'A frame was refused: {error}')
             return
@@ -370,7 +381,7 @@ class StackAssembler:
         if settings.z_source == 'step' and settings.z_step == 0:
             raise StackError(f'stack.z_step {NOT_SET} the distance of two frames, in metres.')
 
-    def _begin(self, frame: Image, shape: tuple[int, ...]) -> RunningStack:
+    def _begin(self, frame: Image, shape: tuple[int, ...], missing: int) -> RunningStack:
         kind = self._focus, shape, frame.encoding
         if self._memory is None or self._memory[0] != kind:
             self.release_memory()
@@ -380,6 +391,8 @@ class StackAssembler:
         focus.register = self._settings.register
         self._stack = RunningStack(focus, self._settings, shape, frame.encoding, frame.header)
         self._stack.after_another, self._gave_up = self._gave_up, False
+        self._stack.begin_behind(missing, self._ahead)
+        self._ahead = None
         if self._first is None:
             self._first = frame.header.stamp
         return self._stack

@@ -18,6 +18,7 @@ HEALTH = HealthValues(
     limits_failed=6,
     frames_received=200,
     frames_dropped=5,
+    frames_lost=0,
     joint_states_dropped=0,
     clouds_lost=0,
     stack_refusals=7,

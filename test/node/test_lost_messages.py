@@ -56,9 +56,16 @@ def test_the_middleware_reports_lost_messages_to_the_subscription(node):
 def test_a_gap_in_the_numbers_of_a_publisher_tells_how_many_are_missing():
     counts = []
     lost = LostMessages(counts.append)
-    for publisher, number in ((b'a', 7), (b'a', 8), (b'b', 1), (b'a', 11), (b'b', 2), (b'b', 4), (b'a', 12)):
-        lost.arrived(TakenMessage(NOTHING, publisher, number))
+    came = ((b'a', 7), (b'a', 8), (b'b', 1), (b'a', 11), (b'b', 2), (b'b', 4), (b'a', 12), (b'a', None))
+    missing = [lost.arrived(TakenMessage(NOTHING, publisher, number)) for publisher, number in came]
+    assert missing == [0, 0, 0, 2, 0, 1, 0, 0]
     assert counts == [2, 1]
+
+
+def test_what_was_reported_before_the_first_message_of_a_publisher_is_missing_before_it():
+    lost = LostMessages(ignore)
+    report(lost, 3)
+    assert [lost.arrived(TakenMessage(NOTHING, b'a', number)) for number in (4, 5)] == [3, 0]
 
 
 def test_a_publisher_that_starts_again_and_an_old_number_are_no_loss():
@@ -127,6 +134,10 @@ def test_the_sentence_names_the_topic_and_what_to_do(count, beginning):
     assert sentence.startswith(f'{beginning} on the way to /cell1/points')
     assert 'they come faster than the node takes them, or parts did not arrive' in sentence
     assert 'FASTRTPS_DEFAULT_PROFILES_FILE=fastdds_network.xml' in sentence
+
+
+def test_the_sentence_says_what_is_lost():
+    assert lost_sentence(2, '/image', 'frame').startswith('2 frames were lost on the way to /image')
 
 
 def test_health_counts_lost_clouds_and_shows_the_reason_for_a_while():

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames and stage positions into clouds, without a node."""
 
+import itertools
+
 import numpy as np
 import pytest
 from focus.stacks import ruled
@@ -435,6 +437,85 @@ def test_z_is_counted_with_the_gaps_of_lost_frames(lost, z_step, count):
     np.testing.assert_array_equal(PointCloud.decode(cloud.points).xyz()[..., 2], expected.depth.astype(np.float32))
     assert 'lost on the way, as the stamps show' in cloud.warning
     assert 'ended after' not in cloud.warning
+
+
+def without(messages, lost):
+    """Some of the messages, each with the number of those that are missing before it."""
+    came = [number for number in range(len(messages)) if number not in lost]
+    return [(messages[number], number - before - 1) for before, number in itertools.pairwise([-1, *came])]
+
+
+def run_with_gaps(made, messages):
+    return [event for message, missing in messages for event in made.add_frame(message, missing)]
+
+
+@pytest.mark.parametrize('lost', [[3], [5, 6, 7], [2, 9], [1, 2, 3, 11]])
+@pytest.mark.parametrize('count', [0, 15])
+@pytest.mark.parametrize('stamps', ['not checked', 'alike'])
+def test_where_the_stamps_tell_nothing_z_is_counted_with_the_gaps_that_the_publisher_tells(lost, count, stamps):
+    pixels = frames(15)
+    made = assembler(frames=count, check_stamps=stamps == 'alike')
+    for number, frame in enumerate(pixels):
+        frame[0, 0] = number  # frames of one stamp that are equal count as one that came twice
+    messages = [image(frame, 0 if stamps == 'alike' else number) for number, frame in enumerate(pixels)]
+    (cloud,) = clouds([*run_with_gaps(made, without(messages, lost)), *made.finish()])
+    came = [number for number in range(15) if number not in lost]
+    expected = depth_from_focus([pixels[number] for number in came], STEP * np.array(came))
+    np.testing.assert_array_equal(PointCloud.decode(cloud.points).xyz()[..., 2], expected.depth.astype(np.float32))
+    assert 'lost on the way, as the numbers of their publisher show; z is counted with the gaps.' in cloud.warning
+    assert 'ended after' not in cloud.warning
+
+
+def test_a_gap_that_missing_frames_fill_is_no_pause_between_two_stacks():
+    messages = numbered(frames(25), range(25))
+    (cloud,) = clouds([*run_with_gaps(made := assembler(), without(messages, range(4, 14))), *made.finish()])
+    assert cloud.frames == 15
+    assert (
+        cloud.warning
+        == '10 frames of a stack were lost on the way, as the stamps show; z is counted with the gaps.'
+    )
+
+
+def test_missing_frames_do_not_matter_where_joint_states_give_z():
+    made, told = assembler(z_source='joint_states'), assembler(z_source='joint_states')
+    for each in (made, told):
+        list(each.add_joint_state(joint(0, 0.0)))
+        list(each.add_joint_state(joint(10 * PERIOD, 10 * STEP)))
+    messages = without(numbered(frames(), range(9)), [2, 3])
+    run_with_gaps(told, messages)
+    run(made, [message for message, _ in messages])
+    (cloud,), (same,) = clouds(told.finish()), clouds(made.finish())
+    assert (cloud.points, cloud.warning) == (same.points, '')
+
+
+def test_scans_without_a_pause_stay_apart_though_frames_are_missing_where_they_meet():
+    pixels = frames(15)
+    messages = numbered(3 * pixels, range(15)) + numbered(3 * pixels, range(15, 45))
+    made = assembler(frames=15, check_stamps=False)
+    one, two, three = clouds(run_with_gaps(made, without(messages, range(12, 18))))
+    assert 'A stack ended after 12 frames, where stack.frames says 15' in one.warning
+    assert '6 frames were lost on the way just before a stack, of which z counts 3 as its own' in two.warning
+    expected = depth_from_focus(pixels[3:], STEP * np.arange(3, 15))
+    np.testing.assert_array_equal(PointCloud.decode(two.points).xyz()[..., 2], expected.depth.astype(np.float32))
+    (alone,) = clouds(feed(assembler(frames=15, check_stamps=False), pixels))
+    np.testing.assert_array_equal(PointCloud.decode(three.points).xyz(), PointCloud.decode(alone.points).xyz())
+    assert three.warning == ''
+
+
+@pytest.mark.parametrize('checked', [True, False])
+def test_a_stack_tells_that_frames_before_its_first_one_are_missing(checked):
+    made = assembler(check_stamps=checked)
+    messages = numbered(frames(12), range(12))
+    (cloud,) = clouds([*run_with_gaps(made, without(messages, [0, 1])), *made.finish()])
+    assert '2 frames were lost on the way just before a stack, of which z counts none as its own' in cloud.warning
+
+
+def test_what_is_missing_before_a_refused_frame_is_missing_before_the_next_one():
+    made = assembler(check_stamps=False)
+    messages = without(numbered(frames(), range(9)), [3])
+    messages[3:3] = [(b'cut', 2)]
+    (cloud,) = clouds([*run_with_gaps(made, messages), *made.finish()])
+    assert '3 frames of a stack were lost on the way' in cloud.warning
 
 
 def test_frames_of_the_next_scan_are_not_taken_for_lost_ones():
