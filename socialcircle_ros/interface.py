@@ -347,7 +347,10 @@ class HealthValues(StatusValues):
     limits_failed: int = field(metadata=_key('Clouds that were published and failed the limits.', 'clouds'))
     frames_received: int = field(metadata=_key('Frames received on stack/image.', 'frames'))
     frames_dropped: int = field(
-        metadata=_key('Frames that arrived faster than the node can process them.', 'frames')
+        metadata=_key(
+            'Frames that came faster than they are measured, or whose stack ran when the node was deactivated.',
+            'frames',
+        )
     )
     frames_lost: int = field(metadata=_key('Frames that were published but did not reach the node.', 'frames'))
     joint_states_dropped: int = field(metadata=_key('Joint states that came faster than they could be taken.'))

@@ -130,6 +130,13 @@ class Health:
             self.counts.frames_dropped += 1
             self._trouble('A frame was dropped: frames come faster than their focus is measured.')
 
+    def stack_dropped(self, frames: int, reason: str) -> None:
+        """A stack, or what there was of it, is not measured: all its frames are dropped."""
+        with self._lock:
+            self.counts.frames_dropped += frames
+            self.last_reason = reason
+            self._trouble_at_s = time.monotonic()
+
     def frames_lost(self, count: int, reason: str) -> None:
         """Frames did not arrive."""
         with self._lock:

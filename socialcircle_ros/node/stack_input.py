@@ -59,6 +59,7 @@ class _Task:
 
     act: Callable[[StackAssembler], Iterator[StackEvent]]
     arrived_s: float = 0.0
+    is_frame: bool = False
     done: threading.Event | None = None
     events: list[StackEvent] | None = None
 
@@ -135,13 +136,22 @@ class StackInput:
         return self._reserved > 0
 
     def ignore(self) -> None:
-        """End the subscriptions, and forget the running stack."""
+        """End the subscriptions, and drop the stack that runs once all that has come is measured."""
+        self._take_delivered()
         self._unsubscribe()
-        self.forget()
+        self._tell_dropped(self.forget(), 'deactivated')
 
-    def forget(self) -> None:
-        """Forget the running stack."""
-        self._ask(self._forget)
+    def forget(self) -> int:
+        """Forget the running stack, and return the number of its frames."""
+        frames = []
+
+        def forget(assembler: StackAssembler) -> Iterator[StackEvent]:
+            frames.append(assembler.frames)
+            self._assembler = StackAssembler()
+            return iter(())
+
+        self._ask(forget)
+        return sum(frames)
 
     def finish(self) -> list[StackEvent]:
         """Close the running stack, and wait for what comes of it; nothing where none runs.
@@ -157,8 +167,12 @@ class StackInput:
 
     def close(self, patient: Callable[[], bool] = always) -> bool:
         """Stop the worker, and destroy subscriptions and publishers; as `CloudFilter.close`."""
+        if self._node.context.ok():
+            self._take_delivered()
         self._unsubscribe()
         ended = self._worker.stop(patient)
+        waiting = sum(task.is_frame for task in self._worker.forget())
+        self._tell_dropped(waiting + self._assembler.frames, 'shut down')
         self._publishers.destroy()
         return ended
 
@@ -184,12 +198,21 @@ class StackInput:
         self._last_arrival_s = time.monotonic()
         # Read-only, as bytes are: the kernels of colours are compiled for that.
         message, missing = taken.message.toreadonly(), self._missing + self._lost.arrived(taken)
-        task = _Task(lambda assembler: assembler.add_frame(message, missing), self._last_arrival_s)
+        task = _Task(lambda assembler: assembler.add_frame(message, missing), self._last_arrival_s, is_frame=True)
         if self._worker.put_if_room(task, MOST_WAITING):
             self._missing = 0
         else:
             self._missing = missing + 1
             self._health.frame_dropped()
+
+    def _tell_dropped(self, frames: int, what: str) -> None:
+        """Count the frames of a stack that ran when something became of the node, and say so."""
+        if not frames:
+            return
+        were = 'A frame of a stack was' if frames == 1 else f'{frames} frames of a stack were'
+        reason = f'{were} dropped: the stack was not finished when the node was {what}.'
+        self._health.stack_dropped(frames, reason)
+        self._node.get_logger().warning(reason)
 
     def _frames_lost(self, count: int) -> None:
         reason = lost_sentence(count, self._node.resolve_topic_name(STACK_FRAMES.name), 'frame')
@@ -208,14 +231,10 @@ class StackInput:
             StackError: it was not done in time.
         """
         done, events = threading.Event(), list[StackEvent]()
-        self._worker.put(_Task(act, time.monotonic(), done, events))
+        self._worker.put(_Task(act, time.monotonic(), done=done, events=events))
         if not done.wait(_FINISHING_S):
             raise StackError(f'Too many frames wait to be measured; nothing came of it in {_FINISHING_S:.0f} s.')
         return events
-
-    def _forget(self, _: StackAssembler) -> Iterator[StackEvent]:
-        self._assembler = StackAssembler()
-        return iter(())
 
     def _work(self, task: _Task) -> None:
         """Do a task and publish what comes of it; on the worker's thread, so no exception may escape."""

@@ -6,6 +6,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Generic, TypeVar
 
 Item = TypeVar('Item')
@@ -164,8 +165,16 @@ class QueueWorker(Generic[Item]):
         self._items.put(item)
         return True
 
+    def forget(self) -> list[Item]:
+        """Take the items that wait away, and return them."""
+        forgotten = []
+        with suppress(queue.Empty):
+            while True:
+                forgotten.append(self._items.get_nowait())
+        return [item for item in forgotten if item is not None]
+
     def stop(self, patient: Callable[[], bool] = always) -> bool:
-        """Let the work at hand end, drop what waits, and join the thread; may be called twice.
+        """Let the work at hand end, begin no other, and join the thread; may be called twice.
 
         Args:
             patient: called periodically; the wait ends when it returns False.
@@ -184,6 +193,7 @@ class QueueWorker(Generic[Item]):
             except queue.Empty:
                 item = None
             if self._stopping.is_set():
+                self._items.put(item)  # it was not begun, and still waits
                 return
             self._began_s = time.monotonic()
             try:

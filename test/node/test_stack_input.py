@@ -3,14 +3,11 @@
 
 import threading
 
-import numpy as np
 import pytest
 import rclpy
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import Image
 
-from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.image import encode_image
 from socialcircle_ros.node import stack_input
 from socialcircle_ros.node.health import Health
 from socialcircle_ros.node.parameters import Configuration
@@ -54,60 +51,80 @@ def test_what_comes_while_too_much_waits_is_dropped_and_counted(node, arrived, d
     stacks.close()
 
 
-COUNTED = Configuration.from_ros(
-    {'stack.pitch_x': 1e-6, 'stack.z_step': 1e-6, 'stack.timeout': 0.0, 'stack.check_stamps': False}
-)
+class Assembler:
+    """Takes frames, and notes how many are missing before each."""
+
+    running, timeout, cloud_size = False, 0.0, 0
+
+    def __init__(self):
+        self.missing = []
+
+    @property
+    def frames(self):
+        return len(self.missing)
+
+    def configure(self, *settings):
+        pass
+
+    def add_frame(self, _, missing):
+        self.missing.append(missing)
+        return iter(())
+
+    def finish(self):
+        return iter(())
 
 
 class Stacks(StackInput):
     """What a node does with frames, with a worker that can be made to wait."""
 
     def __init__(self, node):
-        self.health, self.through = Health(), threading.Event()
+        self.health, self.begun, self.through = Health(), threading.Event(), threading.Event()
         self.through.set()
         super().__init__(node, self.settings, self.health, lambda *_: None)
 
     def settings(self):
+        self.begun.set()
         self.through.wait()
-        return COUNTED
+        return Configuration()
 
-    def arrives(self, number):
-        self._frame_arrived(TakenMessage(memoryview(frame(number)), b'camera', number))
+    def hold(self, number):
+        """Let a frame arrive with which the worker is busy until it is let through."""
+        self.wait()
+        self.begun.clear()
+        self.through.clear()
+        self.arrives(number)
+        self.begun.wait()
+
+    def arrives(self, *numbers):
+        for number in numbers:
+            self._frame_arrived(TakenMessage(memoryview(b''), b'camera', number))
 
     def wait(self):
         self._ask(lambda _: iter(()))
 
 
-def frame(number):
-    texture = np.random.default_rng(0).integers(0, 200, (24, 30))
-    return encode_image(Header.at(number, ''), (texture / (1 + (number - 5) ** 2)).astype(np.uint8))
-
-
 @pytest.fixture
-def stacks(node):
+def stacks(node, monkeypatch):
+    monkeypatch.setattr(stack_input, 'StackAssembler', Assembler)
     stacks = Stacks(node)
     yield stacks
     stacks.through.set()
     stacks.close()
 
 
-def test_lost_and_dropped_frames_are_counted_and_the_stack_is_measured_with_the_gap(stacks, monkeypatch):
+def test_lost_and_dropped_frames_are_counted_and_missing_before_the_next_one(stacks, monkeypatch):
     monkeypatch.setattr(stack_input, 'MOST_WAITING', 1)
     stacks.arrives(0)
-    stacks.wait()
-    stacks.through.clear()
-    for number in (1, 2, 3, 5):
-        stacks.arrives(number)  # one is at hand or waits, and one may wait
-    dropped = stacks.health.counts.frames_dropped
+    stacks.hold(1)
+    stacks.arrives(2, 3, 5)
     stacks.through.set()
-    for number in (6, 7, 8):
-        stacks.wait()
-        stacks.arrives(number)
     stacks.wait()
-    (cloud,) = stacks.finish()
-    assert dropped in (2, 3)
-    assert (cloud.frames, stacks.health.counts.frames_lost) == (8 - dropped, 1)
-    assert f'{dropped + 1} frames of a stack were lost on the way' in cloud.warning
+    stacks.arrives(6)
+    stacks.wait()
+    stacks.arrives(9)
+    stacks.wait()
+    assert (stacks.health.counts.frames_dropped, stacks.health.counts.frames_lost) == (2, 3)
+    assert stacks._assembler.missing == [0, 0, 0, 3, 2]
 
 
 def test_frames_that_the_middleware_replaces_are_counted_as_lost(node, stacks):
@@ -121,10 +138,41 @@ def test_frames_that_the_middleware_replaces_are_counted_as_lost(node, stacks):
             if counts.frames_received + counts.frames_lost >= count:
                 break
 
-    publisher.publish(frame(0))
+    publisher.publish(Image())
     take_until_known(1)
-    for number in range(1, 71):
-        publisher.publish(frame(number))
+    for _ in range(70):
+        publisher.publish(Image())
     take_until_known(71)
     assert counts.frames_lost > 0
     assert counts.frames_received + counts.frames_lost == 71
+
+
+def test_a_stack_that_runs_when_the_node_is_deactivated_is_counted_and_told(stacks):
+    stacks.arrives(*range(4))
+    stacks.ignore()
+    counts, reason = stacks.health.counts, '4 frames of a stack were dropped: the stack was not finished when'
+    assert (counts.frames_received, counts.frames_dropped) == (4, 4)
+    assert stacks.health.last_reason == f'{reason} the node was deactivated.'
+    assert stacks.health.had_trouble()
+    assert not stacks.health.in_trouble()
+    stacks.ignore()
+    assert counts.frames_dropped == 4
+
+
+def test_what_runs_and_what_waits_when_the_node_ends_is_counted_and_told(stacks):
+    stacks.arrives(*range(3))
+    stacks.hold(3)
+    stacks.arrives(*range(4, 7))
+    closing = threading.Thread(target=stacks.close)
+    closing.start()
+    stacks.through.set()
+    closing.join()
+    assert stacks.health.counts.frames_dropped == 7
+    assert stacks.health.last_reason.endswith('was not finished when the node was shut down.')
+
+
+def test_a_stack_that_is_forgotten_on_request_is_no_trouble(stacks):
+    stacks.arrives(0)
+    stacks.forget()
+    stacks.close()
+    assert stacks.health.counts.frames_dropped == 0

@@ -79,6 +79,27 @@ def test_draining_an_idle_worker_returns_at_once():
     assert gate.done == []
 
 
+def test_what_waits_in_a_queue_is_given_back_when_it_is_forgotten():
+    begun, through, done = threading.Event(), threading.Event(), []
+
+    def work(job):
+        begun.set()
+        through.wait()
+        done.append(job)
+
+    worker = QueueWorker(work, lambda: None, pause_s=10.0)
+    for job in (1, 2, 3):
+        worker.put(job)
+    begun.wait()
+    stopping = threading.Thread(target=worker.stop)
+    stopping.start()
+    assert worker.forget() == [2, 3]
+    through.set()
+    stopping.join()
+    assert done == [1]
+    assert worker.forget() == []
+
+
 def test_a_queue_that_is_full_takes_nothing_more():
     begun, through, done = threading.Semaphore(0), threading.Semaphore(0), []
 
