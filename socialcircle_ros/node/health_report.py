@@ -45,7 +45,7 @@ class NodeState:
 
 
 def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, str]:
-    """The status for `/diagnostics`, and the complaint about publishers that is to be logged ('': none)."""
+    """The status for `/diagnostics`, and the complaint about other nodes that is to be logged ('': none)."""
     listening = bool(now.subscriptions)
     topic = now.subscriptions[0][0].topic_name if listening else ''
     publishers = node.get_publishers_info_by_topic(topic) if listening else []
@@ -75,12 +75,12 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
         )
     elif not listening:
         level, message = diagnostics.OK, f'The node is {now.state}; it filters once it is active.'
-    elif several:
-        level, message = diagnostics.WARN, several
     elif unheard:
         level, message = diagnostics.ERROR, unheard[0]
     elif health.in_trouble():
         level, message = diagnostics.ERROR, health.last_reason
+    elif several:
+        level, message = diagnostics.WARN, several
     elif now.compiling_s > _NOTICEABLE_S:
         level = diagnostics.WARN
         message = (
@@ -106,4 +106,4 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
     else:
         level, message = diagnostics.OK, 'Clouds are filtered as they come.'
     status = Status(level, f'{now.name.strip("/")}: filter', message, now.name, values)
-    return status, unheard[0] if unheard else ''
+    return status, ' '.join([*unheard[:1], several]).strip()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the diagnostics tell of the last stack, and of what comes to the node."""
 
+import dataclasses
 import types
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ from rclpy.qos import QoSProfile
 
 from socialcircle_ros.focus import Registered
 from socialcircle_ros.interface import POINTS, STACK_FRAMES, STACK_JOINT_STATES
-from socialcircle_ros.messages.diagnostics import OK, WARN
+from socialcircle_ros.messages.diagnostics import ERROR, OK, WARN
 from socialcircle_ros.node.health import Health
 from socialcircle_ros.node.health_report import NodeState, health_status
 
@@ -50,22 +51,27 @@ def sentence_where(*topics, **now):
     return status_where(*topics, **now).message
 
 
-def status_where(*topics, health=None, silence_s=0.0, compiling_s=0.0):
+def status_where(*topics, **now):
+    status, complaint = report_where(*topics, **now)
+    assert complaint == ''
+    return status
+
+
+def report_where(*topics, health=None, silence_s=0.0, compiling_s=0.0, namesakes=1):
     heard = [Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)) for each in topics]
     node = types.SimpleNamespace(
         get_publishers_info_by_topic=lambda name: [each for each in heard if each.topic_name == name],
-        get_node_names_and_namespaces=lambda: [('social_circle', '/cell')],
+        get_node_names_and_namespaces=lambda: namesakes * [('social_circle', '/cell')],
         get_namespace=lambda: '/cell',
         get_name=lambda: 'social_circle',
+        get_fully_qualified_name=lambda: '/cell/social_circle',
     )
     inputs = (POINTS, STACK_FRAMES, STACK_JOINT_STATES)
     subscriptions = tuple(
         (Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)), each.type) for each in inputs
     )
     state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, silence_s, '', compiling_s)
-    status, complaint = health_status(node, state, health or Health())
-    assert complaint == ''
-    return status
+    return health_status(node, state, health or Health())
 
 
 @pytest.mark.parametrize(
@@ -103,3 +109,16 @@ def test_a_reset_makes_no_publisher_silent():
     health.received()
     health.reset()
     assert sentence_where(POINTS, health=health, silence_s=5.0) == 'Clouds are filtered as they come.'
+
+
+def test_two_nodes_of_one_name_are_logged_and_hide_no_error():
+    status, complaint = report_where(POINTS, namesakes=2)
+    assert complaint.startswith('2 nodes are named /cell/social_circle')
+    assert (status.level, status.message) == (WARN, complaint)
+    health = Health()
+    health.refused('The cloud is not organized.', again=False)
+    status, logged = report_where(POINTS, health=health, namesakes=2)
+    assert (status.level, status.message, logged) == (ERROR, 'The cloud is not organized.', complaint)
+    other = dataclasses.replace(POINTS, type='std_msgs/msg/String')
+    status, logged = report_where(other, namesakes=2)
+    assert (status.level, logged) == (ERROR, f'{status.message} {complaint}')
