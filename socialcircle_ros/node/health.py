@@ -45,7 +45,8 @@ class Health:
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _arrivals_s: deque[float] = field(default_factory=lambda: deque(maxlen=10_000))
     _latencies_s: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=10_000))
-    _last_arrival_s: float = float('-inf')
+    _last_sign_s: float = float('-inf')
+    _clouds_came: bool = False
     _trouble_at_s: float = float('-inf')
     _last_was_refused: bool = False
     _last_refused_was_cloud: bool = False
@@ -61,8 +62,9 @@ class Health:
         """A cloud arrived."""
         with self._lock:
             self.counts.received += 1
-            self._last_arrival_s = time.monotonic()
-            self._arrivals_s.append(self._last_arrival_s)
+            self._clouds_came = True
+            self._last_sign_s = time.monotonic()
+            self._arrivals_s.append(self._last_sign_s)
 
     def judged(self, failure: str, *, again: bool) -> None:
         """A cloud was held to the limits; `failure`: why it failed ('': it did not); `again`: it was counted."""
@@ -76,7 +78,8 @@ class Health:
         """A cloud went out, `latency` seconds after it had arrived."""
         with self._lock:
             self.counts.published += 1
-            self._latencies_s.append((time.monotonic(), latency))
+            self._last_sign_s = time.monotonic()
+            self._latencies_s.append((self._last_sign_s, latency))
             self._last_was_refused = False
 
     def dropped(self, reason: str) -> None:
@@ -97,6 +100,7 @@ class Health:
         """A cloud could not be used; `again`: it was counted."""
         with self._lock:
             self.counts.refused += not again
+            self._last_sign_s = time.monotonic()
             self._trouble(reason)
             self._last_refused_was_cloud = True
 
@@ -110,6 +114,7 @@ class Health:
         """A cloud met a fault of this package; `again`: it was counted."""
         with self._lock:
             self.counts.failed += not again
+            self._last_sign_s = time.monotonic()
             self._trouble(reason)
             self._last_refused_was_cloud = True
 
@@ -123,6 +128,7 @@ class Health:
         """A frame of a stack arrived."""
         with self._lock:
             self.counts.frames_received += 1
+            self._last_sign_s = time.monotonic()
 
     def frame_dropped(self) -> None:
         """A frame was dropped, because too many others waited."""
@@ -191,7 +197,7 @@ class Health:
         self._last_was_refused, self._last_refused_was_cloud = True, False
 
     def reset(self) -> None:
-        """Start counting anew; when the last cloud came is no count, and stays known."""
+        """Start counting anew; when the last input came is no count, and stays known."""
         with self._lock:
             self.counts = InputCounts()
             self.last_reason = ''
@@ -205,8 +211,12 @@ class Health:
             self._last_was_refused = False
 
     def seconds_silent(self) -> float:
-        """Time since the last cloud arrived; infinite where none has."""
-        return time.monotonic() - self._last_arrival_s
+        """Time since the last cloud or frame arrived, or a cloud was done with; infinite where none has come."""
+        return time.monotonic() - self._last_sign_s
+
+    def clouds_came(self) -> bool:
+        """Whether a cloud has ever arrived."""
+        return self._clouds_came
 
     def in_trouble(self) -> bool:
         """Whether input was refused or failed, or a frame or joint state dropped, after the last result."""

@@ -30,8 +30,8 @@ class NodeState:
         active_since_s: time of the activation, of time.monotonic().
         silence_s: time without a cloud after which diagnostics warn; 0: never.
         differences: what the installed rclpy lacks.
-        compiling_s: while kernels are compiled, for how long the cloud or frame at hand has been worked on; at
-            most 0: nothing is at hand, or nothing is compiled.
+        busy_s: for how long the cloud or frame at hand has been worked on; at most 0: nothing is at hand.
+        compiling: whether kernels are compiled.
     """
 
     name: str
@@ -41,7 +41,8 @@ class NodeState:
     active_since_s: float
     silence_s: float
     differences: str
-    compiling_s: float
+    busy_s: float
+    compiling: bool
 
 
 def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, str]:
@@ -66,6 +67,8 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
     )
     several = namesakes(node)
     silent_s = min(health.seconds_silent(), time.monotonic() - now.active_since_s)
+    # A publisher may wait for the result of its last cloud; and where frames come, clouds need not.
+    awaited = publishers and now.silence_s and now.busy_s <= 0 and (health.clouds_came() or not frames_come)
     if not listening and now.failure:
         level, message = diagnostics.ERROR, now.failure
     elif now.state == 'finalized':
@@ -81,17 +84,17 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
         level, message = diagnostics.ERROR, health.last_reason
     elif several:
         level, message = diagnostics.WARN, several
-    elif now.compiling_s > _NOTICEABLE_S:
+    elif now.compiling and now.busy_s > _NOTICEABLE_S:
         level = diagnostics.WARN
         message = (
             'Kernels that the settings need are compiled, once;'
-            f' a cloud has waited {now.compiling_s:.0f} s for them.'
+            f' a cloud has waited {now.busy_s:.0f} s for them.'
         )
     elif health.failed_limits():
         level, message = diagnostics.WARN, f'The last measurement failed its limits: {health.failed_limits()}'
     elif health.had_trouble():
         level, message = diagnostics.WARN, health.last_reason
-    elif publishers and now.silence_s and silent_s > now.silence_s:
+    elif awaited and silent_s > now.silence_s:
         names = ', '.join(node_of(publisher) for publisher in publishers)
         level = diagnostics.WARN
         message = SILENT.format(

@@ -311,7 +311,8 @@ class SocialCircleNode(LifecycleNode):
             active_since_s=self._active_since_s,
             silence_s=self._configuration().node.silence,
             differences=' '.join(self._differences),
-            compiling_s=busy_s if is_compiling() else 0.0,
+            busy_s=busy_s,
+            compiling=is_compiling(),
         )
 
 

@@ -57,7 +57,7 @@ def status_where(*topics, **now):
     return status
 
 
-def report_where(*topics, health=None, silence_s=0.0, compiling_s=0.0, namesakes=1):
+def report_where(*topics, health=None, silence_s=0.0, busy_s=0.0, compiling=False, namesakes=1):
     heard = [Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)) for each in topics]
     node = types.SimpleNamespace(
         get_publishers_info_by_topic=lambda name: [each for each in heard if each.topic_name == name],
@@ -70,7 +70,7 @@ def report_where(*topics, health=None, silence_s=0.0, compiling_s=0.0, namesakes
     subscriptions = tuple(
         (Heard(f'/cell/{each.name}', each.type, QoSProfile(depth=1)), each.type) for each in inputs
     )
-    state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, silence_s, '', compiling_s)
+    state = NodeState('/cell/social_circle', 'active', '', subscriptions, 0.0, silence_s, '', busy_s, compiling)
     return health_status(node, state, health or Health())
 
 
@@ -97,10 +97,11 @@ def test_the_sentence_does_not_say_that_nothing_has_come_yet_after_something_cam
 
 
 def test_it_is_told_where_a_cloud_waits_for_kernels_that_are_compiled():
-    status = status_where(POINTS, compiling_s=7.0)
+    status = status_where(POINTS, busy_s=7.0, compiling=True)
     sentence = 'Kernels that the settings need are compiled, once; a cloud has waited 7 s for them.'
     assert (status.level, status.message) == (WARN, sentence)
-    assert status_where(POINTS, compiling_s=0.9).level == OK
+    assert status_where(POINTS, busy_s=0.9, compiling=True).level == OK
+    assert status_where(POINTS, busy_s=7.0).level == OK
 
 
 def test_a_reset_makes_no_publisher_silent():
@@ -109,6 +110,27 @@ def test_a_reset_makes_no_publisher_silent():
     health.received()
     health.reset()
     assert sentence_where(POINTS, health=health, silence_s=5.0) == 'Clouds are filtered as they come.'
+
+
+def test_no_publisher_is_silent_while_its_cloud_is_filtered():
+    assert 'has sent no cloud' not in sentence_where(POINTS, silence_s=2.0, busy_s=8.0)
+    for done in (
+        lambda health: health.published(8.0),
+        lambda health: health.refused('why', again=False),
+        lambda health: health.cloud_failed('why', again=False),
+    ):
+        health = Health()
+        done(health)
+        assert health.seconds_silent() < 2.0
+
+
+def test_where_frames_come_a_publisher_that_never_sent_a_cloud_is_not_silent():
+    health = Health()
+    health.frame_received()
+    assert health.seconds_silent() < 2.0
+    assert 'has sent no cloud' not in sentence_where(POINTS, STACK_FRAMES, silence_s=1e-9, health=health)
+    health.received()
+    assert 'has sent no cloud' in sentence_where(POINTS, STACK_FRAMES, silence_s=1e-9, health=health)
 
 
 def test_two_nodes_of_one_name_are_logged_and_hide_no_error():
