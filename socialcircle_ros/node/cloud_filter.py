@@ -5,6 +5,7 @@ A cloud goes one way: it arrives or is made from a stack, waits, is filtered, an
 message is never altered, so that it can be filtered again and published as it came.
 """
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from socialcircle_ros.interface import CLOUD_OUTPUTS, LAST_POINTS, MEASUREMENT, 
 from socialcircle_ros.kernels.memory import give_back_freed_memory, reserve_memory
 from socialcircle_ros.messages import diagnostics
 from socialcircle_ros.messages.header import readable_header
-from socialcircle_ros.pipeline.clouds import failure_sentence, process_cloud
+from socialcircle_ros.pipeline.clouds import Measurement, failure_sentence, process_cloud
 
 from .health import Health
 from .live_rows import LiveRows
@@ -45,6 +46,8 @@ _UNFINISHED = 'A cloud was dropped: it was still being filtered when the node en
 
 DRAINING_S = 5.0
 """How long deactivation and the end of the node wait for the cloud at hand."""
+
+_FORGETTING_S = 1.0  # how long a reset waits for it: no message is taken meanwhile
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,8 @@ class CloudFilter:
         self._health = health
         self._input: MessageInput | None = None
         self._last: QueuedCloud | None = None
+        self._forgotten_s = float('-inf')  # clouds that arrived until then are forgotten
+        self._forgetting = threading.Lock()
         self._is_first = True
         self._spare = SpareMemory()
         self._rows = LiveRows(node, configuration().measurements, health)
@@ -180,9 +185,11 @@ class CloudFilter:
         self._worker.drain(DRAINING_S)
 
     def forget(self) -> None:
-        """Finish, and forget the last cloud."""
-        self.finish()
-        self._last = None
+        """Drop the cloud that waits, and forget the last one; if that is filtered for long, it is not counted."""
+        self._worker.forget()
+        self._worker.drain(_FORGETTING_S)
+        with self._forgetting:
+            self._last, self._forgotten_s = None, time.monotonic()
 
     def close(self, patient: Callable[[], bool] = always) -> bool:
         """Stop the worker and destroy the publishers; argument and result as of `LatestWorker.stop`."""
@@ -216,13 +223,22 @@ class CloudFilter:
             self._node.get_logger().warning(reason)
 
     def _process_again(self) -> None:
-        if self._last is not None:
-            self._process(self._last)
+        last = self._last
+        if last is not None:
+            self._process(last)
+
+    def _unless_forgotten(self, cloud: QueuedCloud, act: Callable[[], None]) -> None:
+        with self._forgetting:
+            if cloud.arrived_s > self._forgotten_s:
+                act()
+
+    def _keep(self, cloud: QueuedCloud) -> None:
+        self._last = replace(cloud, again=True)
 
     def _process(self, cloud: QueuedCloud) -> None:
         """Filter one cloud and publish its outputs; on the worker's thread, so no exception may escape."""
         # A refused cloud is kept too: the next change of parameters may be what it needs.
-        self._last = replace(cloud, again=True)
+        self._unless_forgotten(cloud, lambda: self._keep(cloud))
         settings = self._configuration()
         published: list[bool] = []
 
@@ -236,33 +252,38 @@ class CloudFilter:
             if all(published):  # a node that is not active has dropped the first outputs
                 publish(MEASUREMENT, measurement.status(timed=True).encode())
         except SocialCircleError as refusal:
-            self._health.refused(str(refusal), again=cloud.again)
+            reason = str(refusal)
+            self._unless_forgotten(cloud, lambda: self._health.refused(reason, again=cloud.again))
             if not cloud.again:
                 self._rows.put(str(refusal), None, settings, cloud.unit, readable_header(cloud.message))
             self._node.get_logger().warning(f'Cloud refused: {refusal}', throttle_duration_sec=LOG_PERIOD_S)
             return
         except Exception as error:  # noqa: BLE001 - whatever it is, the next cloud must be filtered
-            self._failed(f'A cloud could not be filtered: {type(error).__name__}: {error}', again=cloud.again)
+            self._failed(f'A cloud could not be filtered: {type(error).__name__}: {error}', cloud)
             return
         if self._is_first:
             self._is_first = False
             _fit_memory(len(cloud.message))
         if not all(published):
             if not cloud.again:
-                self._drop(_TOO_SLOW)
+                self._unless_forgotten(cloud, lambda: self._drop(_TOO_SLOW))
             return
-        self._health.judged(measurement.values.verdict_reason or '', again=cloud.again)
+        latency_s = time.monotonic() - cloud.arrived_s
+        self._unless_forgotten(cloud, lambda: self._count(cloud, measurement, latency_s))
         if not cloud.again:
-            latency_s = time.monotonic() - cloud.arrived_s
-            self._health.published(latency_s)
             self._rows.put(measurement, 1000 * latency_s, settings, cloud.unit)
         for topic, failure in measurement.failures.items():
-            self._failed(failure_sentence(topic, failure), again=cloud.again)
+            self._failed(failure_sentence(topic, failure), cloud)
         if measurement.level == diagnostics.WARN:
             self._node.get_logger().warning(measurement.message, throttle_duration_sec=LOG_PERIOD_S)
 
-    def _failed(self, reason: str, *, again: bool) -> None:
+    def _count(self, cloud: QueuedCloud, measurement: Measurement, latency_s: float) -> None:
+        self._health.judged(measurement.values.verdict_reason or '', again=cloud.again)
+        if not cloud.again:
+            self._health.published(latency_s)
+
+    def _failed(self, reason: str, cloud: QueuedCloud) -> None:
         """Tell of a fault of this package; what fails while the process ends is none."""
         if self._node.context.ok():
-            self._health.cloud_failed(printable(reason), again=again)
+            self._unless_forgotten(cloud, lambda: self._health.cloud_failed(printable(reason), again=cloud.again))
             self._node.get_logger().error(printable(reason), throttle_duration_sec=LOG_PERIOD_S)

@@ -139,10 +139,15 @@ class StackInput:
         """End the subscriptions, and drop the stack that runs once all that has come is measured."""
         self._take_delivered()
         self._unsubscribe()
-        self._tell_dropped(self.forget(), 'deactivated')
+        self._tell_dropped(self._forget_running(), 'deactivated')
 
-    def forget(self) -> int:
-        """Forget the running stack, and return the number of its frames."""
+    def forget(self) -> None:
+        """Forget the running stack and the frames that wait."""
+        self._worker.forget()
+        self._forget_running()
+
+    def _forget_running(self) -> int:
+        """Forget the running stack once what waits is measured, and return the number of its frames."""
         frames = []
 
         def forget(assembler: StackAssembler) -> Iterator[StackEvent]:

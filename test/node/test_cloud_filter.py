@@ -10,7 +10,7 @@ from rclpy.lifecycle import LifecycleNode
 
 from socialcircle_ros.interface import FILTERED, MASK
 from socialcircle_ros.node.cloud_filter import CloudFilter
-from socialcircle_ros.node.health import Health
+from socialcircle_ros.node.health import Health, InputCounts
 from socialcircle_ros.node.parameters import Configuration
 
 NOWHERE, SOMEWHERE = {'circle.vote_region': [900, 900, 60, 60]}, {}
@@ -102,6 +102,22 @@ def test_a_cloud_that_a_newer_one_replaces_is_told(clouds):
         clouds.filter(cloud())
     assert clouds.outcome() == (2, 1, 2)
     assert 'a newer one arrived' in clouds.health.last_reason
+
+
+@pytest.mark.parametrize('values', [SOMEWHERE, NOWHERE, None])
+def test_a_cloud_at_hand_at_a_reset_is_not_counted_and_not_the_last_one(clouds, monkeypatch, values):
+    monkeypatch.setattr('socialcircle_ros.node.cloud_filter._FORGETTING_S', 0.01)
+    if values is None:
+        monkeypatch.setattr('socialcircle_ros.node.cloud_filter.process_cloud', lambda *args, **named: 1 / 0)
+    clouds.values = values or {}
+    clouds.begin()
+    clouds.forget()
+    clouds.health.reset()
+    clouds.through.set()
+    clouds._worker.drain()
+    assert clouds.health.counts == InputCounts()
+    assert not clouds.health.in_trouble()
+    assert not clouds.publish_last()
 
 
 def test_a_cloud_that_waits_when_the_node_is_deactivated_counts_as_dropped(clouds, monkeypatch):

@@ -172,7 +172,11 @@ def test_what_runs_and_what_waits_when_the_node_ends_is_counted_and_told(stacks)
 
 
 def test_a_stack_that_is_forgotten_on_request_is_no_trouble(stacks):
-    stacks.arrives(0)
-    stacks.forget()
+    stacks.hold(0)
+    stacks.arrives(1, 2)
+    forgetting = threading.Thread(target=stacks.forget)
+    forgetting.start()
+    stacks.through.set()
+    forgetting.join()
     stacks.close()
     assert stacks.health.counts.frames_dropped == 0
