@@ -13,7 +13,7 @@ from browser import TIMEOUT_MS, browser
 from measurements.row_examples import row
 
 from socialcircle_ros.archive.ledger import Ledger, LedgerEntry
-from socialcircle_ros.archive.trend import MEASURES, read_series
+from socialcircle_ros.archive.trend import MEASURES, Series, read_series
 from socialcircle_ros.archive.trend_page import write_trend
 from socialcircle_ros.errors import SocialCircleError
 from socialcircle_ros.lengths import METRES
@@ -152,6 +152,39 @@ def test_a_lesson_that_was_taught_again_is_told_as_a_change(tmp_path, example):
     write_rows(tmp_path, 'a', [*first, *later])
     (series,) = read_series(tmp_path, tmp_path / 'trend.html')
     assert [phase.change for phase in series.phases] == ['', 'circle.lesson taught again']
+
+
+@pytest.mark.parametrize(
+    ('changed', 'told'),
+    [({'version': '2.0.0'}, 'version 1.2.3 to 2.0.0'), ({'settings_hash': 'other'}, 'settings')],
+)
+def test_a_change_of_the_version_or_of_the_settings_alone_is_told(tmp_path, example, changed, told):
+    first = list(rows_of(example, 'cell1', 0, count=9))
+    later = [replace(each, time=each.time + timedelta(days=1), **changed) for each in first]
+    write_rows(tmp_path, 'a', [*first, *later])
+    (series,) = read_series(tmp_path, tmp_path / 'trend.html')
+    assert [phase.change for phase in series.phases] == ['', told]
+
+
+def series_of(values, signals):
+    values = np.array(values, float)
+    known = {'sq': values}, {'sq': np.array(signals, np.uint8)}
+    return Series('cell1', 'lid', 'um', 'µm', False, np.arange(float(values.size)), *known, [], [], [])
+
+
+@pytest.mark.parametrize(
+    ('values', 'signals', 'drifts'),
+    [
+        ([1] * 20, [0] * 9 + [1] * 11, True),
+        ([1] * 20, [0] * 10 + [1] * 10, False),
+        ([1] * 40, [1] * 20 + [0] * 20, False),
+        ([1] * 19, [1] * 19, False),
+        ([1, np.nan] * 20, [1, 0] * 20, True),
+    ],
+    ids=['eleven of the last twenty', 'ten', 'twenty before them', 'nineteen in all', 'every second is known'],
+)
+def test_a_series_drifts_by_its_last_twenty_known_values(values, signals, drifts):
+    assert series_of(values, signals).drifting() == ['sq'] * drifts
 
 
 def test_the_time_of_the_filter_is_held_to_limits_for_live_clouds_only(tmp_path, example):

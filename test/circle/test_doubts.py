@@ -14,6 +14,7 @@ from socialcircle_ros.circle.doubts import (
     kept_islands,
     notes_of_removed_islands,
     removed_islands,
+    single_steps,
     unknown_texture,
 )
 
@@ -286,3 +287,41 @@ def test_two_pins_are_noted_where_the_network_takes_them_for_parts():
     assert note.startswith(
         '2 islands (512 points, the largest has 256) far off a plain surface were removed, though'
     )
+
+
+@pytest.mark.parametrize(('number', 'warns'), [(2, False), (3, True)])
+def test_three_islands_that_the_network_takes_for_parts_are_a_warning(number, warns):
+    parts = Islands(number, 100 * number, 100)
+    assert (bool(removed_islands(NONE, parts)), bool(notes_of_removed_islands(NONE, parts))) == (warns, not warns)
+
+
+@pytest.mark.parametrize(('ratio', 'warns'), [(9, False), (11, True)])
+def test_a_depth_of_field_of_ten_times_the_range_of_all_heights_is_doubted(ratio, warns):
+    heights = np.linspace(0, 2, 12).reshape(3, 4)
+    found = doubts_of(heights, heights.size, 0, 1.0, CircleSettings(depth_of_field=2.0 * ratio))
+    assert [f'the depth of field, {2 * ratio}, is {ratio} times the range' in each for each in found] == [True] * warns
+
+
+@pytest.mark.parametrize(('ratio', 'warns'), [(9, False), (11, True)])
+def test_a_circle_of_ten_median_differences_is_doubted(ratio, warns):
+    heights = np.tile([0.0, 2.0], (8, 8))
+    assert bool(doubts_of(heights, heights.size, 0, 2.0 * ratio, PAPER)) == warns
+
+
+def test_differences_between_rows_that_are_compared_apart_are_counted():
+    heights = np.zeros((512, 64))
+    heights[256:] = 9  # 256 rows are compared at once
+    (sentence,) = doubts_of(heights, heights.size, 0, 1.0, PAPER)
+    assert 'exceeds all but 64 of the 64960 height differences' in sentence
+
+
+@pytest.mark.parametrize(
+    ('number', 'alike', 'warns'),
+    [(200, 1.0, True), (40, 1.0, False), (200, 0.8, True), (200, 0.6, False)],
+    ids=['many', 'fewer than two in a thousand', 'eight in ten are alike', 'six in ten are alike'],
+)
+def test_single_outliers_are_doubted_where_many_of_them_have_one_height(number, alike, warns):
+    heights, places, rises = np.zeros((300, 300)), 3 + 441 * np.arange(number), np.arange(5.0, 5 + number)
+    rises[: round(alike * number)] = 5
+    heights.flat[places] = rises
+    assert bool(single_steps(heights, heights > 0)) == warns

@@ -111,10 +111,11 @@ def x3p(
     return path
 
 
-@pytest.mark.parametrize('kind', ['I', 'L', 'F', 'D'])
-def test_the_increment_and_offset_of_x3p_heights_are_applied(tmp_path, kind):
-    surface = read_file(x3p(tmp_path / 'a.x3p', kind=kind))
-    assert surface.heights.tolist() == [[1, 3, 5], [7, 9, 11]]
+@pytest.mark.parametrize(('kind', 'code'), [('I', '<i2'), ('L', '<i4'), ('F', '<f4'), ('D', '<f8')])
+def test_the_increment_and_offset_of_x3p_heights_are_applied(tmp_path, kind, code):
+    raw = np.array([-(2**15), -1, 0, 1, 2, 2**15 - 1], code)
+    surface = read_file(x3p(tmp_path / 'a.x3p', kind=kind, raw=raw))
+    assert surface.heights.tolist() == [[1 - 2**16, -1, 1], [3, 5, 2**16 - 1]]
     assert (surface.pitch, surface.unit) == ((0.5, 0.25), 'm')
 
 
@@ -148,7 +149,7 @@ def test_an_x3p_that_is_no_height_map_is_refused(tmp_path, changes, sentence):
         (2, '<u4', 2**32 - 1),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize('scale', [1.0, 2.0])
+@pytest.mark.parametrize('scale', [1.0, 1e-9])
 def test_what_was_not_measured_in_a_binary_sdf_is_no_height(tmp_path, kind, code, missing, scale):
     raw = np.where(np.isnan(HEIGHTS), missing, HEIGHTS).astype(code)
     (tmp_path / 'a.sdf').write_bytes(sdf_head(kind, 3, 2, scale) + raw.tobytes())

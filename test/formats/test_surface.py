@@ -133,3 +133,25 @@ def test_a_stated_pitch_counts_where_the_coordinates_are_those_that_it_gives(row
 def test_a_cloud_with_one_row_and_no_pitch_has_none():
     with pytest.raises(CloudError, match='Too few points are measured to tell the pitch in y'):
         surface_of(OrganizedCloud(POINTS[:1]))
+
+
+@pytest.mark.parametrize(
+    ('moved', 'start', 'notes'),
+    [
+        (0.0, 0, ()),
+        (5e-4, 0, ('x is off a regular grid by up to 0.0005 of its pitch; the file holds the grid.',)),
+        (0.0, 5, ('x starts at 5; in the file it starts at 0.',)),
+        (0.0, -5, ('x starts at -5; in the file it starts at 0.',)),
+    ],
+)
+def test_what_a_height_map_does_not_hold_of_a_cloud_is_noted(moved, start, notes):
+    points = POINTS + np.array([start, 0, 0])
+    points[2, 3, 0] += moved
+    assert surface_of(OrganizedCloud(points)).notes == notes
+
+
+def test_points_far_off_a_regular_grid_are_refused():
+    points = POINTS.copy()
+    points[2, 3, 0] += 2e-3
+    with pytest.raises(CloudError, match='off a regular grid by 0.002 of the pitch in x, and a height map'):
+        surface_of(OrganizedCloud(points))

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Images: camera frames, masks and scores."""
 
+import struct
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -118,6 +120,10 @@ def test_a_mosaic_of_a_uniform_colour_has_no_texture():
         (message('mono16', np.zeros((3, 4), np.uint8), step=7), 'contradicts itself: step is 7'),
         (message('rgb8', np.zeros((3, 4), np.uint8), step=11), 'contradicts itself: step is 11'),
         (message('bayer_rggb8', np.zeros((1, 4), np.uint8)), 'at least 2×2 pixels'),
+        (
+            message('mono8', np.zeros((3, 4), np.uint8)).replace(struct.pack('<2I', 3, 4), struct.pack('<2I', 4, 4)),
+            'cut short: data has 27 bytes, but step × height = 9 × 4 = 36',
+        ),
     ],
 )
 def test_a_bad_frame_is_refused_with_the_reason(data, sentence):

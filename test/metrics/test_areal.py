@@ -75,6 +75,14 @@ def test_the_plane_is_fitted_to_the_measured_points_only():
     assert found.sz == pytest.approx(rest.max() - rest.min())
 
 
+@pytest.mark.parametrize('coordinate', [0, 1, 2])
+def test_a_point_without_one_of_its_coordinates_is_not_measured(coordinate):
+    xyz = np.dstack([COLUMNS, ROWS, np.random.default_rng(1).normal(size=ROWS.shape)])
+    without = xyz.copy()
+    xyz[20, 30, coordinate], without[20, 30] = np.nan, np.nan
+    assert areal_texture(xyz) == areal_texture(without)
+
+
 def test_the_texture_is_nan_where_nothing_is_measured():
     assert math.isnan(texture(np.full((3, 3), np.nan)).sz)
 

@@ -144,3 +144,54 @@ def test_two_nodes_of_one_name_are_logged_and_hide_no_error():
     other = dataclasses.replace(POINTS, type='std_msgs/msg/String')
     status, logged = report_where(other, namesakes=2)
     assert (status.level, logged) == (ERROR, f'{status.message} {complaint}')
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """The time of the health, in s, which a test sets."""
+    now = types.SimpleNamespace(s=100.0)
+    monkeypatch.setattr('socialcircle_ros.node.health.time', types.SimpleNamespace(monotonic=lambda: now.s))
+    return now
+
+
+def values_of(health):
+    return health.values('active', None, None, None)
+
+
+def test_rate_and_latencies_are_those_of_the_last_ten_seconds(clock):
+    health = Health()
+    for clock.s, latency in ((100, 0.5), (105, 0.001), (106, 0.009), (109, 0.002)):
+        health.received()
+        health.published(latency)
+    clock.s = 111
+    shown = values_of(health)
+    assert (shown['rate_hz'], shown['latency_median_ms'], shown['latency_max_ms']) == ('0.3', '2.0', '9.0')
+    clock.s = 120
+    shown = values_of(health)
+    assert shown['rate_hz'] == '0.0'
+    assert 'latency_median_ms' not in shown
+
+
+def test_a_cloud_that_is_judged_again_is_counted_once():
+    health = Health()
+    for again in (False, True):
+        health.judged('Sa is 3, more than 2.', again=again)
+    assert values_of(health)['limits_failed'] == '1'
+    assert health.failed_limits() == 'Sa is 3, more than 2.'
+    health.judged('', again=True)
+    assert values_of(health)['limits_failed'] == '1'
+    assert health.failed_limits() == ''
+
+
+def test_a_reset_forgets_all_but_when_the_last_cloud_came(clock):
+    health, new = Health(), Health()
+    health.received()
+    health.judged('Sa is 3, more than 2.', again=False)
+    health.stack_finished(0.1, 0.01, 2, 3.0, Registered(3.14159, 1.0212345, 0))
+    health.pixels_judged({'dark': 7})
+    health.frame_refused('The frame is cut short.')
+    health.reset()
+    assert values_of(health) == values_of(new)
+    assert (health.failed_limits(), health.in_trouble(), health.had_trouble()) == ('', False, False)
+    clock.s += 3
+    assert health.seconds_silent() == 3

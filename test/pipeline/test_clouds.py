@@ -127,11 +127,15 @@ def test_the_mask_says_kept_outlier_and_not_measured():
     assert mask[0, 0] == 0
 
 
-def test_is_dense_is_computed_not_believed():
+@pytest.mark.parametrize(
+    ('height', 'filtered', 'repaired'), [(0, True, True), (50, False, True), (np.nan, False, False)]
+)
+def test_is_dense_is_computed_not_believed(height, filtered, repaired):
     flat = np.dstack([*np.mgrid[:70, :80].astype(np.float32)[::-1], np.zeros((70, 80), np.float32)])
-    assert PointCloud.decode(outputs(flat).messages[FILTERED]).is_dense
-    flat[3, 3, 2] = 50
-    assert not PointCloud.decode(outputs(flat).messages[FILTERED]).is_dense
+    flat[30, 30, 2] = height
+    found = outputs(flat, output=OutputSettings(repaired=True)).messages
+    assert PointCloud.decode(found[FILTERED]).is_dense == filtered
+    assert PointCloud.decode(found[REPAIRED]).is_dense == repaired
 
 
 def test_counts_add_up():

@@ -109,6 +109,8 @@ def test_pitch_is_found_from_a_grating(period, angle, sharp):
     found = measure_pitch(shown, 10e-6)
     assert found.pitch_m == pytest.approx(10e-6 / period, rel=1e-3)
     assert abs((found.angle_deg - angle + 90) % 180 - 90) < 0.2
+    along, across = 260 * np.cos(np.radians(angle)), 190 * np.sin(np.radians(angle))
+    assert found.periods == pytest.approx(np.hypot(along, across) / period, abs=0.5)
 
 
 def test_an_image_without_a_grating_is_refused():

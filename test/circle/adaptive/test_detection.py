@@ -257,3 +257,48 @@ def test_removed_islands_of_one_height_are_counted_unless_the_optics_keep_them(d
 
     assert result.alike.number == number
     assert (np.count_nonzero(result.outliers) >= 320) == (number > 0)
+
+
+def blurred(heights, times):
+    """Heights that were smoothed; opposite sides join."""
+    for _ in range(times):
+        beside = sum(np.roll(heights, step, axis) for step in (1, -1) for axis in (0, 1))
+        heights = (2 * heights + beside) / 6
+    return heights
+
+
+def block(height, rows=slice(40, 60), columns=slice(60, 84), shape=(120, 150)):
+    heights = np.zeros(shape)
+    heights[rows, columns] = height
+    return heights
+
+
+def test_among_many_isolated_points_an_island_needs_to_be_less_steep():
+    island = block(4.0, slice(60, 66), slice(20, 27))
+    isolated = np.random.default_rng(2).random(island.shape) < 0.05
+    found = [
+        find_outliers((noise() + island + rise * isolated).astype(np.float32)).outliers[island > 0].mean()
+        for rise in (0, 25)
+    ]
+    assert found[0] == 0
+    assert found[1] > 0.8
+
+
+def test_on_a_smooth_surface_an_island_needs_to_be_less_steep():
+    smooth = blurred(np.random.default_rng(3).normal(size=(90, 100)), 40)
+    island = block(0.4 * smooth.std(), slice(40, 48), slice(60, 68), smooth.shape)
+    found = find_outliers((smooth + island).astype(np.float32)).outliers
+    assert found[island > 0].all()
+
+
+def test_a_smooth_hill_of_a_smooth_surface_is_no_island():
+    smooth = blurred(np.random.default_rng(0).normal(size=(90, 100)), 10)
+    hill = blurred(block(10.0, slice(40, 52), slice(60, 72), smooth.shape), 20)
+    heights = 0.2 * smooth / smooth.std() + hill
+    assert not find_outliers(heights.astype(np.float32)).outliers.any()
+
+
+def test_blurred_outliers_are_found_among_heights_that_are_stored_in_steps():
+    stored = np.round(0.3 * np.random.default_rng(0).normal(size=(120, 150)) + blurred(block(8.0), 8))
+    found = find_outliers(stored.astype(np.float32)).outliers
+    assert found[44:56, 64:80].all()

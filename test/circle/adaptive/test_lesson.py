@@ -70,6 +70,15 @@ def test_a_lesson_that_believes_the_rules_changes_no_point(surface):
     assert (surface.single | surface.cluster)[rules.outliers].mean() > 0.9
 
 
+def test_a_lesson_decides_about_all_that_is_as_steep_as_where_it_was_taught(surface):
+    heights = surface.heights.copy()
+    heights[60:66, 20:27] += 3.5
+    for least, falls in ((0.955, False), (0.6, True)):
+        found = find_outliers(heights, judge=LessonJudge(replace(ALL, least=least))).outliers
+        assert found[surface.cluster].all()
+        assert found[60:66, 20:27].any() == falls
+
+
 def test_a_lesson_keeps_what_it_knows_as_texture(surface):
     only_large = LessonJudge(weighing('size', 3.0, -4.0))
     found = find_outliers(surface.heights, judge=only_large).outliers

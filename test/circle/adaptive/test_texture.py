@@ -198,3 +198,13 @@ def test_four_large_islands_of_one_height_are_told(rise):
 )
 def test_other_removed_islands_are_not(heights):
     assert found(heights, heights != 0).removed.number == 0
+
+
+def test_a_tilt_does_not_matter_where_only_every_second_row_is_measured():
+    heights = np.kron(lattice(18, [5.0]), np.ones((4, 4), np.float32))
+    islands = (heights > 0) & (np.random.default_rng(4).random(heights.shape) < 0.8)
+    heights[::2] = np.nan
+    tilted = heights + 40 * np.arange(heights.shape[1], dtype=np.float32)
+    kept = found(heights, islands).kept
+    assert kept.any()
+    np.testing.assert_array_equal(found(tilted, islands).kept, kept)
