@@ -156,7 +156,7 @@ def _sums(values: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
 
 def _tilt(heights: RelativeHeights) -> tuple[float, float]:
     """The median differences from a column to the next, and from a row to the next, of some rows."""
-    stride = heights.size // _SAMPLE | 1  # odd, so that fields of every second row play no part
+    stride = heights.size // _SAMPLE | 1  # odd: some are measured where every second row is
     with np.errstate(invalid='ignore', over='ignore'):
         along_rows = np.diff(heights[::stride], axis=1)
         along_columns = heights[1::stride] - heights[:-1:stride]
