@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The adaptive mode point by point: the reference for `socialcircle_ros.circle.adaptive`.
 
-Plain loops that follow the docstrings, and share nothing with the compiled code but its constants. Heights and
-differences are float32 as there, so that results are the same bit for bit.
+Plain loops that follow the docstrings, and share nothing with the compiled code, not even its constants. Heights
+and differences are float32 as there, so that results are the same bit for bit.
 """
 
 import itertools
@@ -10,11 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from socialcircle_ros.circle.adaptive.differences import MISSING, STEPS_PER_SPREAD
-from socialcircle_ros.circle.adaptive.islands import FLANK, LARGEST
-from socialcircle_ros.circle.adaptive.isolated import TOUCH
-from socialcircle_ros.circle.adaptive.relief import SIGNIFICANT
-from socialcircle_ros.circle.adaptive.texture import LEAST_COVER
+MISSING, STEPS_PER_SPREAD = -128, 16
+TOUCH, SIGNIFICANT = 3.5, 2.5  # spreads
+FLANK, LARGEST, LEAST_COVER = 0.1, 640, 0.015
 
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 """Rows and columns to the neighbour on the right, below, below right and below left."""

@@ -7,19 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from socialcircle_ros.circle.adaptive import find_outliers, find_probable_outliers
-from socialcircle_ros.circle.adaptive.likelihood import (
-    CERTAIN,
-    CERTAIN_AMONG_MANY,
-    FEW,
-    MANY,
-    ONE,
-    PROBABLE,
-    PROBABLE_AMONG_MANY,
-    SET,
-    UNDECIDED,
-    probable_outliers,
-    sureness_about_sets,
-)
+from socialcircle_ros.circle.adaptive.likelihood import probable_outliers, sureness_about_sets
+
+# Not those of the code, which is held to these.
+ONE = 255
+FEW, MANY = 0.1, 0.2
+PROBABLE, PROBABLE_AMONG_MANY = 0.5, 0.2
+CERTAIN, CERTAIN_AMONG_MANY = 0.8, 0.5
+UNDECIDED, SET = 0.2, 6
 
 
 def in_255ths(probabilities):

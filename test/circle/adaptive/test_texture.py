@@ -133,6 +133,14 @@ def test_islands_that_cover_little_of_the_cloud_are_not_kept():
     assert not found(heights, heights != 0).kept.any()
 
 
+@pytest.mark.parametrize(('rows', 'kept'), [(112, True), (129, False)])
+def test_islands_cover_one_and_a_half_percent_of_the_cloud_at_least(rows, kept):
+    heights = np.zeros((rows, 60), np.float32)
+    heights[:40] = lattice(12, [5.0])
+
+    assert found(heights, heights != 0).kept.any() == kept
+
+
 def different(number):
     """Heights of which no two are one."""
     return [7.0 * 1.4**power for power in range(number)]
