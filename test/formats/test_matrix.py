@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text with a matrix of heights: labels and words are not taken for heights."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -111,12 +112,34 @@ def test_labels_beside_heights_of_any_form_are_found(heights, unit):
         check_labels(Path('a.csv'), labelled(heights, unit * X[0], unit * Y[:, 0]))
 
 
-@given(hnp.arrays(np.float64, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.floats()))
-def test_any_heights_are_taken_or_refused(heights):
+TURNED = {'row': 'column', 'column': 'row'}
+
+
+def told_as_labels(heights):
+    """Which of the first row and the first column are refused as labels."""
     try:
         check_labels(Path('a.csv'), heights)
     except ImportFileError as refusal:
-        assert 'seems to have labels' in str(refusal)
+        return set(re.search('labels in its first (.*), which', str(refusal))[1].split(' and the first '))
+    return set()
+
+
+@given(
+    hnp.arrays(np.float64, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.floats()),
+    st.sets(st.sampled_from(['row', 'column'])),
+    st.sampled_from([1.0, 0.25]),
+)
+def test_only_what_is_evenly_spaced_is_told_as_labels_in_whichever_direction_it_lies(heights, labels, step):
+    if 'row' in labels:
+        heights[0] = step * np.arange(heights.shape[1])
+    if 'column' in labels:
+        heights[:, 0] = step * np.arange(heights.shape[0])
+    told = told_as_labels(heights)
+    for name, line in (('row', heights[0, 1:]), ('column', heights[1:, 0])):
+        if name in told:
+            steps = np.diff(line)
+            np.testing.assert_allclose(steps, steps[0], rtol=1e-5)
+    assert told_as_labels(heights.T) == {TURNED[name] for name in told}
 
 
 def test_parts_of_real_measurements_have_no_labels(real_measurements):

@@ -239,10 +239,15 @@ def test_a_message_that_is_cut_short_is_refused(length):
         PointCloud.decode(message[: min(length, len(message) - 1)])
 
 
-@given(st.binary(max_size=300))
-def test_bytes_that_are_no_cloud_are_refused_or_read_but_never_raise_anything_else(data):
+@given(st.lists(st.tuples(st.integers(0, 120), st.integers(0, 255)), min_size=1, max_size=3))
+def test_a_cloud_with_changed_bytes_is_refused_or_read_but_nothing_else_is_raised(changes):
+    message = bytearray(plain().message())  # the first 117 bytes describe the points, which follow
+    for place, value in changes:
+        message[place] = value
     try:
-        PointCloud.decode(b'\0\1\0\0' + data).xyz()
+        cloud = PointCloud.decode(bytes(message))
+        assert cloud.xyz().shape == (cloud.height, cloud.width, 3)
+        assert len(cloud.without(np.ones((cloud.height, cloud.width), bool), dense=False)) == len(message)
     except MessageError as refusal:
         assert str(refusal)
 

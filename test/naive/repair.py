@@ -116,19 +116,24 @@ def fill(hole, inner, measured, usual, ratio):
     return dict(zip(inner, np.clip(surface, min(ring) - margin, max(ring) + margin), strict=True))
 
 
+def heights_at_rim(hole, measured):
+    """The measured heights at most two steps from the unknowns of a hole."""
+    inside = set(hole)
+    return [
+        measured[r + i, c + j]
+        for r, c in hole
+        if is_inner(rims((r, c), inside, measured))
+        for i in range(-2, 3)
+        for j in range(-2, 3)
+        if abs(i) + abs(j) <= 2 and (r + i, c + j) in measured
+    ]
+
+
 def beyond(xyz, filled, measured, mask):
     """1 where a filled height is invented, 0 elsewhere, NaN where rounding decides."""
     found = np.zeros(mask.shape)
     for hole in find_holes(mask):
-        inside = set(hole)
-        rim = [
-            measured[r + i, c + j]
-            for r, c in hole
-            if is_inner(rims((r, c), inside, measured))
-            for i in range(-2, 3)
-            for j in range(-2, 3)
-            if abs(i) + abs(j) <= 2 and (r + i, c + j) in measured
-        ]
+        rim = heights_at_rim(hole, measured)
         for point in hole:
             if filled[point]:
                 of_all = 0.1 * (max(measured.values()) - min(measured.values()))
