@@ -299,7 +299,9 @@ def test_three_islands_that_the_network_takes_for_parts_are_a_warning(number, wa
 def test_a_depth_of_field_of_ten_times_the_range_of_all_heights_is_doubted(ratio, warns):
     heights = np.linspace(0, 2, 12).reshape(3, 4)
     found = doubts_of(heights, heights.size, 0, 1.0, CircleSettings(depth_of_field=2.0 * ratio))
-    assert [f'the depth of field, {2 * ratio}, is {ratio} times the range' in each for each in found] == [True] * warns
+    assert [f'the depth of field, {2 * ratio}, is {ratio} times the range' in each for each in found] == [
+        True
+    ] * warns
 
 
 @pytest.mark.parametrize(('ratio', 'warns'), [(9, False), (11, True)])

@@ -121,7 +121,9 @@ def test_a_mosaic_of_a_uniform_colour_has_no_texture():
         (message('rgb8', np.zeros((3, 4), np.uint8), step=11), 'contradicts itself: step is 11'),
         (message('bayer_rggb8', np.zeros((1, 4), np.uint8)), 'at least 2×2 pixels'),
         (
-            message('mono8', np.zeros((3, 4), np.uint8)).replace(struct.pack('<2I', 3, 4), struct.pack('<2I', 4, 4)),
+            message('mono8', np.zeros((3, 4), np.uint8)).replace(
+                struct.pack('<2I', 3, 4), struct.pack('<2I', 4, 4)
+            ),
             'cut short: data has 27 bytes, but step × height = 9 × 4 = 36',
         ),
     ],

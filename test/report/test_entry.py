@@ -41,6 +41,7 @@ def test_the_numbers_are_those_of_the_filter_and_of_the_heights():
     assert shown['outliers'] == ['26 (0.46 %)']
     assert shown['kept'] == ['5,568']
     assert shown['Sz'][:2] == [number_text(each.sz, 4) for each in (found.before, found.after)]
+    assert (shown['Sa'][2], shown['Sz'][2]) == ('−18.0 %', '−96.2 %')
     assert shown['circle.radius_scale'] == ['1.0']
     assert 'circle.depth_of_field' not in shown  # has no effect in this mode
     assert found.row(None)[:6] == ['/points 0', '1.000 s', '–', 5594 / 5600, 26, 26 / 5594]

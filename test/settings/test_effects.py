@@ -16,21 +16,20 @@ OTHERS = {
     'circle.vote_region': (0, 20, 20, 20),
     'circle.radius': 0.3,
     'circle.radius_scale': 0.5,
-    'circle.depth_of_field': 1.0,
+    'circle.depth_of_field': 100.0,
     'circle.not_measured': '30',
 }
 
 
 @pytest.mark.parametrize('mode', ['paper', 'adaptive'])
 @pytest.mark.parametrize('name', OTHERS)
-def test_a_parameter_without_effect_changes_nothing(mode, name):
-    if has_effect(name, {'circle.mode': mode}):
-        pytest.skip('it has an effect')
+def test_a_parameter_has_an_effect_where_another_value_changes_the_result(mode, name):
     field = name.removeprefix('circle.')
     found, other = (
         remove_outliers(surface(), CircleSettings(mode=mode, **values)) for values in ({}, {field: OTHERS[name]})
     )
-    assert (found.outliers == other.outliers).all()
+    changes = (found.seed, found.radius) != (other.seed, other.radius) or (found.outliers != other.outliers).any()
+    assert changes == has_effect(name, {'circle.mode': mode})
 
 
 DEFAULTS = {name: row.default for name, row in PARAMETERS.items()}
@@ -50,6 +49,22 @@ def test_the_vote_region_is_of_mode_paper_and_the_depth_of_field_of_mode_adaptiv
         assert has_effect('circle.vote_region', values) == (mode == 'paper')
         assert has_effect('circle.depth_of_field', values) == (mode == 'adaptive')
         assert has_effect('circle.not_measured', values)
+
+
+@pytest.mark.parametrize(
+    ('group', 'values', 'without'),
+    [
+        ('stack', {'stack.z_source': 'step'}, {'stack.joint', 'stack.latency'}),
+        ('stack', {'stack.z_source': 'joint_states'}, {'stack.z_start', 'stack.z_step', 'stack.check_stamps'}),
+        ('repair', {'output.repaired': True}, set()),
+        ('repair', {'output.repaired': False}, {name for name in PARAMETERS if name.startswith('repair.')}),
+        ('output', {'circle.mode': 'adaptive'}, set()),
+        ('output', {'circle.mode': 'paper'}, {'output.score'}),
+    ],
+)
+def test_what_stacks_repair_and_outputs_do_not_use_has_no_effect(group, values, without):
+    names = [name for name in PARAMETERS if name.startswith(f'{group}.')]
+    assert {name for name in names if not has_effect(name, DEFAULTS | values)} == without
 
 
 def test_a_parameter_has_an_effect_where_it_is_not_known_what_it_depends_on():
