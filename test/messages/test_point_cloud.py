@@ -12,7 +12,13 @@ from socialcircle_ros.errors import MessageError
 from socialcircle_ros.kernels import bands
 from socialcircle_ros.messages.cdr import CdrWriter
 from socialcircle_ros.messages.header import Header
-from socialcircle_ros.messages.point_cloud import DATATYPES, PointCloud, encode_point_cloud, write_float_cloud
+from socialcircle_ros.messages.point_cloud import (
+    DATATYPES,
+    PointCloud,
+    encode_layout,
+    encode_point_cloud,
+    write_float_cloud,
+)
 from socialcircle_ros.recording import schema_text
 
 generate_dynamic = pytest.importorskip('mcap_ros2._dynamic', reason='needs mcap-ros2-support').generate_dynamic
@@ -182,6 +188,22 @@ def test_a_row_step_of_the_whole_cloud_is_read_as_rows_without_padding_and_kept_
 def test_a_row_step_of_the_whole_cloud_is_refused_where_the_data_does_not_fit_it():
     with pytest.raises(MessageError, match='cut short'):
         PointCloud.decode(plain(row_step=12 * 4 * 3, data=bytes(12 * 4 * 3 + 1)).message()).xyz()
+
+
+def test_a_count_of_0_that_a_driver_left_is_one_value():
+    without = plain(fields=[('x', 0, 7, 0), ('y', 4, 7, 0), ('z', 8, 7, 0)])
+    found, expected = (PointCloud.decode(each.message()).xyz() for each in (without, plain()))
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_coordinates_of_unlike_types_at_even_distances_are_read():
+    layout = np.dtype({'names': list('xyz'), 'formats': ['f8', 'f4', 'f4'], 'offsets': [0, 8, 16], 'itemsize': 24})
+    points = np.zeros((2, 3), layout)
+    xyz = np.arange(18.0).reshape(2, 3, 3)
+    for axis, name in enumerate('xyz'):
+        points[name] = xyz[..., axis]
+    message = encode_layout(Header(), points, points.view(np.uint8))
+    np.testing.assert_array_equal(PointCloud.decode(message).xyz(), xyz)
 
 
 def test_evenly_spaced_coordinates_are_not_copied():

@@ -142,10 +142,14 @@ def test_a_search_space_contains_its_points():
 def test_a_search_space_is_described_in_words():
     search_space = [
         parse_dimension(text)
-        for text in ('circle.radius_scale=0.5:3:0.1', 'circle.window=3,5', 'circle.radius=1:2')
-    ]
+        for text in (
+            'circle.radius_scale=0.5:3:0.1', 'circle.window=3,5', 'circle.radius=1:2', 'focus.threshold=1:8:1',
+            'focus.half_window=1:9:1',
+        )
+    ]  # fmt: skip
     assert list(described(search_space)) == [
         'circle.radius_scale in 26 steps from 0.5 to 3.0', 'circle.window 3, 5', 'circle.radius from 1 to 2',
+        'focus.threshold 1, 2, 3, 4, 5, 6, 7, 8', 'focus.half_window in 9 steps from 1 to 9',
     ]  # fmt: skip
 
 

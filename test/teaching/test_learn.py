@@ -32,10 +32,27 @@ def test_the_rules_find_at_their_own_level():
     assert lesson.threshold >= 0.7
 
 
+def lesson_of_constant(constant, judge):
+    """A lesson that gives every community the same chance."""
+    weights = (constant, *[0.0] * (WEIGHTS - 1))
+    return Lesson((), (1.0, 1.0), judge, 0.2, (0.0,) * len(TRAITS), (1.0,) * len(TRAITS), weights, 0.5, {})
+
+
+@pytest.mark.parametrize(
+    ('constant', 'judge', 'points', 'threshold'),
+    [
+        (2.0, 'network', 10_001, 0.5), (2.0, 'rules', 10_001, 0.7),
+        (2.0, 'network', 9_999, 0.95), (1.0, 'network', 9_999, 0.85), (4.0, 'rules', 9_999, 0.95),
+    ],
+)  # fmt: skip
+def test_the_threshold_is_the_least_that_removes_hardly_a_good_point(constant, judge, points, threshold):
+    """Three of 10,000 points may be removed."""
+    good = LabelledCommunities(np.zeros((1, len(TRAITS))), np.array([0.0]), np.array([3.0]))
+    assert learning._threshold(lesson_of_constant(constant, judge), good, points) == threshold
+
+
 @pytest.mark.parametrize(('constant', 'f1'), [(5.0, 16 / 40), (-5.0, 0.0)])
 def test_the_score_counts_what_is_not_found(constant, f1):
-    weights = (constant, *[0.0] * (WEIGHTS - 1))
-    same = (0.0,) * len(TRAITS), (1.0,) * len(TRAITS)
-    lesson = Lesson((), (1.0, 1.0), 'network', 0.2, *same, weights, 0.5, {})
+    lesson = lesson_of_constant(constant, 'network')
     kind = LabelledCommunities(np.zeros((1, len(TRAITS))), np.array([8.0]), np.array([2.0]))
     assert learning._f1(lesson, [kind], [30]) == pytest.approx(f1)

@@ -63,3 +63,12 @@ def test_edges_are_steps_and_holes_but_no_slope(tilt):
 
 def test_nothing_is_beside_an_edge_where_nothing_is_measured():
     assert not beside_edges(np.full((9, 9), np.nan, np.float32)).any()
+
+
+def test_points_at_most_two_away_from_the_highest_steps_are_beside_an_edge():
+    heights = 30.0 * (X >= 150)
+    for column in range(20, 120, 11):  # so many lower steps that one point in twenty is at a step
+        heights += column <= X
+    edges = beside_edges(heights.astype(np.float32))
+    assert np.flatnonzero(edges.any(axis=0)).tolist() == list(range(147, 153))
+    assert (edges == edges[0]).all()

@@ -15,6 +15,13 @@ def test_less_noise_than_the_storage_step_leaves_a_spread_of_the_step(noise, uni
     assert scales_of((unit * heights + offset).astype(np.float32)).spread == pytest.approx(0.65 * unit, rel=0.01)
 
 
+@pytest.mark.parametrize('rise', [30.0, 1000.0])
+def test_a_few_high_outliers_do_not_change_the_spread_of_noise(rise):
+    heights = np.random.default_rng(0).normal(size=(200, 220))
+    heights[np.random.default_rng(1).random(heights.shape) < 0.01] += rise
+    assert scales_of(heights.astype(np.float32)).spread == pytest.approx(1.0, rel=0.1)
+
+
 @pytest.mark.parametrize('noise', [0.0, 0.1, 0.2, 0.25, 0.35, 0.5])
 @pytest.mark.parametrize('share', [0.01, 0.02, 0.05])
 @pytest.mark.parametrize('sides', [(1000,), (-100, 100)])
