@@ -570,6 +570,18 @@ def test_a_jump_back_begins_the_next_stack():
     assert 'and the stage began again' in clouds(events)[0].warning
 
 
+@pytest.mark.parametrize(('back', 'count'), [(5, 15), (6, 12)])
+def test_a_jump_back_over_less_than_half_of_the_scan_ends_no_stack(back, count):
+    made = assembler(z_source='joint_states', frames=15)
+    list(made.add_joint_state(joint(0, 0.0)))
+    heights = STEP * np.r_[np.arange(12), 11 - back + np.arange(3)]
+    events = []
+    for number, (frame, z) in enumerate(zip(frames(15), heights, strict=True)):
+        events += made.add_joint_state(joint((number + 1) * PERIOD, z))
+        events += made.add_frame(image(frame, number))
+    assert clouds(events)[0].frames == count
+
+
 def test_a_scan_from_the_other_end_after_a_pause_begins_the_next_stack():
     made = assembler(z_source='joint_states', frames=15)
     list(made.add_joint_state(joint(0, 0.0)))
@@ -704,10 +716,10 @@ def test_the_running_stack_keeps_its_memory():
 
 
 def test_a_stack_that_drifts_is_a_cloud_with_a_warning():
-    steady, moved = (feed(assembler(frames=15), drifting_frames('flat', (0, x))[:15])[-1] for x in (0.5, 5))
+    steady, moved = (feed(assembler(frames=15), drifting_frames('flat', (0, x))[:15])[-1] for x in (1, 3))
     assert steady.warning == ''
-    assert steady.drift == pytest.approx(0.5, abs=0.3)
-    assert moved.drift == pytest.approx(5, abs=0.5)
+    assert steady.drift == pytest.approx(1, abs=0.3)
+    assert moved.drift == pytest.approx(3, abs=0.5)
     assert f'moved sideways by {moved.drift:.1f} pixels' in moved.warning
     assert 'clamp the part and the camera' in moved.warning
 

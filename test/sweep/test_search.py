@@ -9,7 +9,7 @@ import pytest
 from sweep.sweep_examples import trial
 
 from socialcircle_ros.errors import SettingError, SocialCircleError
-from socialcircle_ros.sweep.search import Search
+from socialcircle_ros.sweep.search import Search, _rounded
 from socialcircle_ros.sweep.search_space import Choice, Range
 from socialcircle_ros.sweep.trials import best_of
 
@@ -58,3 +58,8 @@ def test_a_search_without_optuna_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, 'optuna', None)
     with pytest.raises(SocialCircleError, match='A sweep needs Optuna: pip install '):
         Search(SPACE, 5, ())
+
+
+@pytest.mark.parametrize(('value', 'rounded'), [(1.23456, 1.235), (0.12344, 0.12344), (1.98765, 1.98765)])
+def test_a_value_has_four_significant_digits_and_stays_in_its_range(value, rounded):
+    assert _rounded(Range('circle.radius_scale', 0.12344, 1.98765), value) == rounded
