@@ -129,3 +129,13 @@ def test_estimated_scores_are_right_within_the_margin_and_bound_the_others():
     assert estimated.sum() < n / 4
     np.testing.assert_allclose(estimates[estimated], exact[estimated], rtol=0, atol=1e-7 * n)
     assert (exact[~estimated] < estimates.max() - margin).all()
+
+
+@pytest.mark.parametrize('mu', [0.0, 1e-160, 1e160])
+def test_the_highest_score_is_found_where_votes_cannot_be_estimated(mu):
+    """Six points at one place, whose votes are not estimated, and four near each other and far from it."""
+    points = np.zeros((3, 10))
+    points[0, 6:] = 10, 10.1, 10.2, 10.3
+    every_mu = np.where(np.arange(10) < 6, mu, 10.0)
+    exact = votes._scores(points, every_mu, np.arange(10))
+    assert votes.highest_score(points, every_mu) == int(np.argmax(exact))

@@ -2,6 +2,7 @@
 """Decompression in bounded memory."""
 
 import os
+import random
 import tracemalloc
 
 import lz4.frame
@@ -100,3 +101,16 @@ def test_a_file_that_expands_beyond_all_measure_is_refused(tmp_path, monkeypatch
     path.write_bytes(zstandard.compress(bytes(10**7)))
     with pytest.raises(RecordingError, match=r'a\.mcap\.zstd expands to more than 1 MB: .*zstd -d'):
         expand_file(path.open('rb'), path)
+
+
+@pytest.mark.parametrize(('times', 'fits'), [(90, True), (120, False)])
+def test_a_file_may_expand_a_hundredfold_whatever_the_limit(tmp_path, monkeypatch, times, fits):
+    monkeypatch.setenv(LIMIT_VARIABLE, '0.001')
+    path, data = tmp_path / 'a.mcap.zstd', random.Random(0).randbytes(10_000) * times
+    path.write_bytes(zstandard.compress(data))
+    if fits:
+        with expand_file(path.open('rb'), path) as file:
+            assert file.read() == data
+    else:
+        with pytest.raises(RecordingError, match='expands to more than 1 MB'):
+            expand_file(path.open('rb'), path)

@@ -37,3 +37,10 @@ def test_noise_has_its_mean_square_in_clouds_of_any_shape(shape):
 
 def test_a_cloud_without_three_points_in_a_line_has_none():
     assert usual(np.zeros((2, 2), np.float32)) == (0, 0)
+
+
+@pytest.mark.parametrize('equal_pitches', [True, False])
+def test_one_step_of_the_surface_changes_nothing(equal_pitches):
+    heights = np.random.default_rng(0).normal(0, 2.0, (150, 140))
+    heights[:, 60:] += 1000.0
+    assert usual(heights, equal_pitches=equal_pitches) == pytest.approx((24, 24), rel=0.05)
