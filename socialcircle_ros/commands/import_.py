@@ -92,7 +92,7 @@ def command(
     Each file becomes one cloud, in the order given:
 
     \b
-    .npz        height map: z (rows, columns), NaN where not measured; pitches dx and dy
+    .npz        height map: z (rows, columns), NaN where not measured; pitches dx and dy, or --pitch
     .ply, .pcd  organized point cloud
     .al3d, .x3p, .opd, .dat, .plu, .sdf, .tif, .csv ...  docs/formats.md
 
@@ -130,12 +130,10 @@ def command(
         table.print_lengths(stack.pitch)
         click.echo(f'{stack.frames} frames of {files[0]} {stack_text(output, stack.parameters)}')
         return
-    stated = {path.suffix.lower() for path in files} & {'.npz', '.ply', '.pcd'}
-    for_stacks = z_step is not None or (pitch is not None and stated) or (z_from, order) != ('auto', 'auto')
+    for_stacks = z_step is not None or (z_from, order) != ('auto', 'auto')
     if for_stacks and files[0].exists():
         raise ImportFileError(
-            f'--pitch, --z-step, --z-from and --order are for focus stacks, and {files[0]} is not one; leave them'
-            ' out, because the file states its own coordinates.'
+            f'--z-step, --z-from and --order are for focus stacks, and {files[0]} is not one: leave them out.'
         )
     record_clouds(
         files,

@@ -77,14 +77,14 @@ def read_file(
 
 
 def check_given(
-    path: Path, found: MeasuredSurface | OrganizedCloud, pitch: 'PitchLike | None', unit: str | None
+    path: Path, found: MeasuredSurface | OrganizedCloud, pitch: 'Pitch | None', unit: str | None
 ) -> None:
     """See that what the caller says of a file does not contradict the file.
 
     Raises:
         ImportFileError: the file states another pitch or unit.
     """
-    if pitch is not None and not (isinstance(found, MeasuredSurface) and found.pitch == pitch):
+    if pitch is not None and found.pitch != pitch:
         raise ImportFileError(f'{path} states its own coordinates: leave the pitch out.')
     if unit is not None and known_unit(found.unit) != known_unit(unit):
         stated = f'is in {unit_name(found.unit)}' if found.unit else 'does not state its unit'

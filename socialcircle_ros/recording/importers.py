@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Organized clouds from measurement files: `.npz` height maps, PLY and PCD."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -17,7 +18,7 @@ from socialcircle_ros.formats.damage import unreadable
 from socialcircle_ros.formats.fields import free_name, held_values
 from socialcircle_ros.formats.lists import LIST
 from socialcircle_ros.formats.points import comments_of, metadata_of, pitch_of
-from socialcircle_ros.formats.surface import SOURCE_FORMAT
+from socialcircle_ros.formats.surface import SOURCE_FORMAT, given_pitch
 from socialcircle_ros.lengths import checked_unit
 from socialcircle_ros.messages.header import FIRST_DATE
 
@@ -27,8 +28,11 @@ from .ply import read_ply
 from .point_table import FieldValues, PointTable
 
 _Number = TypeVar('_Number', bound=np.generic)
-_OWN_ARRAYS = {'z', 'x', 'y', 'dx', 'dy', 'unit', 'metadata'}
-_HEIGHT_MAP = 'a height map needs z (rows, columns), and the pitches dx and dy in µm or its own x and y'
+_LATERAL = {'x', 'y', 'dx', 'dy'}
+_OWN_ARRAYS = {'z', *_LATERAL, 'unit', 'metadata'}
+_HEIGHT_MAP = (
+    'a height map needs z (rows, columns), and the pitches dx and dy in the unit of z, or its own x and y'
+)
 _OF_A_POINT = 3  # numbers in a line of text
 _SAME_PITCH = 1e-3  # relative
 
@@ -67,6 +71,9 @@ class ImportedCloud:
         return OrganizedCloud(self.points, self.unit, self.fields, self.metadata, self.pitch)
 
 
+_Reader = Callable[[Path, tuple[int, int] | None], ImportedCloud]
+
+
 def import_cloud(
     path: str | Path,
     *,
@@ -78,13 +85,15 @@ def import_cloud(
 
     An `.npz` height map has heights `z` (rows, columns) and the pitches `dx` and `dy`, all in one unit: that of
     its array `unit` or of the argument, else µm, as `unit_note` says then. x is column · dx, y is row · dy; or the
-    file has its own `x` and `y`, one value for each column and row or one for each point. Other arrays of the same
+    file has its own `x` and `y`, one value for each column and row or one for each point; with none of the four,
+    the argument has the pitch. Other arrays of the same
     size become fields, as do the planes of an array (planes, rows, columns). Other arrays are not loaded.
 
     Args:
         path: an `.npz`, `.ply` or `.pcd` file, or one of the formats of `formats.FORMATS`.
         shape: (rows, columns) of a PLY or PCD file that does not hold its shape.
-        pitch: dx and dy of a file of heights that does not state them, such as an ASCII matrix.
+        pitch: dx and dy of a file of heights that does not state them, such as an ASCII matrix or an `.npz` of `z`
+            alone.
         unit: of a file that does not name it.
 
     Raises:
@@ -92,17 +101,22 @@ def import_cloud(
         SettingError: the unit is no text.
     """
     path, unit = Path(path), checked_unit(unit)
-    readers = {'.npz': _read_height_map, '.ply': _read_points, '.pcd': _read_points}
+    given = None if pitch is None else given_pitch(path, pitch)
+    readers: dict[str, _Reader] = {
+        '.npz': partial(_read_height_map, given=given),
+        '.ply': _read_points,
+        '.pcd': _read_points,
+    }
     if not path.suffix and not path.exists():
         raise ImportFileError(f'{path} does not exist: check the name of the file or folder.')
     try:
         if path.suffix.lower() not in readers:
-            return _with_unit(path, _read_other(path, shape, pitch, unit), unit)
+            return _with_unit(path, _read_other(path, shape, given, unit), unit)
         cloud = readers[path.suffix.lower()](path, shape)
     except OSError as error:
         raise unreadable(path, error) from None
     cloud = _with_unit(path, cloud, unit)
-    check_given(path, cloud.organized(), pitch, unit)
+    check_given(path, cloud.organized(), given, unit)
     return cloud
 
 
@@ -116,7 +130,7 @@ def _with_unit(path: Path, cloud: ImportedCloud, given: str | None) -> ImportedC
     return replace(cloud, unit_note=note)
 
 
-def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud:
+def _read_height_map(path: Path, shape: tuple[int, int] | None, given: Pitch | None) -> ImportedCloud:
     with open_npz(path) as archive:
         if 'frames' in archive.headers:
             raise ImportFileError(
@@ -135,8 +149,9 @@ def _read_height_map(path: Path, shape: tuple[int, int] | None) -> ImportedCloud
             raise ImportFileError(f'{path} has {size_text(rows, columns)} of points, not {size_text(*shape)}.')
         z = _as_coordinates(path, 'z', archive.load('z'))
         fields = _Fields((rows, columns))
-        x, y = _lateral(archive, rows, columns, z.dtype)
-        pitch = _stated_pitch(archive)
+        pitch = given_pitch(path, given) if _LATERAL.isdisjoint(archive.headers) else None
+        x, y = _lateral(archive, rows, columns, z.dtype, pitch)
+        pitch = pitch or _stated_pitch(archive)
         points = np.empty((rows, columns, 3), np.result_type(x, y, z))
         points[..., 0], points[..., 1], points[..., 2] = x, y, z
         unit, metadata = _text_of(archive, 'unit'), metadata_of(_text_of(archive, 'metadata'))
@@ -162,9 +177,9 @@ def _text_of(archive: Npz, name: str) -> str | None:
 
 
 def _lateral(
-    archive: Npz, rows: int, columns: int, kind: np.dtype[np.float32 | np.float64]
+    archive: Npz, rows: int, columns: int, kind: np.dtype[np.float32 | np.float64], given: Pitch | None
 ) -> tuple[Floats, Floats]:
-    """The coordinates x and y of a height map: its own, or those of the pitches.
+    """The coordinates x and y of a height map: its own, or those of the pitches, which may be `given` instead.
 
     Returns:
         Arrays that fit (rows, columns); those of the pitches in the type of the heights, `kind`.
@@ -175,12 +190,9 @@ def _lateral(
     path = archive.path
     own = [name for name in ('x', 'y') if name in archive.headers]
     if not own:
-        for key in ('dx', 'dy'):
-            if key not in archive.headers:
-                raise ImportFileError(f'{path} has no array {key!r}: {_HEIGHT_MAP}.')
-        dx, dy = (_pitch(archive, key) for key in ('dx', 'dy'))
+        pitch = given or (_pitch(archive, 'dx'), _pitch(archive, 'dy'))
         try:
-            return grid_coordinates((rows, columns), (dx, dy), kind)
+            return grid_coordinates((rows, columns), pitch, kind)
         except CloudError as error:
             raise ImportFileError(f'{path} cannot be used: {error}') from None
     shapes = [archive.headers[name].shape for name in own]
@@ -196,10 +208,10 @@ def _lateral(
     for key, values, axis in (('dx', x, -1), ('dy', y, 0)):
         if key in archive.headers and values.shape[axis] > 1:
             steps = np.abs(np.diff(values.astype(np.float64), axis=axis))
-            pitch, found = _pitch(archive, key), np.nanmedian(steps)
-            if not np.isclose(found, pitch, rtol=_SAME_PITCH):
+            stated, found = _pitch(archive, key), np.nanmedian(steps)
+            if not np.isclose(found, stated, rtol=_SAME_PITCH):
                 raise ImportFileError(
-                    f'{path} has {key} {pitch:g}, but its own {key[1]} is {found:g} apart: remove one of these.'
+                    f'{path} has {key} {stated:g}, but its own {key[1]} is {found:g} apart: remove one of these.'
                 )
     return x, y
 
@@ -218,19 +230,21 @@ def _pitch(archive: Npz, key: str) -> float:
     """Read a pitch.
 
     Raises:
-        ImportFileError: it is not one positive number.
+        ImportFileError: it is missing, or is not one positive number.
     """
+    if key not in archive.headers:
+        raise ImportFileError(f'{archive.path} has no array {key!r}: {_HEIGHT_MAP}.')
     path, value = archive.path, archive.load(key)
     if value.size == 1 and value.dtype.kind in 'fiu':
         pitch = float(value.astype(np.float64).item())
         if 0 < pitch < np.inf:
             return pitch
-    raise ImportFileError(f'{path} has no usable {key!r}: it must be one positive number, the pitch in µm.')
+    raise ImportFileError(
+        f'{path} has no usable {key!r}: it must be one positive number, the pitch in the unit of z.'
+    )
 
 
-def _read_other(
-    path: Path, shape: tuple[int, int] | None, pitch: PitchLike | None, unit: str | None
-) -> ImportedCloud:
+def _read_other(path: Path, shape: tuple[int, int] | None, pitch: Pitch | None, unit: str | None) -> ImportedCloud:
     """Read a file of another format, such as that of an instrument."""
     found = read_file(path, pitch=pitch, unit=unit)
     try:

@@ -38,7 +38,7 @@ def test_height_maps_become_clouds_in_the_given_order(run, tmp_path):
         (
             ['good.npz', '-o', 'x.mcap', '--pitch', '1e-6'],
             1,
-            '--order are for focus stacks, and good.npz is not one',
+            'good.npz states its own coordinates: leave the pitch out',
         ),
         (['good.npz', '-o', 'x.mcap', '--order', 'time'], 1, '--order are for focus stacks'),
         (['nowhere.npz', '-o', 'x.mcap', '--pitch', '1e-6'], 1, 'nowhere.npz does not exist'),
@@ -54,6 +54,18 @@ def test_an_error_is_one_sentence_and_leaves_no_recording(run, tmp_path, argumen
     assert sentence in done.err
     assert 'Traceback' not in done.err
     assert not (tmp_path / 'x.mcap').exists()
+
+
+def test_heights_of_an_archive_take_their_pitch_and_unit_from_the_options(run, tmp_path):
+    np.savez(tmp_path / 'bare.npz', z=np.random.default_rng(0).random((5, 7)))
+    done = run('import', 'bare.npz', '-o', 'x.mcap')
+    assert done.code == 1
+    assert 'bare.npz does not state its pitch: give it with its unit, as import --pitch 2 --unit um' in done.err
+    done = run('import', 'bare.npz', '-o', 'x.mcap', '--pitch', '2', '--unit', 'nm')
+    assert done.code == 0, done.err
+    with open_recording(tmp_path / 'x.mcap') as reader:
+        cloud = PointCloud.decode(next(iter(reader.messages())).data)
+    assert cloud.xyz()[4, 6, :2].tolist() == [12e-9, 8e-9]
 
 
 @pytest.mark.parametrize(

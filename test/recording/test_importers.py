@@ -94,6 +94,21 @@ def test_a_height_map_without_a_required_array_is_refused(tmp_path, key):
         import_cloud(tmp_path / 'a.npz')
 
 
+def test_a_pitch_is_taken_only_by_heights_that_have_no_place(tmp_path):
+    np.savez(tmp_path / 'a.npz', z=Z)
+    with pytest.raises(ImportFileError, match=r'a\.npz does not state its pitch: give it'):
+        import_cloud(tmp_path / 'a.npz')
+    cloud = import_cloud(tmp_path / 'a.npz', pitch=[0.5, 2], unit='mm')
+    assert (cloud.pitch, cloud.unit) == ((0.5, 2.0), 'mm')
+    assert cloud.points[1, 2].tolist() == [1.0, 2.0, 6.0]
+    for stated in ({'dx': 1.0}, {'x': np.arange(3.0), 'y': np.arange(2.0)}, {'dx': 1.0, 'dy': 1.0}):
+        np.savez(tmp_path / 'b.npz', z=Z, **stated)
+        with pytest.raises(ImportFileError, match=r"b\.npz (states its own coordinates|has no array 'dy')"):
+            import_cloud(tmp_path / 'b.npz', pitch=(0.5, 2))
+    with pytest.raises(ImportFileError, match=r'c\.ply states its own coordinates: leave the pitch out'):
+        import_cloud(ply(tmp_path / 'c.ply', size='obj_info num_cols 3\nobj_info num_rows 2\n'), pitch=(0.5, 2))
+
+
 def test_an_archive_cut_off_at_any_byte_is_refused(tmp_path):
     content = npz(tmp_path / 'a.npz').read_bytes()
     for length in range(0, len(content), 11):
