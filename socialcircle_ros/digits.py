@@ -34,20 +34,21 @@ def decimal_text(value: float, decimals: int) -> str:
     return fixed_text(value, max(decimals, least))
 
 
-def number_text(value: float, digits: int = 3, *, padded: bool = True) -> str:
+def number_text(value: float, digits: int = 3, *, padded: bool = True, scientific: bool = False) -> str:
     """A number with significant digits, such as 0.0254, 13,117 or 2.50 × 10⁻⁷; – for NaN.
 
     Args:
         value: the number.
         digits: significant digits; whole digits are all shown.
         padded: whether zeros at the end of the decimals stay, as of a measured value.
+        scientific: whether the number has a power of ten although it is short without one.
     """
     if not math.isfinite(value):
         return _not_finite(value)
     if value == 0:
         return '0'
     exponent = exponent_of(value, digits)
-    if exponent in _PLAIN:
+    if exponent in _PLAIN and not scientific:
         text, power = f'{value:,.{max(0, digits - 1 - exponent)}f}', ''
     else:
         text, power = f'{value:.{digits - 1}e}'.partition('e')[0], f' × {power_of_ten(exponent)}'

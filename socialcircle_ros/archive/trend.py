@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from socialcircle_ros.lengths import METRES, NOT_KNOWN, known_unit, length_scale
 from socialcircle_ros.measurements import open_measurements
-from socialcircle_ros.report.entry import anchor_of, shown_name
+from socialcircle_ros.recording.named_clouds import shown_name
+from socialcircle_ros.report.entry import anchor_of
 from socialcircle_ros.storage import is_url
 
 from .control_chart import ControlLimits, control_limits, signals

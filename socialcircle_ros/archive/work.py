@@ -2,7 +2,6 @@
 """The task of a worker: one input in; a cleaned recording, rows and an entry of the ledger out."""
 
 import time
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -193,7 +192,6 @@ class _RowCollector:
         self._task = task
         self._content = content
         self.rows: list[MeasurementRow] = []
-        self._numbers: Counter[str] = Counter()
         cell, part = task.names.read(task.found.location)
         with open_recording(path) as reader:
             recorded = {key: text for record in reader.metadata() for key, text in record.entries.items()}
@@ -204,10 +202,8 @@ class _RowCollector:
     def __call__(self, cloud: SourceCloud, outputs: CloudOutputs | Refusal, kept: KeptPoints | None) -> None:
         """Take one cloud."""
         cell = self._cell or cloud.namespace.strip('/')
-        number = self._numbers[cloud.topic]
-        self._numbers[cloud.topic] += 1
         origin = replace(
-            _origin(self._task, self._content, cell, self._part, cloud.topic, number, self._time_ns(cloud)),
+            _origin(self._task, self._content, cell, self._part, cloud.topic, cloud.number, self._time_ns(cloud)),
             unit='m' if cloud.image is not None else self._units[cloud.topic],
         )
         if isinstance(outputs, Refusal):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from socialcircle_ros.arguments import Compression
     from socialcircle_ros.pipeline.clouds import CloudOutputs, Measurement
     from socialcircle_ros.recording import Message
-    from socialcircle_ros.recording.offline import Summary
+    from socialcircle_ros.recording.offline import KeptPoints, SourceCloud, Summary
 
 
 @click.command('filter', epilog='Example: socialcircle filter bags/metal_groove.mcap -o cleaned.mcap')
@@ -77,8 +77,10 @@ def command(
     The same recording and parameters give the same bytes under the same name, which the recording holds.
     """  # noqa: D301 - click reads \b
     from socialcircle_ros.kernels.memory import keep_freed_memory
+    from socialcircle_ros.pipeline.stacks import Refusal
     from socialcircle_ros.recording import open_recording
     from socialcircle_ros.recording.export import filter_to_file, is_file_target
+    from socialcircle_ros.recording.named_clouds import shown_name
     from socialcircle_ros.recording.offline import clouds_of, filter_recording, stacks_of
     from socialcircle_ros.recording.units import unit_of
     from socialcircle_ros.settings import PipelineSettings
@@ -88,21 +90,25 @@ def command(
     with open_recording(recording) as reader:
         total = reader.message_count
         clouds = [name for name in topics or clouds_of(reader) if name in reader.topics]
-        units = {unit_of(reader, name) for name in clouds} | {'m' for _ in stacks_of(reader)}
+        units = {name: unit_of(reader, name) for name in clouds}
+        stacks = stacks_of(reader)
     read, found = 0, _Counts()
     with progress_bar(f'filtering {recording.name}') as progress:
 
-        def count(message: 'Message | None', results: 'list[CloudOutputs]') -> None:
+        def count(message: 'Message | None') -> None:
             nonlocal read
             read += message is not None
-            for result in results:
-                found.add(result.measurement)
             progress(read, total)
+
+        def take(cloud: 'SourceCloud', outputs: 'CloudOutputs | Refusal', _: 'KeptPoints | None') -> None:
+            if not isinstance(outputs, Refusal):
+                measurement = outputs.measurement.in_unit(units.get(cloud.topic, 'm'))  # those of stacks
+                found.add(shown_name(recording, cloud.name), measurement)
 
         notes: tuple[str, ...] = ()
         if is_file_target(output):
             summary, notes = filter_to_file(
-                recording, output, settings, topics=topics, overwrite=overwrite, seen=count
+                recording, output, settings, topics=topics, overwrite=overwrite, seen=count, filtered=take
             )
         else:
             summary = filter_recording(
@@ -113,9 +119,11 @@ def command(
                 compression=compression,
                 overwrite=overwrite,
                 seen=count,
+                filtered=take,
             )
     _tell(summary, recording, output, found, notes)
-    tell_failures(found.failures, found.judged, sum(summary.refused.values()), settings.limits, units)
+    known = {*units.values(), *(['m'] if stacks else [])}
+    tell_failures(found.failures, found.judged, sum(summary.refused.values()), settings.limits, known)
 
 
 @dataclass
@@ -140,8 +148,8 @@ class _Counts:
     set_aside: Counter[str] = field(default_factory=Counter)
     islands: Counter[str] = field(default_factory=Counter)
 
-    def add(self, measurement: 'Measurement') -> None:
-        """Count a measurement."""
+    def add(self, name: str, measurement: 'Measurement') -> None:
+        """Count a measurement of the cloud of that name."""
         from socialcircle_ros.circle.not_measured import COUNT_AS
         from socialcircle_ros.interface import FAILED
 
@@ -153,7 +161,7 @@ class _Counts:
         for note in measurement.notes:
             (self.set_aside if note.endswith(COUNT_AS) else self.islands)[note] += 1
         if values.verdict == FAILED:
-            self.failures.append(f'the cloud with the stamp {values.stamp} s: {values.verdict_reason}')
+            self.failures.append(f'{name}: {values.verdict_reason}')
 
 
 def _most_notes(counts: Counter[str], noun: str) -> list[str]:
@@ -173,6 +181,7 @@ def _most_notes(counts: Counter[str], noun: str) -> list[str]:
 
 def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, notes: tuple[str, ...]) -> None:
     """Print what was done, and what a person should look at."""
+    from socialcircle_ros.recording.named_clouds import shown_name
     from socialcircle_ros.recording.offline import with_found_parameters
 
     stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
@@ -192,6 +201,10 @@ def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, not
     if summary.clouds and summary.replaced:
         click.echo(f'Replaced the results of an earlier run on: {", ".join(summary.replaced)}.', err=True)
     refused = {with_found_parameters(reason, recording): count for reason, count in summary.refused.items()}
-    tell_refusals(refused, summary.damage, summary.first_refused)
+    first = {
+        with_found_parameters(reason, recording): shown_name(recording, name)
+        for reason, name in summary.first_refused.items()
+    }
+    tell_refusals(refused, summary.damage, first)
     if summary.clouds == 0:
         raise click.exceptions.Exit(1)

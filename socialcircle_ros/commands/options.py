@@ -224,12 +224,12 @@ def tell_refusals(refused: Mapping[str, int], damage: str | None, first: Mapping
     Args:
         refused: how often, by reason.
         damage: where the recording breaks off; None: it is sound.
-        first: stamp in s of the first refused cloud, by reason, as far as it is known.
+        first: name of the first refused cloud, by reason, as far as it is known.
     """
     for reason, count in refused.items():
         times = f', {count} times' if count > 1 else ''
-        stamp = (first or {}).get(reason)
-        where = '' if stamp is None else f', {"first " if times else ""}the cloud with the stamp {stamp} s'
+        name = (first or {}).get(reason)
+        where = '' if name is None else f', {"first " if times else ""}{name}'
         click.echo(f'Refused{times}{where}: {reason}', err=True)
     if damage:
         click.echo(f'Warning: {damage}', err=True)

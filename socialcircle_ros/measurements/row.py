@@ -193,6 +193,7 @@ def row_of(
         texture: of the kept points; None: not known.
         latency_ms: from arrival to publication, of a live cloud.
     """
+    measurement = measurement.in_unit(origin.unit)
     values = measurement.values
     is_ok = measurement.level == diagnostics.OK
     return replace(

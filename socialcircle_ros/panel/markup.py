@@ -264,7 +264,8 @@ def region(numbers: RegionNumbers, unit: str | None) -> str:
     passed = ''
     if numbers.verdict is not None:
         kind, word = ('good', 'passed') if numbers.verdict.passed else ('bad', 'failed')
-        passed = f'<div class="sc-card sc-{kind}"><b>{word}</b> {escape(" ".join(numbers.verdict.reasons))}</div>'
+        reasons = escape(' '.join(numbers.verdict.reasons(unit)))
+        passed = f'<div class="sc-card sc-{kind}"><b>{word}</b> {reasons}</div>'
     where = f'rows {row} to {row + height - 1}, columns {column} to {column + width - 1}'
     return _box(f'<div class="sc-title">Region: {where}</div>{_table(counts)}<table>{head}{cells}</table>{passed}')
 

@@ -6,7 +6,7 @@ Both emit the same bytes, so that a replay shows what the line did.
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.repair import repair_holes
 from socialcircle_ros.settings import LimitSettings, PipelineSettings, RepairSettings
 
-from .limits import verdict
+from .limits import Verdict, verdict
 
 STATUS_NAME = 'social_circle: measurement'
 
@@ -63,6 +63,7 @@ class Measurement:
         failures: the outputs that could not be made or emitted, and why; the others were.
         notes: the sentences of `message` on points that count as not measured, and on few removed islands.
         warnings: the sentences of `message` that a person should look at.
+        verdict: whether the measurement passes its limits; None: there is none.
     """
 
     level: int
@@ -74,6 +75,16 @@ class Measurement:
     failures: Mapping[NodeTopic, Exception]
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    verdict: Verdict | None = None
+
+    def in_unit(self, unit: str | None) -> 'Measurement':
+        """The measurement for who knows the unit of the cloud: with it, where it says which limits fail."""
+        before = self.values.verdict_reason
+        if self.verdict is None or before is None:
+            return self
+        reason = ' '.join(self.verdict.reasons(unit))
+        values = replace(self.values, verdict_reason=reason)
+        return replace(self, message=self.message.replace(before, reason, 1), values=values)
 
     def status(self, *, timed: bool) -> diagnostics.Status:
         """The measurement as a message; without times it is the same for the same cloud and settings."""
@@ -201,6 +212,7 @@ def process_cloud(
         failures=outputs.failures,
         notes=tuple(map(_as_sentence, result.notes)),
         warnings=tuple(map(_as_sentence, warnings)),
+        verdict=judged,
     )
 
 
@@ -219,14 +231,15 @@ class _Outputs:
         self.warnings: tuple[str, ...] = ()
         self.failures: dict[NodeTopic, Exception] = {}
 
-    def values(self, depth_of_field: float | None, judged: Mapping[str, str]) -> MeasurementValues:
+    def values(self, depth_of_field: float | None, judged: Verdict | None) -> MeasurementValues:
         """The counts, seed and radius, once all outputs are made.
 
         Args:
             depth_of_field: of the stack, as `process_cloud` takes it.
-            judged: verdict and reason.
+            judged: whether it passes its limits.
         """
         header = self._cloud.header
+        reasons = '' if judged is None else ' '.join(judged.reasons())
         return MeasurementValues(
             stamp=f'{header.seconds}.{header.nanoseconds:09d}',
             points=self.points,
@@ -238,7 +251,8 @@ class _Outputs:
             seed_column=self._result.seed[1],
             radius=self._result.radius,
             stack_depth_of_field=depth_of_field,
-            **judged,
+            verdict=None if judged is None else (FAILED if reasons else PASSED),
+            verdict_reason=reasons or None,
         )
 
     def attempt(self, topic: NodeTopic, make: Callable[[], bytes | memoryview]) -> None:
@@ -272,15 +286,13 @@ class _Outputs:
 
 def _judged(
     limits: LimitSettings, result: CircleResult, xyz: Cloud, measured: int, stopwatch: Stopwatch
-) -> dict[str, str]:
-    """Verdict and reason as `MeasurementValues` holds them; nothing, in no time, if there is no limit."""
+) -> Verdict | None:
+    """Whether a measurement passes its limits; None, in no time, if there is none."""
     if not limits.are_set:
-        return {}
+        return None
     found = verdict(limits, xyz, result.inliers, measured)
     stopwatch.lap('limits')
-    if found is None or found.passed:
-        return {'verdict': PASSED}
-    return {'verdict': FAILED, 'verdict_reason': ' '.join(found.reasons)}
+    return found
 
 
 def failure_sentence(topic: NodeTopic, error: Exception) -> str:

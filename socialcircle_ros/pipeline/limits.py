@@ -1,30 +1,70 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a measurement passes its limits. The node, `socialcircle filter` and the report all ask here."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from socialcircle_ros.cloud import Cloud, Mask
 from socialcircle_ros.digits import number_text, share_text, unlike_texts
+from socialcircle_ros.lengths import known_unit, length_text
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.settings import LimitSettings
 
 IN_UNIT_OF_CLOUD = 'in the unit of the cloud'
-"""Ends the reasons that have lengths."""
+"""Ends the reasons that have lengths, where their unit is not known."""
 
 _DIGITS = 6  # of a length
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """Whether a measurement passes, and the reasons why it does not."""
+class TextureReason:
+    """Why a measurement does not pass: a parameter of its texture, and the limit that it is below or above.
 
-    reasons: tuple[str, ...] = ()
+    The value is NaN where fewer than three kept points have no texture.
+    """
+
+    name: str
+    value: float
+    comparison: str
+    limit: float
+
+    def sentence(self, unit: str | None) -> str:
+        """The reason, with lengths in the unit of the cloud; None: it is not known."""
+        if math.isnan(self.value):
+            return f'{self.name} is not known: fewer than three points are kept.'
+
+        def text(length: float, digits: int) -> str:
+            if known_unit(unit) is not None:
+                return length_text(length, unit, digits=digits)
+            return number_text(length, digits, padded=False, scientific=scientific)
+
+        scientific = any('×' in number_text(each, _DIGITS) for each in (self.value, self.limit))
+        value, limit = unlike_texts(self.value, self.limit, text, _DIGITS)
+        end = '' if known_unit(unit) is not None else f', {IN_UNIT_OF_CLOUD}'
+        return f'{self.name} is {value}, {self.comparison} {limit}{end}.'
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a measurement passes, and why it does not.
+
+    Attributes:
+        shares: one sentence for each share that does not pass.
+        textures: the parameters of the texture that do not.
+    """
+
+    shares: tuple[str, ...] = ()
+    textures: tuple[TextureReason, ...] = ()
 
     @property
     def passed(self) -> bool:
         """Whether no limit is exceeded."""
-        return not self.reasons
+        return not (self.shares or self.textures)
+
+    def reasons(self, unit: str | None = None) -> tuple[str, ...]:
+        """All reasons, one sentence each, with lengths in the unit of the cloud; None: it is not known."""
+        return (*self.shares, *(each.sentence(unit) for each in self.textures))
 
 
 def verdict(limits: LimitSettings, xyz: Cloud, kept: Mask, measured: int) -> Verdict | None:
@@ -43,7 +83,7 @@ def verdict(limits: LimitSettings, xyz: Cloud, kept: Mask, measured: int) -> Ver
         return None
     outliers = measured - int(kept.sum())
     shares = _share_reasons(limits, outliers / measured if measured else 0.0, measured / kept.size)
-    return Verdict((*shares, *_texture_reasons(limits, xyz, kept)))
+    return Verdict(tuple(shares), tuple(_texture_reasons(limits, xyz, kept)))
 
 
 def _share_reasons(limits: LimitSettings, outliers: float, measured: float) -> Iterator[str]:
@@ -56,7 +96,7 @@ def _share_reasons(limits: LimitSettings, outliers: float, measured: float) -> I
         yield f'{share} of the points are measured, fewer than {limit}.'
 
 
-def _texture_reasons(limits: LimitSettings, xyz: Cloud, kept: Mask) -> Iterator[str]:
+def _texture_reasons(limits: LimitSettings, xyz: Cloud, kept: Mask) -> Iterator[TextureReason]:
     limited = [row for row in limits.of_texture if row[1] is not None or row[2] is not None]
     if not limited:
         return
@@ -64,22 +104,11 @@ def _texture_reasons(limits: LimitSettings, xyz: Cloud, kept: Mask) -> Iterator[
     values = {'Sa': found.sa, 'Sq': found.sq, 'Sz': found.sz}
     for name, low, high in limited:
         value = values[name]
-        if low is not None and value < low:
-            yield _texture_reason(name, value, 'below', low)
-        if high is not None and value > high:
-            yield _texture_reason(name, value, 'above', high)
-        if value != value:  # noqa: PLR0124 - NaN: fewer than three kept points have no texture
-            yield f'{name} is not known: fewer than three points are kept.'
-
-
-def _texture_reason(name: str, value: float, comparison: str, limit: float) -> str:
-    shown, than = unlike_texts(value, limit, _length_text, _DIGITS)
-    return f'{name} is {shown}, {comparison} {than}, {IN_UNIT_OF_CLOUD}.'
+        if low is not None and not value >= low:  # also NaN
+            yield TextureReason(name, value, 'below', low)
+        elif high is not None and not value <= high:
+            yield TextureReason(name, value, 'above', high)
 
 
 def _share_text(share: float, decimals: int) -> str:
     return share_text(share, decimals, padded=False)
-
-
-def _length_text(length: float, digits: int) -> str:
-    return number_text(length, digits, padded=False)

@@ -27,7 +27,7 @@ from socialcircle_ros.settings import PARAMETERS, PipelineSettings
 from socialcircle_ros.storage import check_folder_name, check_place, folder_of_results, kind_of_target, write_file
 
 from .any_file import is_measurement_file, open_recording
-from .offline import Seen, Summary, clouds_of, filter_recording
+from .offline import Filtered, Seen, Summary, clouds_of, filter_recording
 from .origins import origins_of
 from .reader import RecordingReader
 from .topics import Message
@@ -117,7 +117,8 @@ def filter_to_file(
     *,
     topics: OneOrSeveral[str] = (),
     overwrite: bool = False,
-    seen: Seen = lambda message, outputs: None,
+    seen: Seen = lambda message: None,
+    filtered: Filtered | None = None,
 ) -> tuple[Summary, tuple[str, ...]]:
     """Filter the one cloud of a measurement file, or of a recording, into a measurement file.
 
@@ -128,6 +129,7 @@ def filter_to_file(
         topics: as in `filter_recording`.
         overwrite: whether to replace an existing file.
         seen: as in `filter_recording`.
+        filtered: as in `filter_recording`.
 
     Returns:
         What was done, and one sentence for each thing that the format cannot hold.
@@ -149,7 +151,7 @@ def filter_to_file(
     with folder_of_results(target.parent), TemporaryDirectory(prefix='socialcircle-') as folder:
         check_place(target)
         between = Path(folder) / f'{source.stem}.mcap'
-        summary = filter_recording(source, between, settings, topics=topics, seen=seen)
+        summary = filter_recording(source, between, settings, topics=topics, seen=seen, filtered=filtered)
         if summary.clouds == 0:
             return summary, ()
         with open_recording(between) as reader:

@@ -3,12 +3,14 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from socialcircle_ros.arguments import OneOrSeveral
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.settings import PipelineSettings
 
+from .any_file import is_measurement_file
 from .offline import SourceCloud, source_clouds, with_found_parameters
 from .reader import RecordingReader
 from .topics import Message
@@ -22,6 +24,14 @@ class NamedCloud(NamedTuple):
 
     name: str
     cloud: SourceCloud
+
+
+def shown_name(recording: Path, name: str) -> str:
+    """The name of a cloud for a person: that of its file, or its topic and number in a recording.
+
+    A measurement file is read through a recording with one topic, and the name of this topic says nothing.
+    """
+    return recording.name if is_measurement_file(recording) else name
 
 
 def named_clouds(
@@ -42,7 +52,6 @@ def named_clouds(
     Raises:
         RecordingError: as `source_clouds`.
     """
-    counts: Counter[str] = Counter()
     read = 0
 
     def seen(message: Message | None) -> None:
@@ -55,8 +64,7 @@ def named_clouds(
         if isinstance(event, Refusal):
             yield Refusal(with_found_parameters(event.reason, reader.path))
         else:
-            yield NamedCloud(f'{event.topic} {counts[event.topic]}', event)
-            counts[event.topic] += 1
+            yield NamedCloud(event.name, event)
 
 
 def spread_clouds(

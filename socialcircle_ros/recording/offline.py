@@ -2,9 +2,11 @@
 """A recording in, a recording out: the node's filter, cloud by cloud, with the same result each time."""
 
 import shlex
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 from socialcircle_ros.arguments import Compression, OneOrSeveral, settings_of, several
@@ -26,7 +28,6 @@ from socialcircle_ros.interface import (
     outputs_of,
 )
 from socialcircle_ros.messages import diagnostics
-from socialcircle_ros.messages.header import readable_header, stamp_text
 from socialcircle_ros.pipeline.clouds import CloudOutputs, filter_cloud
 from socialcircle_ros.pipeline.stacks import NOT_SET, Refusal, StackAssembler, StackEvent
 from socialcircle_ros.settings import PipelineSettings
@@ -39,8 +40,8 @@ from .reader import RecordingReader
 from .topics import Message, ros_topic
 from .writer import RecordingWriter
 
-Seen = Callable[[Message | None, list[CloudOutputs]], None]
-"""Called after each message, and with None at the end, with the outputs that came of it."""
+Seen = Callable[[Message | None], None]
+"""Called after each message, and with None at the end."""
 
 KeptPoints = tuple[Cloud, Mask]
 """A cloud (H, W, 3), and which of its points (H, W) are kept."""
@@ -57,7 +58,7 @@ class Summary:
         clouds: clouds that were filtered, those of stacks included.
         stacks: stacks that became clouds.
         refused: number of refused clouds and frames by reason.
-        first_refused: stamp in s of the first refused cloud by reason, if it has one.
+        first_refused: name of the first refused cloud by reason, as `SourceCloud` has it.
         warnings: number of stacks by warning.
         passed: messages of other topics, which were copied.
         replaced: topics of an earlier run in the recording; the new messages replace theirs.
@@ -90,6 +91,7 @@ class SourceCloud:
         namespace: of its cell, such as `/cell1`; '': the root.
         topic: `/cell1/points`; for a stack `/cell1/stack/points`.
         points: the serialized PointCloud2.
+        number: of the cloud on its topic, from 0.
         message: the outputs are recorded with the times of this message: the cloud itself, or the frame that ended
             the stack.
         image: the serialized image in focus of a stack; None for a cloud.
@@ -105,6 +107,7 @@ class SourceCloud:
     namespace: str
     topic: str
     points: bytes
+    number: int
     message: Message
     image: bytes | None = None
     warning: str = ''
@@ -115,6 +118,11 @@ class SourceCloud:
     drift: float | None = None
     registered: Registered | None = None
 
+    @property
+    def name(self) -> str:
+        """The topic and the number, such as `/cell1/points 3`."""
+        return f'{self.topic} {self.number}'
+
 
 def filter_recording(
     source: str | Path,
@@ -124,7 +132,7 @@ def filter_recording(
     topics: OneOrSeveral[str] = (),
     compression: Compression = 'none',
     overwrite: bool = False,
-    seen: Seen = lambda message, outputs: None,
+    seen: Seen = lambda message: None,
     filtered: Filtered | None = None,
 ) -> Summary:
     """Filter each cloud of a recording; write a recording with the outputs beside everything that it held.
@@ -142,7 +150,7 @@ def filter_recording(
         topics: which topics of clouds to filter; none: those of `clouds_of`.
         compression: of the target's chunks.
         overwrite: whether an existing recording may be replaced.
-        seen: called after each message, and with None at the end, with the outputs that came of it.
+        seen: called after each message, and with None at the end.
         filtered: called after each cloud with what came of it.
 
     Raises:
@@ -174,14 +182,12 @@ def filter_recording(
                     if message is not None:
                         behind.write(message)
                         summary.passed += all(message.topic not in cell.inputs for cell in cells)
-                    outputs: list[CloudOutputs] = []
                     for event in events:
                         if isinstance(event, Refusal):
                             summary.refuse(event.reason)
                         else:
-                            found = _filter(event, settings, summary, behind, filtered)
-                            outputs += [] if found is None else [found]
-                    seen(message, outputs)
+                            _filter(event, settings, summary, behind, filtered)
+                    seen(message)
             if not summary.clouds:
                 writer.discard()
         summary.damage = reader.damage
@@ -227,7 +233,7 @@ def source_clouds(
     settings: PipelineSettings,
     *,
     topics: OneOrSeveral[str] = (),
-    seen: Callable[[Message | None], None] = lambda message: None,
+    seen: Seen = lambda message: None,
 ) -> Iterator[SourceCloud | Refusal]:
     """The clouds that `filter_recording` would filter, in their order; stacks become clouds first.
 
@@ -297,6 +303,7 @@ class _RecordedCell:
         self._assembler = StackAssembler()
         self._assembler.configure(settings.focus, settings.stack)
         self._last_frame: Message | None = None
+        self._numbers: defaultdict[str, count[int]] = defaultdict(count)
         stack_inputs = (STACK_FRAMES.within(namespace), self._joint_states)
         self.inputs = {*self._clouds, *(stack_inputs if stack else ())}
         of_stacks = STACK_OUTPUTS if stack else ()
@@ -307,7 +314,9 @@ class _RecordedCell:
     def take(self, message: Message) -> Iterator[SourceCloud | Refusal]:
         """Take in a message of this cell; yields the clouds that come of it."""
         if message.topic in self._clouds:
-            yield SourceCloud(self._namespace, message.topic, message.data, message)
+            yield SourceCloud(
+                self._namespace, message.topic, message.data, next(self._numbers[message.topic]), message
+            )
             return
         if message.topic == self._joint_states:
             yield from self._handle(self._assembler.add_joint_state(message.data), message)
@@ -328,10 +337,12 @@ class _RecordedCell:
             if isinstance(event, Refusal):
                 yield event
             elif not event.preview:
+                topic = STACK_POINTS.within(self._namespace)
                 yield SourceCloud(
                     self._namespace,
-                    STACK_POINTS.within(self._namespace),
+                    topic,
                     event.points,
+                    next(self._numbers[topic]),
                     message,
                     event.image,
                     event.warning,
@@ -367,19 +378,14 @@ def _filter(
     summary: Summary,
     writer: WriterBehind | None,
     filtered: Filtered | None,
-) -> CloudOutputs | None:
-    """Filter one cloud and write its outputs, if there is a writer; a refusal is counted with its reason.
-
-    Returns:
-        The outputs; None: the cloud is refused.
-    """
+) -> None:
+    """Filter one cloud and write its outputs, if there is a writer; a refusal is counted with its reason."""
     messages: dict[NodeTopic, bytes] = {}
     if cloud.image is not None:
         summary.stacks += 1
         if cloud.warning:
             summary.warn(cloud.warning)
         messages = {STACK_POINTS: cloud.points, STACK_IMAGE: cloud.image}
-    outputs: CloudOutputs | None = None
     kept_points: KeptPoints | None = None
 
     def take_kept(xyz: Cloud, kept: Mask) -> None:
@@ -389,9 +395,7 @@ def _filter(
     try:
         outputs = filter_cloud(cloud.points, settings, cloud.depth_of_field, take_kept)
     except SocialCircleError as refusal:
-        header = readable_header(cloud.points)
-        if header is not None:
-            summary.first_refused.setdefault(str(refusal), stamp_text(header.stamp))
+        summary.first_refused.setdefault(str(refusal), cloud.name)
         summary.refuse(str(refusal))
         if filtered is not None:
             filtered(cloud, Refusal(str(refusal)), None)
@@ -405,7 +409,6 @@ def _filter(
         name = topic.within(cloud.namespace)
         if writer is not None:
             writer.write(Message(name, data, times.log_time, times.publish_time, times.sequence))
-    return outputs
 
 
 def _cells(reader: RecordingReader, topics: OneOrSeveral[str], settings: PipelineSettings) -> list[_RecordedCell]:

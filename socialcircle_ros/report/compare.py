@@ -23,7 +23,7 @@ from socialcircle_ros.pictures.style import new_figure
 from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import open_recording
-from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
+from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds, shown_name
 from socialcircle_ros.recording.reader import RecordingReader
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
@@ -32,7 +32,7 @@ from socialcircle_ros.settings.effects import has_effect
 from socialcircle_ros.storage import check_place, folder_of_results, lies_in, write_file
 
 from .content import Cell, Column, Item, Picture, Pictures, Section, Table, refusal_text
-from .entry import mask_of, shown_name, texture_text, value_text
+from .entry import mask_of, texture_text, value_text
 from .page import check_page_name, environment, render
 
 _MAKE_CLOUDS = ('focus.', 'stack.')

@@ -4,7 +4,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +21,6 @@ from socialcircle_ros.metrics.areal import FILTERS, ArealTexture, areal_texture
 from socialcircle_ros.metrics.scores import Scores, score
 from socialcircle_ros.pictures.drawings import CloudPictures, WorstOutlier
 from socialcircle_ros.pipeline.clouds import CloudOutputs
-from socialcircle_ros.recording.any_file import is_measurement_file
 from socialcircle_ros.recording.offline import SourceCloud
 from socialcircle_ros.settings import PARAMETERS
 from socialcircle_ros.settings.effects import has_effect
@@ -174,14 +172,6 @@ class ReportEntry:
         yield ['Sdr', *(share if share == '–' else f'{share} %' for share in shares), None]
 
 
-def shown_name(recording: Path, name: str) -> str:
-    """The name of a cloud on a page: that of its file, or its topic and number in a recording.
-
-    A measurement file is read through a recording with one topic, and the name of this topic says nothing.
-    """
-    return recording.name if is_measurement_file(recording) else name
-
-
 def anchor_of(name: str) -> str:
     """Target of the links to the entry of a name, such as `/points 3`."""
     return f'measurement {name}'.replace(' ', '-').replace('/', '-')
@@ -214,7 +204,7 @@ def make_entry(
     decoded = PointCloud.decode(cloud)
     pixels = mask_of(result)
     drawn = CloudPictures(measured_only(decoded.xyz(), pixels != NOT_MEASURED), pixels == OUTLIER, unit)
-    measurement = result.measurement.values
+    measurement = result.measurement.in_unit(unit).values
     circle = result.measurement.settings
     warnings = [source.warning] if source is not None and source.warning else []
     warnings += result.measurement.warnings

@@ -20,7 +20,7 @@ from socialcircle_ros.pipeline.clouds import filter_cloud
 from socialcircle_ros.pipeline.stacks import Refusal
 from socialcircle_ros.recording import RecordingReader, open_recording
 from socialcircle_ros.recording.any_file import is_measurement_file
-from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds
+from socialcircle_ros.recording.named_clouds import NamedCloud, named_clouds, shown_name
 from socialcircle_ros.recording.offline import measurements_of
 from socialcircle_ros.recording.truth import truths_of
 from socialcircle_ros.recording.units import unit_of
@@ -29,7 +29,7 @@ from socialcircle_ros.settings.effects import has_effect
 from socialcircle_ros.storage import check_place, folder_of_results, lies_in, write_file
 
 from .content import Banner, Cell, Column, Section, Table, refusal_text
-from .entry import ReportEntry, make_entry, shown_name, value_text
+from .entry import ReportEntry, make_entry, value_text
 from .page import check_page_name, environment, render
 
 _READING = (

@@ -2,6 +2,7 @@
 """`socialcircle filter`."""
 
 import contextlib
+import re
 import signal
 import subprocess
 import sys
@@ -230,7 +231,9 @@ def test_a_full_disk_is_told_and_leaves_nothing_behind(run, tmp_path):
 def test_a_measurement_that_fails_its_limits_is_told_and_ends_with_its_exit_code(run, tmp_path):
     done = run('filter', BAGS / 'padded.mcap', '-o', 'cleaned.mcap', '-p', 'limits.outlier_share_max:=0.0001')
     assert done.code == 3, done.err
-    assert done.err.count('Failed: the cloud with the stamp ') == 2
+    assert [line.partition(': ')[2].partition(':')[0] for line in done.err.splitlines() if 'Failed' in line] == [
+        f'/points {number}' for number in range(2)
+    ]
     assert 'of the measured points are outliers, more than 0.01 %.' in done.err
     assert '0 of 2 measurements passed the limits.' in done.out
     assert (tmp_path / 'cleaned.mcap').exists()
@@ -247,6 +250,8 @@ def test_limits_on_lengths_are_told_with_their_unit(run, tmp_path):
     assert 'Limits: at least 50 % measured; Sa at least 1 nm; Sq at most 2 m.' in done.out
     done = run('filter', BAGS / 'parts.mcap', '-o', 'other.mcap', '-p', 'limits.sz_max:=1e3')
     assert 'Limits: Sz at most 1 mm.' in done.out
+    done = run('filter', 'part.npz', '-o', 'failed.mcap', '-p', 'limits.sq_max:=5e-7')
+    assert re.search(r'Failed: part\.npz: Sq is \S+ (nm|µm), above 500 nm\.', done.err), done.err
 
 
 def test_a_refused_cloud_fails_where_limits_are_set(run, tmp_path):
@@ -256,6 +261,6 @@ def test_a_refused_cloud_fails_where_limits_are_set(run, tmp_path):
             writer.write('/points', points, number)
     done = run('filter', 'mixed.mcap', '-o', 'cleaned.mcap', '-p', 'limits.sz_max:=5.0')
     assert done.code == 3, done.err
-    assert 'Refused, 2 times, first the cloud with the stamp 1.000000000 s: The cloud is not organized' in done.err
-    assert 'Refused: The message' in done.err  # it has no stamp
+    assert 'Refused, 2 times, first /points 1: The cloud is not organized' in done.err
+    assert 'Refused, /points 3: The message' in done.err
     assert 'Failed: 3 refused clouds or frames.' in done.err

@@ -48,11 +48,14 @@ def test_the_last_time_of_a_recording_is_a_day():
 
 
 def test_limits_that_are_not_passed_are_in_the_row():
-    limited = PipelineSettings(limits=LimitSettings(outlier_share_max=1e-6))
-    made = row_of(origin(), filter_cloud(cloud(), limited).measurement)
-    assert (made.status, made.limits_passed) == ('warning', False)
-    assert 'are outliers, more than' in made.limits_reason
-    assert made.limits_reason in made.reason
+    limited = PipelineSettings(limits=LimitSettings(outlier_share_max=1e-6, sz_max=0.5))
+    measured = filter_cloud(cloud(), limited).measurement
+    for unit, end in ((None, ', above 0.5, in the unit of the cloud.'), ('mm', ' mm, above 500 µm.')):
+        made = row_of(origin(unit=unit), measured)
+        assert (made.status, made.limits_passed) == ('warning', False)
+        assert 'are outliers, more than' in made.limits_reason
+        assert made.limits_reason.endswith(end)
+        assert made.limits_reason in made.reason
     passed = PipelineSettings(limits=LimitSettings(outlier_share_max=0.5))
     assert row_of(origin(), filter_cloud(cloud(), passed).measurement).limits_passed is True
     assert row().limits_passed is None

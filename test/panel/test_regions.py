@@ -39,7 +39,7 @@ def test_a_region_is_measured_as_a_cloud_of_its_own(drawing):
 def test_a_region_passes_the_limits_or_says_why_not(drawing):
     assert region_numbers(drawing, (1, 2, 4, 5), LimitSettings(outlier_share_max=0.1)).verdict.passed
     failed = region_numbers(drawing, (2, 3, 2, 2), LimitSettings(outlier_share_max=0.1)).verdict
-    assert failed.reasons == ('33.33 % of the measured points are outliers, more than 10 %.',)
+    assert failed.reasons() == ('33.33 % of the measured points are outliers, more than 10 %.',)
 
 
 def test_a_region_without_a_point_has_no_texture(drawing):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from socialcircle_ros.metrics.areal import texture
 from socialcircle_ros.pipeline.clouds import filter_cloud
-from socialcircle_ros.pipeline.limits import verdict
+from socialcircle_ros.pipeline.limits import TextureReason, verdict
 from socialcircle_ros.settings import LimitSettings, PipelineSettings
 
 HEIGHTS = surface()[..., 2]
@@ -51,8 +51,8 @@ def test_without_a_limit_there_is_no_verdict_and_no_cost():
 def test_shares_are_held_to_their_limits(limits, reasons):
     found = judge_shares(**limits)
     assert found.passed == (not reasons)
-    assert len(found.reasons) == len(reasons)
-    assert all(text.startswith(start) for text, start in zip(found.reasons, reasons, strict=True))
+    assert len(found.reasons()) == len(reasons)
+    assert all(text.startswith(start) for text, start in zip(found.reasons(), reasons, strict=True))
 
 
 @pytest.mark.parametrize(
@@ -72,15 +72,28 @@ def test_shares_are_held_to_their_limits(limits, reasons):
 def test_a_share_and_its_limit_are_never_written_alike(limits, counts, reason):
     measured, kept = counts
     found = verdict(LimitSettings(**limits), None, np.arange(100_000).reshape(100, 1000) < kept, measured)
-    assert found.reasons == (reason,)
+    assert found.reasons() == (reason,)
 
 
 def test_a_texture_and_its_limit_are_never_written_alike():
     value = texture(HEIGHTS).sq
-    (reason,) = judge(sq_max=float(np.nextafter(value, 0))).reasons
+    (reason,) = judge(sq_max=float(np.nextafter(value, 0))).reasons()
     shown, limit = reason.removeprefix('Sq is ').removesuffix(', in the unit of the cloud.').split(', above ')
     assert shown != limit
     assert float(shown) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ('unit', 'sentence'),
+    [
+        ('m', 'Sq is 15.9187 µm, above 2 µm.'),
+        ('um', 'Sq is 15.9187 pm, above 2 pm.'),
+        (None, 'Sq is 1.59187 × 10⁻⁵, above 2 × 10⁻⁶, in the unit of the cloud.'),
+        ('bolt', 'Sq is 1.59187 × 10⁻⁵, above 2 × 10⁻⁶, in the unit of the cloud.'),
+    ],
+)
+def test_a_texture_and_its_limit_have_one_style_and_the_unit_where_it_is_known(unit, sentence):
+    assert TextureReason('Sq', 1.59187e-5, 'above', 2e-6).sentence(unit) == sentence
 
 
 @given(
@@ -103,7 +116,7 @@ def test_a_tilt_over_an_uneven_x_fails_no_limit():
 
 
 def test_a_cloud_without_a_texture_fails_limits_of_the_texture():
-    assert judge(np.full((3, 4), np.nan), sa_max=1.0).reasons == (
+    assert judge(np.full((3, 4), np.nan), sa_max=1.0).reasons() == (
         'Sa is not known: fewer than three points are kept.',
     )
 
@@ -116,4 +129,13 @@ def test_a_measurement_says_whether_it_passed_and_why_not():
     assert 'time_limits_ms' in failed.status(timed=True).values
     passed = filter_cloud(cloud(), PipelineSettings(limits=LimitSettings(sz_max=5.0, sz_min=1.0))).measurement
     assert (passed.level, passed.values.verdict, passed.values.verdict_reason) == (0, 'passed', None)
+    assert passed.in_unit('m') is passed
     assert type(passed.values).from_text(passed.status(timed=False).values) == passed.values
+
+
+def test_a_measurement_in_a_known_unit_says_it_wherever_it_says_why_it_failed():
+    failed = filter_cloud(cloud(), PipelineSettings(limits=LimitSettings(sz_max=0.5))).measurement
+    known = failed.in_unit('mm')
+    assert failed.values.verdict_reason.endswith(', above 0.5, in the unit of the cloud.')
+    assert known.values.verdict_reason.endswith(' mm, above 500 µm.')
+    assert known.message == failed.message.replace(failed.values.verdict_reason, known.values.verdict_reason)

@@ -133,7 +133,7 @@ def test_a_bad_cloud_is_kept_counted_and_ends_nothing(tmp_path):
     ((reason, count),) = summary.refused.items()
     assert count == 2
     assert 'not organized' in reason
-    assert summary.first_refused == {reason: '5.000000007'}
+    assert summary.first_refused == {reason: '/points 1'}
     _, after = contents(tmp_path / 'cleaned.mcap')
     assert [m.data for m in after if m.topic == '/points'] == [data for _, data, _ in messages]
 
