@@ -33,10 +33,10 @@ def shown(value: object) -> str:
 
 
 def install_command(extra: str) -> str:
-    """The command that installs what an extra of this package needs, such as `pip install "optuna>=4"`.
+    """The command that installs what an extra of this package needs, and that for a checkout.
 
-    It names the requirements, not this package: no index has it, so `pip install "socialcircle_ros[...]"` finds
-    nothing. This works for a checkout, a wheel and a colcon workspace alike.
+    The first, such as `pip install "optuna>=4"`, names the requirements, not this package: no index has it, so
+    `pip install "socialcircle_ros[...]"` finds nothing. It works for a wheel and a colcon workspace alike.
 
     Args:
         extra: a key of `extras_require` in setup.py.
@@ -51,7 +51,9 @@ def install_command(extra: str) -> str:
     marker = f'extra == "{extra}"'
     needed = [f'"{name.strip()}"' for name, _, condition in parts if marker in condition.replace("'", '"')]
     # Without metadata, as in a source tree that was only copied, the tree itself can be installed.
-    return f'pip install {" ".join(needed)}' if needed else f'pip install ".[{extra}]" in the source tree'
+    if not needed:
+        return f'pip install ".[{extra}]" in the source tree'
+    return f'pip install {" ".join(needed)} (in a checkout: pip install -e ".[{extra}]")'
 
 
 class SettingError(SocialCircleError, ValueError):

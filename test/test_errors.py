@@ -36,7 +36,9 @@ def test_a_value_is_shown_on_one_short_line(value, text):
 
 def test_the_command_that_installs_an_extra_names_its_requirements(monkeypatch):
     monkeypatch.setattr(importlib.metadata, 'requires', {'socialcircle_ros': REQUIREMENTS}.get)
-    assert install_command('panel') == 'pip install "viser<2,>=1.1" "websockets>=13"'
+    assert install_command('panel') == (
+        'pip install "viser<2,>=1.1" "websockets>=13" (in a checkout: pip install -e ".[panel]")'
+    )
 
 
 def not_found(name):

@@ -116,6 +116,8 @@ def _read(path: Path, known: Format, pitch: 'Pitch | None', unit: str | None) ->
         return points.read_matrix(path, pitch, unit)
     if known.reads == BASE:
         raise lists.no_list(path)
+    if suffix in _LISTS and (matrix := points.read_bare_matrix(path, pitch, unit)) is not None:
+        return matrix
     return read_vendor_file(path, known.readers, pitch, unit)
 
 

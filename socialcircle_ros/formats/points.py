@@ -33,6 +33,7 @@ _PLY_TYPES = {
 }  # fmt: skip
 _SEPARATORS = {'.csv': ',', '.xyz': ' '}
 _SIGNATURE = '# socialcircle cloud'
+_LEAST_COLUMNS = 3  # of a matrix; two numbers in a line are a profile
 _LONGEST_LINE, _LONGEST_HEADER = 8 << 20, 16 << 20  # bytes
 
 
@@ -156,6 +157,23 @@ def read_matrix(path: Path, pitch: 'PitchLike | None', unit: str | None) -> Meas
             f'{path} is no matrix of numbers with commas between them ({str(error).splitlines()[0]}):'
             ' save it again.'
         ) from None
+    check_labels(path, heights)
+    return MeasuredSurface(heights, given_pitch(path, pitch), unit, metadata={SOURCE_FORMAT: MATRIX})
+
+
+def read_bare_matrix(path: Path, pitch: 'PitchLike | None', unit: str | None) -> MeasuredSurface | None:
+    """Read heights, one row per line, with spaces or tabs between them; None if the file has anything else.
+
+    Raises:
+        ImportFileError: no pitch is given, or the first row or column are labels.
+    """
+    try:
+        with open_text(path) as file:
+            heights = np.loadtxt(file, np.float64, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    if heights.shape[1] < _LEAST_COLUMNS:
+        return None
     check_labels(path, heights)
     return MeasuredSurface(heights, given_pitch(path, pitch), unit, metadata={SOURCE_FORMAT: MATRIX})
 

@@ -75,7 +75,8 @@ FORMATS = (
            'text; x, y and z per line, also without points not measured, or a matrix with commas', BASE, BASE,
            readers=('xyz',), any_points=True, fields=True, exact=_ALL),
     _vendor('.txt .asc',
-            'text; a matrix of heights; or x, y and z per line or an ASCII grid of ESRI, which need no library',
+            'text; a matrix of heights with a header; or one without, x, y and z per line, or an ASCII grid of '
+            'ESRI, which need no library',
             'asc'),
     Format(('.npy',), 'NumPy array of heights (rows, columns)', BASE),
     _vendor('.al3d', 'Alicona', 'al3d'),

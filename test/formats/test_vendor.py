@@ -88,9 +88,9 @@ def test_without_the_library_a_sentence_says_what_to_install(tmp_path, monkeypat
         read_file(tmp_path / 'a.al3d')
 
 
-@pytest.mark.parametrize('suffix', ['.npy', '.asc'])
-def test_a_file_without_pitch_takes_the_pitch_that_is_given(tmp_path, suffix):
-    pytest.importorskip('SurfaceTopography')
+@pytest.mark.parametrize('suffix', ['.npy', '.asc', '.txt', '.dat'])
+def test_a_file_without_pitch_takes_the_pitch_that_is_given(tmp_path, suffix, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'SurfaceTopography', None)
     heights = np.arange(12.0).reshape(3, 4)
     path = tmp_path / f'a{suffix}'
     np.save(path, heights) if suffix == '.npy' else np.savetxt(path, heights)
@@ -104,11 +104,19 @@ def test_a_file_without_pitch_takes_the_pitch_that_is_given(tmp_path, suffix):
 
 
 def test_a_byte_order_mark_before_an_ascii_matrix_is_no_part_of_it(tmp_path):
-    pytest.importorskip('SurfaceTopography')
     (tmp_path / 'a.asc').write_text('0 1 2 3\n4 5 6 7\n8 9 10 11\n', encoding='utf-8-sig')
     surface = read_file(tmp_path / 'a.asc', pitch=(2.0, 3.0), unit='um')
     np.testing.assert_array_equal(surface.heights, np.arange(12).reshape(3, 4))
-    assert surface.metadata['source'] == 'a.asc'
+
+
+@pytest.mark.parametrize('text', ['# Width: 8 um\n{}', '{}\nRMS = 3', '1 BAD 3 4\n{}', '1\n2\n3\n'])
+def test_a_matrix_with_more_than_numbers_needs_the_library(tmp_path, monkeypatch, text):
+    monkeypatch.setitem(sys.modules, 'SurfaceTopography.IO', None)
+    (tmp_path / 'a.asc').write_text(text.format('0 1 2 3\n4 5 6 7'))
+    with pytest.raises(
+        ImportFileError, match=r'a\.asc needs SurfaceTopography: .*checkout: pip install -e "\.\[formats'
+    ):
+        read_file(tmp_path / 'a.asc', pitch=(2.0, 3.0))
 
 
 def test_a_matrix_with_commas_is_read_without_the_library(tmp_path, monkeypatch):
