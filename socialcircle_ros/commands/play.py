@@ -1,17 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """`socialcircle play`."""
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from .options import Number, quantity, require_ros
 
+if TYPE_CHECKING:
+    from socialcircle_ros.clients.player import Replay
+
+_CLOCK_HZ = 40.0  # as ros2 bag play
+
 
 @click.command('play', epilog='Example: socialcircle play last_night.mcap --rate 0.5 --loop')
 @click.argument('recording', type=click.Path(path_type=Path))
-@click.option('--topics', '--topic', multiple=True, help='Play only this topic; may be repeated.')
+@click.argument('more', nargs=-1, metavar='')
+@click.option(
+    '--topics', '--topic', multiple=True, metavar='TOPIC...', help='Play only these topics; may be repeated.'
+)
 @click.option(
     '-r',
     '--rate',
@@ -29,7 +39,15 @@ from .options import Number, quantity, require_ros
     help='Leave out the messages of the first seconds.',
 )
 @click.option('-p', '--start-paused', is_flag=True, help='Wait for a key.')
-@click.option('--clock', is_flag=True, help='Publish recorded time on /clock, for nodes with use_sim_time.')
+@click.option(
+    '--clock',
+    is_flag=False,
+    flag_value=_CLOCK_HZ,
+    default=0.0,
+    type=Number(min=0),
+    metavar='[HZ]',
+    help=f'Publish recorded time on /clock, for nodes with use_sim_time: {_CLOCK_HZ:g} times per second, or HZ.',
+)
 @click.option(
     '--namespace',
     help='Where to play, such as /cell2, or / for the root: in place of the namespace of the recorded cell. Where'
@@ -41,12 +59,13 @@ from .options import Number, quantity, require_ros
 )
 def command(
     recording: Path,
+    more: tuple[str, ...],
     topics: tuple[str, ...],
     rate: float,
     loop: bool,
     start_offset: float,
     start_paused: bool,
-    clock: bool,
+    clock: float,
     namespace: str | None,
     prefix: str,
     wait: float,
@@ -61,6 +80,8 @@ def command(
 
     A replay is best effort: a busy subscriber misses clouds. Use `socialcircle filter` for exact results.
     """  # noqa: D301 - click reads \b
+    if more and not topics:
+        raise click.UsageError(f'{more[0]!r} is not for this command: topics follow --topics.')
     require_ros()
     from socialcircle_ros.node.transport import prepare_process
 
@@ -99,20 +120,35 @@ def command(
         show()
         replay = play_recording(
             recording,
-            topics,
+            (*topics, *more),
             namespace=namespace,
             prefix=prefix,
             pace=pace,
             loop=loop,
             start_offset_s=start_offset,
-            clock=clock,
+            clock_hz=clock,
             wait_s=wait,
             tell=lambda sentence: progress.console.print(sentence, highlight=False, markup=False, soft_wrap=True),
             progress=lambda played, total: progress.update(task, completed=played, total=total),
         )
+    _tell(replay, endless=loop)
+
+
+def _tell(replay: 'Replay', *, endless: bool) -> None:
+    """Print what was played, and end as the signal wants it that ended the replay.
+
+    Args:
+        replay: what was played.
+        endless: whether Ctrl-C is the normal end.
+    """
     click.echo(f'{quantity(replay.messages, "message")} played.')
     if replay.damage:
         click.echo(f'Warning: {replay.damage}', err=True)
+    if replay.ended_by is signal.SIGINT and not endless:
+        raise KeyboardInterrupt
+    if replay.ended_by in (signal.SIGTERM, signal.SIGHUP):
+        click.echo(f'Ended by {replay.ended_by.name}.', err=True)
+        raise click.exceptions.Exit(128 + replay.ended_by)
 
 
 def _checked(namespace: str | None, prefix: str) -> tuple[str | None, str]:
