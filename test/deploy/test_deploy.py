@@ -35,9 +35,32 @@ def check_command(words):
         assert context.params is not None
 
 
+def command_of(service, folder):
+    """The words of a service's command, as the shell that it may run through gives them."""
+    words, program = SERVICES[service]['command'], SERVICES[service].get('entrypoint')
+    if program is None:
+        return words
+    (folder / 'socialcircle').write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    (folder / 'date').write_text(f'#!/bin/sh\necho {folder.name}\n')  # each start has a time of its own
+    for path in folder.iterdir():
+        path.chmod(0o755)
+    environment = {'PATH': f'{folder}:{os.environ["PATH"]}'}
+    shown = [*program, *(word.replace('$$', '$') for word in words)]
+    return subprocess.run(shown, env=environment, capture_output=True, text=True, check=True).stdout.splitlines()
+
+
 @pytest.mark.parametrize('service', SERVICES)
-def test_the_services_of_a_cell_run_commands_that_exist(service):
-    check_command(SERVICES[service]['command'])
+def test_the_services_of_a_cell_run_commands_that_exist(tmp_path, service):
+    check_command(command_of(service, tmp_path))
+
+
+def test_each_start_of_the_recorder_has_a_file_of_its_own(tmp_path):
+    names = []
+    for start in ('first', 'second'):
+        (tmp_path / start).mkdir()
+        words = command_of('recorder', tmp_path / start)
+        names.append(words[words.index('-o') + 1])
+    assert names == [f'/recordings/cell1_{start}.mcap' for start in ('first', 'second')]
 
 
 def test_the_image_on_jazzy_has_the_packages_that_the_package_needs():
