@@ -14,6 +14,7 @@ from socialcircle_ros.interface import (
 )
 
 from .reader import RecordingReader
+from .simulated import SURFACE
 from .topics import Topic
 
 _KEY = 'unit'
@@ -27,11 +28,12 @@ def with_unit(topic: Topic, unit: str | None) -> Topic:
 def unit_of(reader: RecordingReader, name: str) -> str | None:
     """The unit of the clouds on a topic; for an output of the filter, that of the clouds it comes from.
 
-    Clouds of focus stacks are in m. None: the recording does not say.
+    Clouds of focus stacks are in m, and so is the true surface of a simulated one. None: the recording does not
+    say.
     """
     if unit := reader.topics[name].metadata.get(_KEY):
         return unit
-    if any(topic.namespace_of(name) is not None for topic in (STACK_POINTS, STACK_PREVIEW)):
+    if name == SURFACE or any(topic.namespace_of(name) is not None for topic in (STACK_POINTS, STACK_PREVIEW)):
         return 'm'
     for output in (FILTERED, REPAIRED, LAST_POINTS):
         namespace = output.namespace_of(name)

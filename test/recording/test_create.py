@@ -15,6 +15,7 @@ from socialcircle_ros.messages.image import Image
 from socialcircle_ros.messages.point_cloud import PointCloud
 from socialcircle_ros.recording import open_recording
 from socialcircle_ros.recording.create import record_clouds, record_simulation, record_stack
+from socialcircle_ros.recording.units import unit_of
 from socialcircle_ros.settings import PipelineSettings
 from socialcircle_ros.settings.files import read_parameter_file
 from socialcircle_ros.simulation import simulate
@@ -143,6 +144,8 @@ def test_a_simulation_is_recorded_with_its_parameters(tmp_path):
     assert seen == [(number, 5) for number in range(1, 6)]
     topics = {message.topic for message in messages_of(tmp_path / 's.mcap')}
     assert topics == {'/stack/image', '/stack/joint_states', '/truth/surface', '/truth/description'}
+    with open_recording(tmp_path / 's.mcap') as reader:
+        assert unit_of(reader, '/truth/surface') == 'm'
 
 
 def test_a_parameter_file_that_cannot_be_written_is_named(tmp_path):
