@@ -319,7 +319,9 @@ def test_c13_c14_sections_apply_to_the_node_of_the_recorded_namespace(run, text,
 def test_c15_a_number_in_quotes(run, case):
     code, _ = run.filtered(recording(run), '--params-file', case('c15_number_in_quotes.yaml'))
     assert code == 1
-    assert "circle.radius_scale must be a number, not '1.5'" in run.err
+    assert (
+        "c15_number_in_quotes.yaml: circle.radius_scale must be a number, not '1.5': write it without" in run.err
+    )
 
 
 # Frames

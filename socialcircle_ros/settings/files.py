@@ -8,7 +8,7 @@ from typing import cast
 
 from socialcircle_ros.errors import ParameterFileWarning, SettingError, SocialCircleError
 
-from .groups import OF_CELL, PARAMETERS
+from .groups import GROUPS, OF_CELL, PARAMETERS
 from .rcl_rules import ParameterSection, RclError, parameters_of, read_sections
 from .schema import RosValue
 
@@ -34,8 +34,8 @@ def read_parameter_file(
 
     Raises:
         SocialCircleError: The file cannot be read.
-        SettingError: A node would not start with the file, it has no parameters for the node, or it has different
-            ones for the node in several namespaces.
+        SettingError: A node would not start with the file or with a value in it, it has no parameters for the
+            node, or it has different ones for the node in several namespaces.
     """
     try:
         with path.open('rb') as file:
@@ -57,7 +57,11 @@ def read_parameter_file(
     for name, value in values.items():
         if value is None and name in PARAMETERS:
             raise SettingError(f'{path} has no value for {name}: give one, or remove the line.')
-    # Lists of other types than whole numbers are refused where a parameter is checked.
+    try:
+        for group in GROUPS:
+            group.check_each(values)
+    except SettingError as error:
+        raise SettingError(f'{path}: {error}') from None
     return cast('dict[str, RosValue]', values)
 
 

@@ -88,7 +88,6 @@ class CircleSettings(Settings):
         minimum=0.0,
         empty=0.0,
     )
-
     lesson: str = setting(
         '',
         'File that `socialcircle teach` wrote about this kind of part; used by the adaptive mode. It tells the'
@@ -157,9 +156,10 @@ class CircleSettings(Settings):
     def _check_together(self) -> None:
         region = self.vote_region
         if region is not None and (region[2] == 0 or region[3] == 0):
+            # Zeros of ROS are None here, so that zeros are those of a program.
             raise SettingError(
-                f'circle.vote_region {list(region)} is empty; give a height and a width of at least 1,'
-                ' preferably 60, or [0, 0, 0, 0] to let the filter choose.'
+                f'circle.vote_region {list(region)} is empty; give a height and a width of at least 1, preferably'
+                f' 60, or {"[0, 0, 0, 0] (in Python None)" if any(region) else None} to let the filter choose.'
             )
         if region is not None and region[2] * region[3] > VOTERS:
             raise SettingError(

@@ -248,6 +248,19 @@ class Settings:
         """What the fields become by values under full ROS names; names of other groups are ignored."""
         return {row.field: row.from_ros(values[row.name]) for row in cls.parameters() if row.name in values}
 
+    @classmethod
+    def check_each(cls, values: Mapping[str, object]) -> None:
+        """Check values under full ROS names, each by itself; names of other groups are ignored.
+
+        Raises:
+            SettingError: A value has a wrong type or is out of range.
+        """
+        hints = typing.get_type_hints(cls)
+        columns = {field.name: field.metadata[_OWN] for field in _declared(cls)}
+        for name, value in cls.fields_of(values).items():
+            if name in columns:
+                _checked(f'{cls.group}.{name}' if cls.group else name, value, hints[name], columns[name])
+
     def check_machine(self) -> None:
         """Check that this machine has what the settings need; groups that need something override this.
 
@@ -288,7 +301,7 @@ def _checked(name: str, value: object, hint: object, column: _Declaration) -> ob
         return value
     if kind is bool:
         if not isinstance(value, bool):
-            raise SettingError(f'{name} must be true or false, not {shown(value)}.')
+            raise SettingError(f'{name} must be true or false, not {shown(value)}{_without_quotes(value)}.')
         return value
     if kind is str:
         if not isinstance(value, str):
@@ -310,7 +323,7 @@ def _whole(name: str, value: object, limits: Limits) -> int:
             raise TypeError  # noqa: TRY301
         number = operator.index(cast('SupportsIndex', value))
     except TypeError:
-        raise SettingError(f'{name} must be a whole number, not {shown(value)}.') from None
+        raise SettingError(f'{name} must be a whole number, not {shown(value)}{_without_quotes(value)}.') from None
     if not -_INTEGERS <= number < _INTEGERS:
         raise SettingError(f'{name} is {shown(number)}, which is out of range: it must fit 64 bits.')
     if limits.odd and number % 2 == 0:
@@ -328,10 +341,19 @@ def _real(name: str, value: object, limits: Limits) -> float:
     except OverflowError:
         raise SettingError(f'{name} must be a number that fits 64 bits, not {shown(value)}.') from None
     except (TypeError, ValueError):
-        raise SettingError(f'{name} must be a number, not {shown(value)}.') from None
+        raise SettingError(f'{name} must be a number, not {shown(value)}{_without_quotes(value)}.') from None
     if not math.isfinite(number):
         raise SettingError(f'{name} must be a finite number, not {number}.')
     return _within(name, number, limits)
+
+
+def _without_quotes(value: object) -> str:
+    """Advice for a text that would be allowed as what it spells; '' for other values."""
+    try:
+        spells = isinstance(value, str) and (value in ('true', 'false') or math.isfinite(float(value)))
+    except ValueError:
+        spells = False
+    return ': write it without quotes' if spells else ''
 
 
 def _within(name: str, number: float, limits: Limits) -> float:

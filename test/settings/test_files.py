@@ -122,3 +122,19 @@ def test_a_file_without_parameters_is_refused(file, content, sentence):
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(SocialCircleError, match='nowhere.yaml cannot be read'):
         read_parameter_file(tmp_path / 'nowhere.yaml', NODE)
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'sentence'),
+    [
+        ('circle.radius_scale: "1.5"', "circle.radius_scale must be a number, not '1.5': write it without quotes"),
+        ('output.mask: "true"', "output.mask must be true or false, not 'true': write it without quotes"),
+        ('circle.window: 4', 'circle.window must be odd, not 4; use 3 or 5'),
+        ('autostart: 1', 'autostart must be true or false, not 1'),
+        ('circle.vote_region: [0.5, 1.5]', r'circle.vote_region must be 4 whole numbers, not \('),
+    ],
+)
+def test_a_value_that_is_not_allowed_is_told_with_its_file(file, parameter, sentence):
+    with pytest.raises(SettingError, match=rf'a\.yaml: {sentence}'):
+        read(file, f'/**: {{ros__parameters: {{{parameter}}}}}')
+    assert read(file, '/**: {ros__parameters: {circle.vote_region: [0, 0, 0, 0], circle.radius: 0.0}}')
