@@ -19,7 +19,7 @@ NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptiv
 @click.command('experiment', epilog='Example: socialcircle experiment table1 --quick')
 @click.argument('name', type=click.Choice(NAMES))
 @click.option(
-    '-o', '--out', type=click.Path(path_type=Path), default=Path('out/experiments'), show_default=True,
+    '-o', '--output', type=click.Path(path_type=Path), default=Path('out/experiments'), show_default=True,
     help='Directory for the page, the tables (CSV) and the pictures.',
 )  # fmt: skip
 @click.option(
@@ -38,7 +38,7 @@ NAMES = ('table1', 'figure4', 'figure8', 'figure10', 'figure11', 'all', 'adaptiv
 )  # fmt: skip
 @click.option('--restart', is_flag=True, help='Forget what an earlier, interrupted run has finished.')
 def command(
-    name: str, out: Path, quick: bool, seeds: str | None, data: Path | None, network: Path | None, restart: bool
+    name: str, output: Path, quick: bool, seeds: str | None, data: Path | None, network: Path | None, restart: bool
 ) -> None:
     """Repeat the experiments of the paper with known truth, and report where its claims hold.
 
@@ -63,7 +63,7 @@ def command(
 
     if name == 'learned' and data is None:
         raise click.UsageError('learned needs measured surfaces: give --data or set SOCIALCIRCLE_DATA.')
-    check_folder_name(out)
+    check_folder_name(output)
     chosen = _numbers(seeds) if seeds else {'adaptive': DEFAULT_SEEDS, 'learned': (401,)}.get(name, (1, 2, 3))
     plan = quick_plan(chosen) if quick else Plan(chosen)
     new_figure(1, 1)  # fails now, not after minutes, if matplotlib is missing
@@ -76,7 +76,7 @@ def command(
     )
     columns = (SpinnerColumn(), TextColumn('{task.description}'), TimeElapsedColumn())
     finished = None
-    with folder_of_results(out), CommandProgress(*columns, console=console) as progress:
+    with folder_of_results(output), CommandProgress(*columns, console=console) as progress:
         task = progress.add_task(name, total=None)
 
         def report(step: str) -> None:
@@ -93,14 +93,14 @@ def command(
             importlib.metadata.version('socialcircle_ros'), name, plan, data, network,
             [(cloud.name, fingerprint_of(cloud.points)) for cloud in surfaces],
         )  # fmt: skip
-        for finished in run(out, name, steps, shared, command=command_line, restart=restart):
+        for finished in run(output, name, steps, shared, command=command_line, restart=restart):
             report(_state(finished))
     if finished is None:
         return
     for section in finished.sections:
         for finding in section.findings:
             click.echo(f'- {finding}')
-    click.echo(f'Next: open {shell_words(out / f"{name}.html")}')
+    click.echo(f'Next: open {shell_words(output / f"{name}.html")}')
 
 
 def _state(finished: 'Finished') -> str:

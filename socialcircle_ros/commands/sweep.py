@@ -33,7 +33,7 @@ from .options import (
     help='Try this number of settings, chosen by Optuna. Default: all combinations.',
 )
 @click.option(
-    '-o', '--out', type=click.Path(path_type=Path), default=Path('out/sweep'), show_default=True,
+    '-o', '--output', type=click.Path(path_type=Path), default=Path('out/sweep'), show_default=True,
     help='Folder of the results.',
 )  # fmt: skip
 @click.option(
@@ -52,7 +52,7 @@ def command(
     recording: Path,
     params: tuple[str, ...],
     search: int | None,
-    out: Path,
+    output: Path,
     max_clouds: int,
     topics: tuple[str, ...],
     scheduler: str | None,
@@ -87,14 +87,14 @@ def command(
     from socialcircle_ros.sweep.search_space import parse_dimension
     from socialcircle_ros.sweep.sweep import BEST, CANDIDATES, PAGE, TABLE, TRIALS, run_sweep
 
-    search_space = [parse_dimension(text) for text in params]
+    trials_file, search_space = output / TRIALS, [parse_dimension(text) for text in params]
     given = parameter_values(params_file, parameters, recording)
     try:
         with progress_bar(f'trying settings on {recording.name}') as progress:
             result = run_sweep(
                 recording,
                 search_space,
-                out,
+                output,
                 parameters=given,
                 search=search,
                 max_clouds=max_clouds,
@@ -106,11 +106,11 @@ def command(
                 made_by=f'socialcircle {shlex.join(sys.argv[1:])}',
             )
     except KeyboardInterrupt:
-        if (out / TRIALS).exists():
-            click.echo(f'{out / TRIALS} has the finished trials; the same command continues from there.', err=True)
+        if trials_file.exists():
+            click.echo(f'{trials_file} has the finished trials; the same command continues from there.', err=True)
         raise
     if result.resumed:
-        click.echo(f'{quantity(result.resumed, "trial")} of an earlier run taken from {out / TRIALS}.', err=True)
+        click.echo(f'{quantity(result.resumed, "trial")} of an earlier run taken from {trials_file}.', err=True)
     trials, clouds = quantity(len(result.trials), 'trial'), quantity(len(result.clouds), 'cloud')
     click.echo(f'{trials} on {clouds}, {"scored against the truth" if result.has_truth else "without a truth"}.')
     click.echo(result.mode_note, nl=bool(result.mode_note))
@@ -127,4 +127,4 @@ def command(
         click.echo(f'Better than as given: {in_words(decision.winner.values)}. {decision.reason}')
     tell_refusals(result.refused, result.damage)
     written = [TABLE, CANDIDATES, *([BEST] if decision.winner else []), TRIALS]
-    click.echo(f'Written to {out}: {", ".join(written)}. Next: open {shell_words(out / PAGE)}')
+    click.echo(f'Written to {output}: {", ".join(written)}. Next: open {shell_words(output / PAGE)}')

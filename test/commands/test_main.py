@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from socialcircle_ros.commands.main import COMMANDS, GROUPS
+from socialcircle_ros.commands.main import COMMANDS, GROUPS, socialcircle
 from socialcircle_ros.recording import open_recording
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
@@ -60,6 +60,14 @@ def test_help_imports_neither_numpy_nor_the_compiler_nor_ros():
     )
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_what_is_written_is_named_by_one_option_in_every_command(name):
+    command = socialcircle.get_command(None, name)
+    for option in command.params:
+        if '-o' in option.opts or {'--out', '--output'} & {*option.opts}:
+            assert option.opts == ['-o', '--output']
 
 
 @pytest.mark.parametrize('name', ['node', 'tune', 'play', 'record', 'demo'])

@@ -17,7 +17,12 @@ from . import options
 @options.data
 @options.work
 @click.option(
-    '-o', '--out', type=click.Path(path_type=Path), required=True, help='ONNX file to write, with 8-bit weights.'
+    '-o',
+    '--output',
+    'out',
+    type=click.Path(path_type=Path),
+    required=True,
+    help='ONNX file to write, with 8-bit weights.',
 )
 @click.option('--files', default=100, show_default=True, help='Files of the corpus: 100 patches, 154 MB each.')
 @click.option('--steps', default=12_000, show_default=True, help='Steps of the training.')

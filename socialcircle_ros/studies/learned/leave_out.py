@@ -70,7 +70,7 @@ def folds_of(instruments: Sequence[str], number: int) -> list[Fold]:
 )
 @options.data
 @options.work
-@click.option('-o', '--out', type=click.Path(path_type=Path), required=True, help='CSV file to write.')
+@click.option('-o', '--output', 'out', type=click.Path(path_type=Path), required=True, help='CSV file to write.')
 @click.option(
     '--folds', type=click.IntRange(1), default=4, show_default=True, help='Trainings that leave instruments out.'
 )
