@@ -20,6 +20,8 @@ from .truth import DepthTruth, causes
 
 RendererName = Literal['layered', 'rays']
 
+_LEAST_FRAMES = 3  # from which a depth is measured
+
 
 @dataclass(frozen=True, eq=False)
 class StackFrame:
@@ -181,8 +183,8 @@ def _named_optics(name: str) -> Optics:
 def _check_scan(frames: int | None, z_step: float | None, flicker: float, renderer: RendererName) -> None:
     if renderer not in ('layered', 'rays'):
         raise SettingError(f"There is no renderer {renderer!r}; use 'layered' or 'rays'.")
-    if frames is not None and frames < 2:
-        raise SettingError(f'A stack of {frames} frames has no depth; give at least 2.')
+    if frames is not None and frames < _LEAST_FRAMES:
+        raise SettingError(f'A stack of {frames} frames has no depth; give at least {_LEAST_FRAMES}.')
     if z_step is not None and not z_step > 0:
         raise SettingError(f'The z step is {z_step} µm; it must be above 0.')
     if flicker < 0:
@@ -204,5 +206,5 @@ def _plan_scan(
     if z_step is None:
         z_step = span / (frames - 1) if frames is not None else optics.depth_of_field / 4
     if frames is None:
-        frames = int(np.ceil(span / z_step)) + 1
+        frames = max(int(np.ceil(span / z_step)) + 1, _LEAST_FRAMES)
     return (low + high - (frames - 1) * z_step) / 2, z_step, frames

@@ -107,7 +107,7 @@ def test_optics_can_be_given():
     [
         ({'instrument': '7x'}, "no instrument '7x'; use one of: 5x, 10x"),
         ({'renderer': 'magic'}, "use 'layered' or 'rays'"),
-        ({'frames': 1}, 'at least 2'),
+        ({'frames': 2}, 'at least 3'),
         ({'z_step': 0.0}, 'must be above 0'),
         ({'flicker': -1.0}, 'cannot be below 0'),
     ],
@@ -115,3 +115,7 @@ def test_optics_can_be_given():
 def test_scan_with_values_out_of_range_is_refused(arguments, message):
     with pytest.raises(SettingError, match=message):
         simulate('flat', 48, 64, **arguments)
+
+
+def test_a_wide_step_leaves_as_many_frames_as_a_stack_needs():
+    assert len(simulate('flat', 20, 30, z_step=1000.0)) == 3
