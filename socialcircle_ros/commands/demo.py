@@ -40,8 +40,8 @@ def command(files: tuple[Path, ...], output: Path, params_file: Path | None) -> 
     """See the node work: play recordings into it.
 
     Starts the node in its own process and plays FILES into it over DDS, one cloud at a time. FILES are recordings,
-    or measurements as .npz, .ply or .pcd. Without FILES it plays simulated recordings with known truth, and shows
-    precision and recall.
+    or measurement files of any format in docs/formats.md, such as .npz, .ply or .x3p. Without FILES it plays
+    simulated recordings with known truth, and shows precision and recall.
 
     The node filters each cloud, and the first one of each file in the other mode of the filter as well
     (circle.mode). Prints one table: number of outliers, seed, radius, and times in ms; and what the node warns of.

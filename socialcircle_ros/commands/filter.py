@@ -181,16 +181,18 @@ def _most_notes(counts: Counter[str], noun: str) -> list[str]:
 
 def _tell(summary: 'Summary', recording: Path, output: Path, found: _Counts, notes: tuple[str, ...]) -> None:
     """Print what was done, and what a person should look at."""
+    from socialcircle_ros.recording.export import is_file_target
     from socialcircle_ros.recording.named_clouds import shown_name
     from socialcircle_ros.recording.offline import with_found_parameters
 
     stacks = f'{quantity(summary.stacks, "focus stack")} measured; ' if summary.stacks else ''
+    # A measurement file takes the cleaned cloud alone.
+    kept = '' if is_file_target(output) else f'{quantity(summary.kept, "message")} of the recording kept; '
     share = f' ({share_text(found.outliers / found.measured)})' if found.measured else ''
     if summary.clouds:
         click.echo(
             f'{stacks}{quantity(summary.clouds, "cloud")} filtered, {found.outliers} of {found.measured} measured'
-            f' points are outliers{share}; {quantity(summary.passed, "other message")} kept; written to'
-            f' {place_text(output)}.'
+            f' points are outliers{share}; {kept}written to {place_text(output)}.'
         )
     else:
         click.echo(f'{stacks}{"no" if stacks else "No"} cloud could be filtered, so nothing was written.')

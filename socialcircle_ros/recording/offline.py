@@ -60,7 +60,7 @@ class Summary:
         refused: number of refused clouds and frames by reason.
         first_refused: name of the first refused cloud by reason, as `SourceCloud` has it.
         warnings: number of stacks by warning.
-        passed: messages of other topics, which were copied.
+        kept: messages of the recording, which were copied.
         replaced: topics of an earlier run in the recording; the new messages replace theirs.
         damage: where the recording breaks off; None: it is sound.
     """
@@ -70,7 +70,7 @@ class Summary:
     refused: dict[str, int] = field(default_factory=dict)
     first_refused: dict[str, str] = field(default_factory=dict)
     warnings: dict[str, int] = field(default_factory=dict)
-    passed: int = 0
+    kept: int = 0
     replaced: list[str] = field(default_factory=list)
     damage: str | None = None
 
@@ -181,7 +181,7 @@ def filter_recording(
                 for message, events in _walk(messages, cells):
                     if message is not None:
                         behind.write(message)
-                        summary.passed += all(message.topic not in cell.inputs for cell in cells)
+                        summary.kept += 1
                     for event in events:
                         if isinstance(event, Refusal):
                             summary.refuse(event.reason)

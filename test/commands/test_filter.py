@@ -250,6 +250,7 @@ def test_limits_on_lengths_are_told_with_their_unit(run, tmp_path):
     assert 'Limits: at least 50 % measured; Sa at least 1 nm; Sq at most 2 m.' in done.out
     done = run('filter', BAGS / 'parts.mcap', '-o', 'other.mcap', '-p', 'limits.sz_max:=1e3')
     assert 'Limits: Sz at most 1 mm.' in done.out
+    assert '; 16 messages of the recording kept; written to other.mcap.' in done.out
     done = run('filter', 'part.npz', '-o', 'failed.mcap', '-p', 'limits.sq_max:=5e-7')
     assert re.search(r'Failed: part\.npz: Sq is \S+ (nm|µm), above 500 nm\.', done.err), done.err
 
