@@ -16,6 +16,16 @@ if TYPE_CHECKING:
 _CLOCK_HZ = 40.0  # as ros2 bag play
 
 
+class _ClockRate(Number):
+    """A rate in Hz, which may be left out where no argument follows."""
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            self.fail(f'{error.message} What follows --clock is its rate in Hz: give --clock last.', param, ctx)
+
+
 @click.command('play', epilog='Example: socialcircle play last_night.mcap --rate 0.5 --loop')
 @click.argument('recording', type=click.Path(path_type=Path))
 @click.argument('more', nargs=-1, metavar='')
@@ -44,9 +54,10 @@ _CLOCK_HZ = 40.0  # as ros2 bag play
     is_flag=False,
     flag_value=_CLOCK_HZ,
     default=0.0,
-    type=Number(min=0),
+    type=_ClockRate(min=0),
     metavar='[HZ]',
-    help=f'Publish recorded time on /clock, for nodes with use_sim_time: {_CLOCK_HZ:g} times per second, or HZ.',
+    help=f'Publish recorded time on /clock, for nodes with use_sim_time: {_CLOCK_HZ:g} times per second, or HZ.'
+    ' Give it last.',
 )
 @click.option(
     '--namespace',

@@ -78,7 +78,7 @@ class Measurement:
     verdict: Verdict | None = None
 
     def in_unit(self, unit: str | None) -> 'Measurement':
-        """The measurement for who knows the unit of the cloud: with it, where it says which limits fail."""
+        """The measurement with lengths in the unit of the cloud, where it says which limits fail."""
         before = self.values.verdict_reason
         if self.verdict is None or before is None:
             return self

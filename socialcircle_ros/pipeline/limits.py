@@ -21,7 +21,7 @@ _DIGITS = 6  # of a length
 class TextureReason:
     """Why a measurement does not pass: a parameter of its texture, and the limit that it is below or above.
 
-    The value is NaN where fewer than three kept points have no texture.
+    The value is NaN where fewer than three points are kept.
     """
 
     name: str

@@ -86,8 +86,8 @@ def import_cloud(
     An `.npz` height map has heights `z` (rows, columns) and the pitches `dx` and `dy`, all in one unit: that of
     its array `unit` or of the argument, else µm, as `unit_note` says then. x is column · dx, y is row · dy; or the
     file has its own `x` and `y`, one value for each column and row or one for each point; with none of the four,
-    the argument has the pitch. Other arrays of the same
-    size become fields, as do the planes of an array (planes, rows, columns). Other arrays are not loaded.
+    the argument has the pitch. Other arrays of the same size become fields, as do the planes of an array (planes,
+    rows, columns). Other arrays are not loaded.
 
     Args:
         path: an `.npz`, `.ply` or `.pcd` file, or one of the formats of `formats.FORMATS`.

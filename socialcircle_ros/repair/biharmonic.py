@@ -18,7 +18,13 @@ from socialcircle_ros.kernels.sampling import sampled_rows
 from .bounds import AROUND, MARGIN, span_at_rim
 from .holes import MEASURED, PADDING, UNUSABLE, Holes
 from .profile import Profile, find_profile, height_on
-from .second_differences import DifferenceTables, measured_heights, sum_differences, usual_squared_differences
+from .second_differences import (
+    SAMPLED_POINTS,
+    DifferenceTables,
+    measured_heights,
+    sum_differences,
+    usual_squared_differences,
+)
 
 _LEAST = 1000
 """Points of holes below which a thread costs more than it saves."""
@@ -108,7 +114,8 @@ def biharmonic_heights(
     if count == 0:
         return heights
     measured = measured_heights(z, unknowns)
-    tables = sum_differences(measured, usual_squared_differences(measured, sampled_rows(*z.shape), ratio == 1.0))
+    rows = sampled_rows(z.shape[0], z.shape[1], SAMPLED_POINTS)
+    tables = sum_differences(measured, usual_squared_differences(measured, rows, ratio == 1.0))
     energy = _weighted(ratio)
 
     def solve(some: slice) -> None:

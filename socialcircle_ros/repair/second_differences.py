@@ -18,6 +18,10 @@ _LARGEST = 1e4
 """Limit of a squared second difference, as a multiple of the usual one."""
 
 
+SAMPLED_POINTS = 20_000
+"""Of the rows from which the usual difference is; each cloud waits for them."""
+
+
 class DifferenceTables(NamedTuple):
     """Summed-area tables of squared second differences, (H + 1, W + 1) each.
 

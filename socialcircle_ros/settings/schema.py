@@ -301,7 +301,7 @@ def _checked(name: str, value: object, hint: object, column: _Declaration) -> ob
         return value
     if kind is bool:
         if not isinstance(value, bool):
-            raise SettingError(f'{name} must be true or false, not {shown(value)}{_without_quotes(value)}.')
+            raise SettingError(f'{name} must be true or false, not {_shown_with_cure(value, bool)}.')
         return value
     if kind is str:
         if not isinstance(value, str):
@@ -323,7 +323,7 @@ def _whole(name: str, value: object, limits: Limits) -> int:
             raise TypeError  # noqa: TRY301
         number = operator.index(cast('SupportsIndex', value))
     except TypeError:
-        raise SettingError(f'{name} must be a whole number, not {shown(value)}{_without_quotes(value)}.') from None
+        raise SettingError(f'{name} must be a whole number, not {_shown_with_cure(value, int)}.') from None
     if not -_INTEGERS <= number < _INTEGERS:
         raise SettingError(f'{name} is {shown(number)}, which is out of range: it must fit 64 bits.')
     if limits.odd and number % 2 == 0:
@@ -341,19 +341,21 @@ def _real(name: str, value: object, limits: Limits) -> float:
     except OverflowError:
         raise SettingError(f'{name} must be a number that fits 64 bits, not {shown(value)}.') from None
     except (TypeError, ValueError):
-        raise SettingError(f'{name} must be a number, not {shown(value)}{_without_quotes(value)}.') from None
+        raise SettingError(f'{name} must be a number, not {_shown_with_cure(value, float)}.') from None
     if not math.isfinite(number):
         raise SettingError(f'{name} must be a finite number, not {number}.')
     return _within(name, number, limits)
 
 
-def _without_quotes(value: object) -> str:
-    """Advice for a text that would be allowed as what it spells; '' for other values."""
+def _shown_with_cure(value: object, kind: type[bool | int | float]) -> str:
+    """A value of the wrong type; with advice if it is a text that would be allowed as what it spells."""
     try:
-        spells = isinstance(value, str) and (value in ('true', 'false') or math.isfinite(float(value)))
+        spells = isinstance(value, str) and (
+            value in ('true', 'false') if kind is bool else math.isfinite(kind(value))
+        )
     except ValueError:
         spells = False
-    return ': write it without quotes' if spells else ''
+    return f'{shown(value)}: write it without quotes' if spells else shown(value)
 
 
 def _within(name: str, number: float, limits: Limits) -> float:

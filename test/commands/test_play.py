@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options of `socialcircle play`; test_live.py plays recordings."""
 
+import click
 import pytest
 
 from socialcircle_ros.commands.play import command
@@ -20,3 +21,8 @@ def test_topics_and_the_clock_are_given_as_to_ros2_bag_play(options, topics, clo
     assert str(given['recording']) == 'night.mcap'
     assert sorted((*given['topics'], *given['more'])) == topics
     assert given['clock'] == clock
+
+
+def test_a_recording_after_the_clock_is_no_rate():
+    with pytest.raises(click.BadParameter, match='give --clock last'):
+        command.make_context('play', ['--clock', 'night.mcap'])

@@ -6,12 +6,12 @@ import pytest
 
 from socialcircle_ros.kernels.sampling import sampled_rows
 from socialcircle_ros.repair.holes import PADDING
-from socialcircle_ros.repair.second_differences import usual_squared_differences
+from socialcircle_ros.repair.second_differences import SAMPLED_POINTS, usual_squared_differences
 
 
 def usual(heights, *, equal_pitches=False):
     padded = np.pad(heights, PADDING, constant_values=np.nan)
-    return usual_squared_differences(padded, sampled_rows(*heights.shape), equal_pitches)
+    return usual_squared_differences(padded, sampled_rows(*heights.shape, SAMPLED_POINTS), equal_pitches)
 
 
 @pytest.mark.parametrize('period', [5, 6, 10])

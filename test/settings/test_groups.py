@@ -68,6 +68,8 @@ def test_settings_are_frozen():
         ({'radius_scale': '2'}, "circle.radius_scale must be a number, not '2': write it without quotes.$"),
         ({'radius_scale': 'two'}, "circle.radius_scale must be a number, not 'two'.$"),
         ({'window': '3'}, "circle.window must be a whole number, not '3': write it without quotes.$"),
+        ({'window': '3.5'}, "circle.window must be a whole number, not '3.5'.$"),
+        ({'radius': 'true'}, "circle.radius must be a number, not 'true'.$"),
         ({'radius_scale': None}, 'circle.radius_scale must be a number, not None'),
         ({'radius': 10**400}, 'circle.radius must be a number that fits 64 bits, not 10{59}…'),
         ({'radius': 10**5000}, 'circle.radius must be a number that fits 64 bits, not a number of thousands'),
