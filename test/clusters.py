@@ -7,6 +7,8 @@ import sys
 import time
 from contextlib import contextmanager
 
+from socialcircle_ros.kernels import bands
+
 
 @contextmanager
 def cluster_in_this_process():
@@ -16,8 +18,12 @@ def cluster_in_this_process():
     cluster = distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, protocol='tcp', dashboard_address=None, silence_logs=50
     )
-    with cluster:
-        yield cluster.scheduler_address
+    before = bands.limit  # a worker leaves the cores to the others of its machine
+    try:
+        with cluster:
+            yield cluster.scheduler_address
+    finally:
+        bands.limit = before
 
 
 @contextmanager

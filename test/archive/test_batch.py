@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """`run_batch` on real Dask: in this process, and with a scheduler and two workers, one of which is killed."""
 
-import importlib
 import json
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from dataclasses import replace
 
@@ -221,9 +219,12 @@ def test_the_client_loads_no_kernels_while_the_workers_load_them():
 
 
 def test_the_process_that_workers_are_forked_from_is_left_without_a_thread():
-    before = threading.active_count()
-    importlib.import_module('socialcircle_ros.archive.preload')._load_what_a_task_needs()
-    assert threading.active_count() == before
+    program = (
+        'import threading; from socialcircle_ros.archive import preload;'
+        ' preload._load_what_a_task_needs(); print(threading.active_count())'
+    )
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=True)
+    assert done.stdout == '1\n'
 
 
 class TestCluster:

@@ -412,7 +412,7 @@ def test_results_can_be_compared_and_be_keys():
     st.sampled_from([None, 0.5]),
     st.integers(-900, 900).filter(lambda power: abs(power) >= 100),
 )
-@pytest.mark.filterwarnings('error')
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 def test_a_power_of_two_on_the_heights_changes_nothing_in_the_adaptive_mode(random, judge, depth_of_field, power):
     generator = np.random.default_rng(random)
     heights = rough(60, 70).astype(np.float64)

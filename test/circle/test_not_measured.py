@@ -149,7 +149,7 @@ def test_another_rule_is_refused(text):
         CircleSettings(not_measured=text)
 
 
-@pytest.mark.filterwarnings('error')
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 @pytest.mark.parametrize('kind', [np.float32, np.float64])
 def test_a_height_that_the_data_type_does_not_hold_is_that_of_no_point(kind):
     xyz = surface(kind)

@@ -5,6 +5,7 @@ import contextlib
 import itertools
 import re
 import signal
+import time
 from collections import Counter
 from types import SimpleNamespace
 
@@ -166,7 +167,8 @@ def started(path, topics):
         executor.add_node(recorder)
 
         def spin_until(condition):
-            for _ in range(600):
+            end = time.monotonic() + 120
+            while time.monotonic() < end:
                 if condition():
                     return
                 executor.spin_once(timeout_sec=0.05)

@@ -89,7 +89,7 @@ def test_a_recording_of_one_cell_is_played_into_another(run, tmp_path):
 def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
     with RecordingWriter(tmp_path / 'two.mcap') as writer:
         writer.add_topic(ros_topic('/clocked/points', CLOUD))
-        for stamp in (10_000_000_000, 10_500_000_000):
+        for stamp in (10_000_000_000, 12_000_000_000):
             writer.write('/clocked/points', cloud(9, 9, stamp=stamp), stamp)
     with started(tmp_path, 'record', '/clocked/points', '/clock', '-o', 'again.mcap') as recorder:
         done = run('play', 'two.mcap', '--clock', '--wait', '60')
@@ -98,7 +98,7 @@ def test_recorded_timing_is_kept_and_the_clock_follows(run, tmp_path):
     topics, messages = contents(tmp_path / 'again.mcap')
     # A recorder that waits for a core receives late, and the first message may go late, but none goes too early.
     first, second = (m.publish_time for m in messages if m.topic == '/clocked/points')
-    assert second - first > 0.2e9
+    assert second - first > 0.5e9
     ticks = [m for m in messages if m.topic == '/clock']
     assert topics['/clock'].type == 'rosgraph_msgs/msg/Clock'
     assert len(ticks) > 5

@@ -116,4 +116,6 @@ def test_a_step_compiles_all_that_it_needs(step):
     step()
     compiled_by_then = signatures()
     step()
-    assert 0 < compiled_by_then == signatures()
+    assert compiled_by_then == signatures()
+    own = getattr(step, 'signatures', ())  # the last step is a kernel that is no variable of a module
+    assert compiled_by_then + len(own) > 0

@@ -182,13 +182,13 @@ class TestBadInput:
         with pytest.raises(StackError, match='three different z at least; the stack has 2'):
             stack.finish()
 
-    @pytest.mark.filterwarnings('error')
+    @pytest.mark.filterwarnings('error::RuntimeWarning')
     @pytest.mark.parametrize('z', [(0.0, 1e294, 2e294), (-1.7e308, 0.0, 1.7e308), (0.0, 1e-6, 2e-6, 1e300)])
     def test_z_that_reach_too_far_for_float32_are_refused(self, noisy, z):
         with pytest.raises(StackError, match='too far: check their unit'):
             depth_from_focus(noisy.frames[: len(z)], z)
 
-    @pytest.mark.filterwarnings('error')
+    @pytest.mark.filterwarnings('error::RuntimeWarning')
     @pytest.mark.parametrize(('z', 'message'), NO_NUMBERS)
     def test_one_z_that_is_no_number_is_refused_with_all(self, noisy, stack, z, message):
         with pytest.raises(StackError, match=message):

@@ -109,7 +109,7 @@ def test_the_first_point_behind_a_byte_order_mark_is_read(tmp_path, suffix):
     np.testing.assert_array_equal(found[..., 2], HEIGHTS.astype(found.dtype))
 
 
-@pytest.mark.filterwarnings('error')
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 def test_coordinates_beyond_float32_are_kept(tmp_path):
     (tmp_path / 'a.xyz').write_text(lines([(x * 1e60, y * 1e60, z * 1e300) for x, y, z in POINTS]))
     found = read_file(tmp_path / 'a.xyz').points

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 import threading
+from concurrent.futures import wait
 
 import pytest
 from hypothesis import given
@@ -33,7 +34,7 @@ def test_a_band_holds_at_least_the_least_items(monkeypatch):
 
 def test_bands_run_in_parallel(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
-    both = threading.Barrier(2, timeout=20)
+    both = threading.Barrier(2, timeout=60)
 
     # The barrier would break if one band waited for the other.
     assert sorted(bands.in_bands(lambda _: both.wait(), 2, 1, 1)) == [0, 1]
@@ -45,11 +46,11 @@ def test_no_helper_works_on_when_the_caller_has_failed(monkeypatch):
 
     def work(band):
         if band.start == 0:
-            assert begun.wait(20)
+            assert begun.wait(60)
             failed.set()
             raise KeyboardInterrupt
         begun.set()
-        assert failed.wait(20)
+        assert failed.wait(60)
         ended.set()
 
     with pytest.raises(KeyboardInterrupt):
@@ -59,13 +60,15 @@ def test_no_helper_works_on_when_the_caller_has_failed(monkeypatch):
 
 def test_helpers_do_not_run_on_the_core_of_the_caller(monkeypatch):
     monkeypatch.setattr(bands, 'limit', 2)
-    both = threading.Barrier(2, timeout=20)
+    both = threading.Barrier(2, timeout=60)
 
     def look(_):
         both.wait()
         return os.sched_getaffinity(0)
 
-    bands.in_bands(look, 2, 1, 1)
+    # A helper that begins later would run where its caller does.
+    everyone = threading.Barrier(usable_cores(), timeout=60)
+    wait([bands._helpers()._pool.submit(everyone.wait) for _ in range(everyone.parties)])
     mine, others = bands.in_bands(look, 2, 1, 1)
 
     assert mine == os.sched_getaffinity(0)
@@ -85,7 +88,7 @@ def test_helpers_may_run_on_any_core_while_several_threads_call(monkeypatch):
     another = threading.Thread(target=bands.in_bands, args=(stay, 2, 1, 1))
     another.start()
     inside.wait()
-    both = threading.Barrier(2, timeout=20)
+    both = threading.Barrier(2, timeout=60)
 
     def look(_):
         both.wait()

@@ -42,7 +42,8 @@ class Pair:
         return listen(self.node, String, 'words', self.heard.append, qos_profile=QoSProfile(depth=10))
 
     def spin_until(self, condition):
-        for _ in range(2000):
+        end = time.monotonic() + 120
+        while time.monotonic() < end:
             if condition():
                 return
             self.executor.spin_once(timeout_sec=0.01)

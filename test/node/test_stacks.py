@@ -144,13 +144,13 @@ def test_a_stack_ends_on_request(microscope):
 
 
 def test_a_stack_ends_after_silence(microscope):
-    scope = microscope(**{'stack.timeout': '0.3'})
+    scope = microscope(**{'stack.timeout': '1.0'})
     scope.scan()
     assert scope.output('stack/points')
 
 
 def test_a_stack_ends_after_silence_though_the_stage_goes_on_reporting(microscope):
-    scope = microscope(**{'stack.timeout': '0.3', 'stack.z_source': 'joint_states'})
+    scope = microscope(**{'stack.timeout': '1.0', 'stack.z_source': 'joint_states'})
     stage = JointState(name=['z'], position=[0.0])
     scope.publishers['stack/joint_states'].publish(stage)
     scope.scan()

@@ -14,6 +14,13 @@ def chromium():
 
 
 @pytest.fixture
+def logged(caplog):
+    """The records of the page and of its server; what asyncio says of other tests is none of them."""
+    own = ('socialcircle_ros', 'viser', 'websockets')
+    return lambda: [each for each in caplog.records if each.name.partition('.')[0] in own]
+
+
+@pytest.fixture
 def tuning(chromium, tmp_path):
     """The page of a node without ROS, opened by a visitor."""
     from socialcircle_ros.panel.page import page_of

@@ -31,31 +31,31 @@ def fail(error):
     raise error
 
 
-def test_a_failure_is_shown_once_until_the_step_succeeds_again(server, caplog):
+def test_a_failure_is_shown_once_until_the_step_succeeds_again(server, logged):
     log = Log(server)
     for _ in range(3):
         log.guarded('Drawing', fail, ValueError('no room'))
     log.guarded('Counting', fail, ValueError('no room'))
     assert server.notifications == [
         f'{step} failed: ValueError: no room.' for step in ('Drawing', 'Counting')
-    ] == [record.getMessage() for record in caplog.records]  # fmt: skip
+    ] == [record.getMessage() for record in logged()]  # fmt: skip
     log.guarded('Drawing', lambda: None)
     log.guarded('Drawing', fail, ValueError('no room'))
     assert len(server.notifications) == 3
     assert server.html.content.count('Drawing failed') == 2
 
 
-def test_an_error_for_the_visitor_is_shown_as_its_sentence_and_without_a_trace(server, caplog):
+def test_an_error_for_the_visitor_is_shown_as_its_sentence_and_without_a_trace(server, logged):
     Log(server).guarded('Loading', fail, SocialCircleError('There is no such preset.'))
     assert server.notifications == ['There is no such preset.']
-    assert caplog.records == []
+    assert logged() == []
 
 
-def test_a_failure_that_cannot_be_shown_ends_nothing(server, caplog):
+def test_a_failure_that_cannot_be_shown_ends_nothing(server, logged):
     log = Log(server)
     server.get_clients = lambda: fail(RuntimeError('no visitors'))
     log.guarded('Drawing', fail, ValueError('no room'))
-    assert [record.getMessage() for record in caplog.records] == [
+    assert [record.getMessage() for record in logged()] == [
         'Drawing failed: ValueError: no room.',
         'A failure could not be shown on the page.',
     ]

@@ -98,7 +98,7 @@ def test_no_forged_measurement_ends_the_page(tuning):
     later.leave()
 
 
-def test_what_an_update_raises_is_shown_once_and_the_page_goes_on(tuning, monkeypatch, caplog):
+def test_what_an_update_raises_is_shown_once_and_the_page_goes_on(tuning, monkeypatch, logged):
     def broken(*_):
         raise ZeroDivisionError('nobody expected this')
 
@@ -111,7 +111,7 @@ def test_what_an_update_raises_is_shown_once_and_the_page_goes_on(tuning, monkey
     failure = 'Showing the cloud failed: ZeroDivisionError: nobody expected this.'
     assert tuning.visitor.sees(failure)
     assert tuning.visitor.page.locator('.sc-log').get_by_text(failure).count() == 1
-    assert [record.getMessage() for record in caplog.records] == [failure]
+    assert [record.getMessage() for record in logged()] == [failure]
     monkeypatch.undo()
     tuning.link.publish(cloud())
     tuning.visitor.open_tab('Result')

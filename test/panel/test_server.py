@@ -111,30 +111,30 @@ def test_a_websocket_with_the_token_receives_the_page(served):
 
 
 @pytest.mark.parametrize('message', [b'\0garbage', b'\x81\xa4type', b'\xdd\xff\xff\xff\xff', b'\x90', 'text'])
-def test_a_message_that_cannot_be_read_is_told_in_one_sentence(served, caplog, message):
+def test_a_message_that_cannot_be_read_is_told_in_one_sentence(served, logged, message):
     with visit(served) as connection:
         connection.send(message)
         with pytest.raises(ConnectionClosed):
             while connection.recv(timeout=300):
                 pass
-    (record,) = caplog.records
+    (record,) = logged()
     assert record.exc_info is None
     assert 'sent a message that cannot be read' in record.getMessage()
 
 
 @pytest.mark.parametrize('path', ['', 'trends/'])
-def test_a_path_longer_than_any_name_of_a_file_is_no_page(served, caplog, path):
+def test_a_path_longer_than_any_name_of_a_file_is_no_page(served, logged, path):
     assert status_of(served, f'/{served.token}/{path}{"a" * 3000}', {}, websocket=False) == 404
-    assert caplog.records == []
+    assert logged() == []
 
 
-def test_what_is_no_request_is_not_logged(caplog):
+def test_what_is_no_request_is_not_logged(logged):
     server, address = open_server('127.0.0.1', 0)
     with socket.create_connection(('127.0.0.1', urlsplit(address).port)) as visitor:
         visitor.sendall(b'\0\1\2\r\n\r\n')
         assert visitor.recv(1000) == b''
     server.stop()
-    assert [record.getMessage() for record in caplog.records if record.levelno > logging.INFO] == []
+    assert [record.getMessage() for record in logged() if record.levelno > logging.INFO] == []
 
 
 def test_the_title_is_the_product_s(served, chromium):

@@ -56,7 +56,7 @@ def test_the_next_messages_are_read_while_the_last_are_worked_on(monkeypatch):
     stream = read_ahead(source())
     next(stream)
 
-    assert second_was_read.wait(20)
+    assert second_was_read.wait(60)
 
 
 def test_reading_may_be_left_off():
@@ -109,7 +109,7 @@ def test_few_messages_wait_for_a_slow_disk(monkeypatch):
     class SlowWriter:
         def write(self, *_, **__):
             nonlocal written, most
-            assert full.wait(20)
+            assert full.wait(60)
             most = max(most, accepted - written)
             written += 1
 

@@ -235,7 +235,7 @@ def test_both_types_of_the_same_heights_have_the_same_outliers():
     np.testing.assert_array_equal(one.outliers, other.outliers)
 
 
-@pytest.mark.filterwarnings('error')
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 @pytest.mark.parametrize('height', [1e300, -1e300, np.finfo(np.float64).max])
 def test_a_height_beyond_the_range_of_float32_is_an_outlier(height):
     heights = noise(40, 50, kind=np.float64)

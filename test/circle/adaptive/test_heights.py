@@ -38,7 +38,7 @@ def test_an_offset_costs_no_digits(offset):
     np.testing.assert_array_equal(relative_heights(heights + offset)[0], heights.astype(np.float32))
 
 
-@pytest.mark.filterwarnings('error')
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 @settings(max_examples=200)
 @given(SHAPES, st.integers(0, 2**32), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3), st.integers(-1000, 1000))
 def test_a_power_of_two_on_float64_heights_is_one_on_the_unit(shape, random, scale, offset, power):
@@ -55,7 +55,7 @@ def test_a_power_of_two_on_float64_heights_is_one_on_the_unit(shape, random, sca
     np.testing.assert_array_equal(np.ldexp(scaled.astype(float), scaled_exponent - power), relative)
 
 
-@pytest.mark.filterwarnings('error')
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 def test_a_far_outlier_does_not_choose_the_unit():
     heights = np.random.default_rng(0).standard_normal((20, 30))
     heights[4, 5] = 1e300
@@ -67,7 +67,7 @@ def test_a_far_outlier_does_not_choose_the_unit():
     assert np.isfinite(relative).all()
 
 
-@pytest.mark.filterwarnings('error')
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 @pytest.mark.parametrize('kind', [np.float32, np.float64])
 @pytest.mark.parametrize('largest', [True, False])
 def test_the_ends_of_a_data_type_are_held(kind, largest):
