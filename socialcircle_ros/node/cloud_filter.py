@@ -193,8 +193,10 @@ class CloudFilter:
 
     def close(self, patient: Callable[[], bool] = always) -> bool:
         """Stop the worker and destroy the publishers; argument and result as of `LatestWorker.stop`."""
-        self.ignore()
-        ended = self._worker.stop(patient)
+        try:
+            self.ignore()
+        finally:
+            ended = self._worker.stop(patient)
         if not ended:
             self._drop(_UNFINISHED)
         self._rows.close()

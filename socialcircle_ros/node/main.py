@@ -3,6 +3,7 @@
 
 import os
 import sys
+import traceback
 from typing import TYPE_CHECKING, NoReturn
 
 from .ending_signals import EndingSignals
@@ -76,7 +77,7 @@ def _run(arguments: list[str] | None, signals: EndingSignals) -> int:
         sys.stderr.write(f'The node cannot start: {str(error).splitlines()[0]}\n')
         return 1
     finally:
-        ended = node is None or node.close()
+        ended = node is None or _closed(node)
         rclpy.try_shutdown()
     if node is not None and not ended:
         _exit_at_once(node)
@@ -99,6 +100,15 @@ def _spin(node: 'SocialCircleNode', signals: EndingSignals) -> None:
             executor.spin_once()
         except Exception as error:  # noqa: BLE001, PERF203 - whatever it is, the node goes on
             node.executor_failed(error)
+
+
+def _closed(node: 'SocialCircleNode') -> bool:
+    """Close the node; return whether all its threads have ended, which is not known where closing fails."""
+    try:
+        return node.close()
+    except Exception:  # noqa: BLE001 - whatever it is, the process must end
+        traceback.print_exc()
+        return False
 
 
 def _exit_at_once(node: 'SocialCircleNode') -> NoReturn:

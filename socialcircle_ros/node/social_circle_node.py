@@ -120,8 +120,10 @@ class SocialCircleNode(LifecycleNode):
         def patient() -> bool:
             return time.monotonic() - began_s < (_COMPILING_S if is_compiling() else DRAINING_S)
 
-        ended = self._release(patient)
-        self.destroy_node()
+        try:
+            ended = self._release(patient)
+        finally:
+            self.destroy_node()
         return ended and not self.warm_up.running
 
     # Lifecycle
@@ -198,12 +200,14 @@ class SocialCircleNode(LifecycleNode):
     def _release(self, patient: Callable[[], bool] = always) -> bool:
         """Stop the workers, and destroy subscriptions and publishers; as `CloudFilter.close`."""
         ended = True
-        if self._stack is not None:
-            ended &= self._stack.close(patient)
-            self._stack = None
-        if self._filter is not None:
-            ended &= self._filter.close(patient)
-            self._filter = None
+        try:
+            if self._stack is not None:
+                ended &= self._stack.close(patient)
+                self._stack = None
+        finally:
+            if self._filter is not None:
+                ended &= self._filter.close(patient)
+                self._filter = None
         return ended
 
     def executor_failed(self, error: Exception) -> None:

@@ -30,7 +30,7 @@ from socialcircle_ros.pipeline.stacks import Refusal, StackAssembler, StackEvent
 from .health import Health
 from .lost_messages import LostMessages, lost_sentence
 from .parameters import Configuration
-from .rclpy_internals import MessageInput, TakenMessage, listen, take, waiting_messages
+from .rclpy_internals import MessageInput, RCLError, TakenMessage, listen, take, waiting_messages
 from .topics import CLASSES, Publishers, qos_options
 from .worker import QueueWorker, always
 
@@ -137,7 +137,7 @@ class StackInput:
 
     def ignore(self) -> None:
         """End the subscriptions, and drop the stack that runs once all that has come is measured."""
-        self._take_delivered()
+        self._take_last()
         self._unsubscribe()
         self._tell_dropped(self._forget_running(), 'deactivated')
 
@@ -172,14 +172,25 @@ class StackInput:
 
     def close(self, patient: Callable[[], bool] = always) -> bool:
         """Stop the worker, and destroy subscriptions and publishers; as `CloudFilter.close`."""
-        if self._node.context.ok():
-            self._take_delivered()
-        self._unsubscribe()
-        ended = self._worker.stop(patient)
+        try:
+            if self._node.context.ok():
+                self._take_last()
+            self._unsubscribe()
+        finally:
+            ended = self._worker.stop(patient)
         waiting = sum(task.is_frame for task in self._worker.forget())
         self._tell_dropped(waiting + self._assembler.frames, 'shut down')
         self._publishers.destroy()
         return ended
+
+    def _take_last(self) -> None:
+        """Take what the middleware has delivered before the subscriptions end; if it refuses, they end anyway."""
+        try:
+            self._take_delivered()
+        except RCLError as error:
+            reason = printable(f'The last frames of a stack could not be taken: {error}')
+            self._health.failed(reason)
+            self._node.get_logger().error(reason)
 
     def _take_delivered(self) -> None:
         """Take what the middleware has delivered and the executor has not taken yet."""

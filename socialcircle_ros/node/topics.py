@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image, JointState, PointCloud2
 from socialcircle_ros.interface import NodeTopic
 from socialcircle_ros.messages import diagnostics, image, joint_state, point_cloud
 
-from .rclpy_internals import publish
+from .rclpy_internals import RCLError, publish
 
 CLASSES: dict[str, type] = {
     point_cloud.TYPE: PointCloud2,
@@ -72,10 +72,16 @@ class Publishers:
 
     def destroy(self) -> None:
         """Destroy all of them, once what they published has arrived: a message ends with its publisher."""
+        try:
+            self._wait_for_arrival()
+        except RCLError as error:  # a middleware may not support it
+            self._node.get_logger().warning(f'Whether the last messages have arrived is not known: {error}')
+        for topic in list(self._publishers):
+            self._node.destroy_lifecycle_publisher(self._publishers.pop(topic))
+
+    def _wait_for_arrival(self) -> None:
         until_s = time.monotonic() + _ARRIVING_S
         if self._node.context.ok():
             for publisher in self._publishers.values():
                 left_s = max(0.0, until_s - time.monotonic())
                 publisher.wait_for_all_acked(Duration(nanoseconds=int(1e9 * left_s)))
-        for topic in list(self._publishers):
-            self._node.destroy_lifecycle_publisher(self._publishers.pop(topic))

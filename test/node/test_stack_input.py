@@ -11,7 +11,7 @@ from sensor_msgs.msg import Image
 from socialcircle_ros.node import stack_input
 from socialcircle_ros.node.health import Health
 from socialcircle_ros.node.parameters import Configuration
-from socialcircle_ros.node.rclpy_internals import TakenMessage
+from socialcircle_ros.node.rclpy_internals import RCLError, TakenMessage
 from socialcircle_ros.node.stack_input import MOST_STATES_WAITING, MOST_WAITING, StackInput
 
 
@@ -169,6 +169,19 @@ def test_what_runs_and_what_waits_when_the_node_ends_is_counted_and_told(stacks)
     closing.join()
     assert stacks.health.counts.frames_dropped == 7
     assert stacks.health.last_reason.endswith('was not finished when the node was shut down.')
+
+
+@pytest.mark.parametrize('end', ['ignore', 'close'])
+def test_frames_that_cannot_be_taken_at_the_end_are_told_and_the_worker_ends(stacks, monkeypatch, end):
+    def take(_):
+        raise RCLError('no memory')
+
+    monkeypatch.setattr(stack_input, 'take', take)
+    stacks.listen()
+    getattr(stacks, end)()
+    assert stacks.subscriptions == []
+    assert stacks.health.last_reason == 'The last frames of a stack could not be taken: no memory'
+    assert stacks.close()
 
 
 def test_a_stack_that_is_forgotten_on_request_is_no_trouble(stacks):
