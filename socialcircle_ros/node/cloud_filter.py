@@ -41,6 +41,7 @@ _EXPECTED_SIZE = 1280 * 960 * _POINT_SIZE
 
 _REPLACED = 'A cloud was dropped: a newer one arrived while the one before was being filtered.'
 _TOO_LATE = 'A cloud was dropped: it waited when the node was deactivated.'
+_TOO_LATE_AT_END = 'A cloud was dropped: it waited when the node ended.'
 _TOO_SLOW = 'A cloud was dropped: it was still being filtered when the node was no longer active.'
 _UNFINISHED = 'A cloud was dropped: it was still being filtered when the node ended.'
 
@@ -108,6 +109,7 @@ class CloudFilter:
         self._forgotten_s = float('-inf')  # clouds that arrived until then are forgotten
         self._forgetting = threading.Lock()
         self._is_first = True
+        self._too_late = _TOO_LATE
         self._spare = SpareMemory()
         self._rows = LiveRows(node, configuration().measurements, health)
         self._publishers = Publishers(node, (*CLOUD_OUTPUTS, LAST_POINTS))
@@ -193,6 +195,7 @@ class CloudFilter:
 
     def close(self, patient: Callable[[], bool] = always) -> bool:
         """Stop the worker and destroy the publishers; argument and result as of `LatestWorker.stop`."""
+        self._too_late = _TOO_LATE_AT_END
         try:
             self.ignore()
         finally:
@@ -216,7 +219,7 @@ class CloudFilter:
         if self._input is not None:
             self._health.dropped(_REPLACED)
         else:
-            self._drop(_TOO_LATE)
+            self._drop(self._too_late)
 
     def _drop(self, reason: str) -> None:
         """Count a cloud as dropped, and log it: who deactivates or ends the node may not see its diagnostics."""

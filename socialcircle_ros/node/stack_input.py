@@ -92,6 +92,7 @@ class StackInput:
         self._frames: MessageInput | None = None
         self._joint_states: Subscription | None = None
         self._lost = LostMessages(self._frames_lost)
+        self._frames_at_hand = 0  # of the running stack, with the one that is being measured
         self._missing = 0  # frames, lost or dropped, since the last one that waits or was measured
         self._publishers = Publishers(node, (*STACK_OUTPUTS, STACK_PREVIEW))
         self._worker = QueueWorker[_Task](self._work, self._check_timeout, PAUSE_S)
@@ -179,7 +180,8 @@ class StackInput:
         finally:
             ended = self._worker.stop(patient)
         waiting = sum(task.is_frame for task in self._worker.forget())
-        self._tell_dropped(waiting + self._assembler.frames, 'shut down')
+        at_hand = self._assembler.frames if ended else self._frames_at_hand
+        self._tell_dropped(waiting + at_hand, 'shut down')
         self._publishers.destroy()
         return ended
 
@@ -254,6 +256,7 @@ class StackInput:
 
     def _work(self, task: _Task) -> None:
         """Do a task and publish what comes of it; on the worker's thread, so no exception may escape."""
+        self._frames_at_hand = self._assembler.frames + task.is_frame
         configuration = self._configuration()
         self._assembler.configure(configuration.focus, configuration.stack)
         self._closing_arrival_s = task.arrived_s

@@ -20,7 +20,11 @@ def always() -> bool:
 
 
 def _ended(thread: threading.Thread, patient: Callable[[], bool]) -> bool:
-    """Wait until a thread has ended, for as long as `patient` returns True; return whether it has."""
+    """Wait until a thread has ended, for as long as `patient` returns True; return whether it has.
+
+    A thread with nothing at hand ends at once, and is given the time to do so where no patience is left.
+    """
+    thread.join(_PERIOD_S)
     while thread.is_alive() and patient():
         thread.join(_PERIOD_S)
     return not thread.is_alive()
@@ -77,9 +81,11 @@ class LatestWorker(Generic[Item]):
             self._changed.notify_all()
 
     def forget(self) -> None:
-        """Drop the item that waits."""
+        """Drop the item that waits for the work at hand; one that waits for nothing else begins."""
         with self._changed:
-            forgotten, self._waiting, self._again_wanted = self._waiting, None, False
+            forgotten, self._again_wanted = None, False
+            if self._busy:
+                forgotten, self._waiting = self._waiting, None
         if forgotten is not None:
             self._dropped(forgotten)
 
@@ -92,7 +98,7 @@ class LatestWorker(Generic[Item]):
         return self._waiting is not None or self._again_wanted
 
     def stop(self, patient: Callable[[], bool] = always) -> bool:
-        """Let the work at hand end, drop what waits, and join the thread; may be called twice.
+        """Let the work at hand end, drop what waits for it, and join the thread; may be called twice.
 
         Args:
             patient: called periodically; the wait ends when it returns False.
@@ -110,7 +116,7 @@ class LatestWorker(Generic[Item]):
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._stopping or self._wanted())
-                if self._stopping:
+                if self._stopping and self._waiting is None:
                     return
                 # An item that begins now is processed under the newest parameters: nothing is left to repeat.
                 item, self._waiting, self._again_wanted, self._busy = self._waiting, None, False, True

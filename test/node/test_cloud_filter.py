@@ -158,6 +158,14 @@ def test_a_cloud_whose_first_outputs_were_not_published_has_no_measurement(cloud
     assert published == [FILTERED, MASK]
 
 
+def test_a_cloud_that_waits_when_the_node_ends_is_told(clouds):
+    clouds.begin()
+    clouds.filter(cloud())
+    clouds.close(lambda: clouds.through.set() or True)
+    assert clouds.outcome() == (1, 1, 1)
+    assert clouds.health.last_reason == 'A cloud was dropped: it waited when the node ended.'
+
+
 def test_a_cloud_that_is_at_hand_when_the_node_ends_is_told(clouds):
     clouds.begin()
     assert not clouds.close(lambda: False)

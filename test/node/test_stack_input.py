@@ -171,6 +171,14 @@ def test_what_runs_and_what_waits_when_the_node_ends_is_counted_and_told(stacks)
     assert stacks.health.last_reason.endswith('was not finished when the node was shut down.')
 
 
+def test_a_frame_that_is_still_measured_when_the_node_ends_is_counted(stacks):
+    stacks.arrives(*range(3))
+    stacks.hold(3)
+    stacks.arrives(4)
+    assert not stacks.close(lambda: False)
+    assert stacks.health.counts.frames_dropped == 5
+
+
 @pytest.mark.parametrize('end', ['ignore', 'close'])
 def test_frames_that_cannot_be_taken_at_the_end_are_told_and_the_worker_ends(stacks, monkeypatch, end):
     def take(_):

@@ -60,6 +60,25 @@ def test_what_is_forgotten_counts_as_dropped():
     assert gate.dropped == ['second']
 
 
+def test_an_item_that_waits_for_no_other_is_worked_on_when_the_worker_is_to_forget_or_stop():
+    done, dropped = [], []
+    worker = LatestWorker(done.append, dropped.append)
+    with worker._changed:  # the thread cannot begin yet
+        worker.put('forget')
+        worker.forget()
+    worker.drain()
+    with worker._changed:
+        worker.put('stop')
+        assert not worker.stop(lambda: False)
+    assert worker.stop()
+    assert (done, dropped) == (['forget', 'stop'], [])
+
+
+def test_an_idle_worker_ends_where_no_patience_is_left():
+    assert LatestWorker(print, print).stop(lambda: False)
+    assert QueueWorker(print, lambda: None, pause_s=10.0).stop(lambda: False)
+
+
 def test_work_at_hand_is_waited_for_only_as_long_as_there_is_patience():
     gate = Gate()
     assert gate.worker.busy_s <= 0
