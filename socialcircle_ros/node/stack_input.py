@@ -144,6 +144,7 @@ class StackInput:
 
     def forget(self) -> None:
         """Forget the running stack and the frames that wait."""
+        self._missing = 0
         self._worker.forget()
         self._forget_running()
 

@@ -127,6 +127,18 @@ def test_lost_and_dropped_frames_are_counted_and_missing_before_the_next_one(sta
     assert stacks._assembler.missing == [0, 0, 0, 3, 2]
 
 
+def test_frames_that_were_dropped_before_a_reset_are_not_missing_after_it(stacks, monkeypatch):
+    monkeypatch.setattr(stack_input, 'MOST_WAITING', 1)
+    stacks.hold(0)
+    stacks.arrives(1, 2, 3)
+    stacks.through.set()
+    stacks.forget()
+    stacks.arrives(4)
+    stacks.wait()
+    assert stacks.health.counts.frames_dropped == 2
+    assert stacks._assembler.missing == [0]
+
+
 def test_frames_that_the_middleware_replaces_are_counted_as_lost(node, stacks):
     stacks.listen()
     publisher = node.create_publisher(Image, 'stack/image', 100)
