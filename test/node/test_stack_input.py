@@ -2,6 +2,7 @@
 """What waits for the thread that measures frames is bounded and counted."""
 
 import threading
+import time
 
 import pytest
 import rclpy
@@ -23,6 +24,12 @@ def node():
     yield node
     node.destroy_node()
     rclpy.shutdown(context=context)
+
+
+def wait_for(condition):
+    until = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < until
 
 
 @pytest.mark.parametrize(
@@ -145,11 +152,13 @@ def test_frames_that_the_middleware_replaces_are_counted_as_lost(node, stacks):
     counts = stacks.health.counts
 
     def take_until_known(count):
-        for _ in range(10_000):
+        def known():
             stacks.finish()
-            if counts.frames_received + counts.frames_lost >= count:
-                break
+            return counts.frames_received + counts.frames_lost >= count
 
+        wait_for(known)
+
+    wait_for(lambda: publisher.get_subscription_count() == 1)
     publisher.publish(Image())
     take_until_known(1)
     for _ in range(70):
