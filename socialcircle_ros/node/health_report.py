@@ -87,7 +87,7 @@ def health_status(node: Node, now: NodeState, health: Health) -> tuple[Status, s
     elif now.compiling and now.busy_s > _NOTICEABLE_S:
         level = diagnostics.WARN
         message = (
-            f'Kernels that the settings need are compiled, once; a cloud has waited {now.busy_s:.0f} s for them.'
+            f'Kernels that the settings need are compiled, once; a cloud or stack has waited {now.busy_s:.0f} s.'
         )
     elif health.failed_limits():
         level, message = diagnostics.WARN, f'The last measurement failed its limits: {health.failed_limits()}'

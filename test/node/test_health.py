@@ -96,9 +96,9 @@ def test_the_sentence_does_not_say_that_nothing_has_come_yet_after_something_cam
     assert sentence_where(STACK_JOINT_STATES, health=health) == sentence
 
 
-def test_it_is_told_where_a_cloud_waits_for_kernels_that_are_compiled():
+def test_it_is_told_where_input_waits_for_kernels_that_are_compiled():
     status = status_where(POINTS, busy_s=7.0, compiling=True)
-    sentence = 'Kernels that the settings need are compiled, once; a cloud has waited 7 s for them.'
+    sentence = 'Kernels that the settings need are compiled, once; a cloud or stack has waited 7 s.'
     assert (status.level, status.message) == (WARN, sentence)
     assert status_where(POINTS, busy_s=0.9, compiling=True).level == OK
     assert status_where(POINTS, busy_s=7.0).level == OK
