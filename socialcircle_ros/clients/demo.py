@@ -115,7 +115,7 @@ def run_demo(
         params_file = _shared_folder('bags') / _STACK_PARAMETERS
     arguments = () if params_file is None else ('--params-file', str(params_file))
     demo = Demo()
-    status('Starting the node. The first start compiles the filter, which takes about a minute.')
+    status('Starting the node. The first start compiles the filter, which takes up to half a minute on two cores.')
     with NodeProcess(NAMESPACE, output / 'node.log', arguments=arguments) as process, Client(NAMESPACE) as client:
         client.wait_for_node(process, _START_TIMEOUT_S)
         for recording in recordings:

@@ -328,7 +328,7 @@ class RemoteNode:
     def _silent_sentence(self) -> str:
         if self._known_endpoints:
             return 'Waiting: the node has stopped answering; if it has ended, start it again.'
-        return 'Waiting: the node does not answer yet. Its very first start compiles for about a minute.'
+        return 'Waiting: the node does not answer yet. Its first start compiles for up to half a minute.'
 
     def _absent_sentence(self) -> str:
         others = [name for name in nodes_of_the_filter(self._node) if name != self._name]

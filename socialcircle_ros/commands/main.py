@@ -105,7 +105,7 @@ def _told_compilation() -> Iterator[None]:
         nonlocal told
         if not told:
             told = True
-            click.echo('The first use compiles the filter, which can take a minute.', err=True)
+            click.echo('The first use compiles the filter, which can take half a minute.', err=True)
 
     compiling.listeners.append(tell)
     try:

@@ -140,4 +140,4 @@ def test_what_cannot_start_is_told_and_leaves_nothing(run, tmp_path):
 def test_it_says_that_the_workers_compile(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(compiled, 'has_cached_code', lambda _: False)
     assert main(['batch', str(tmp_path / 'nights'), '-o', str(tmp_path / 'out')]) == 1
-    assert capsys.readouterr().err.startswith('The first use compiles the filter, which can take a minute.')
+    assert capsys.readouterr().err.startswith('The first use compiles the filter, which can take half a minute.')

@@ -183,7 +183,7 @@ sys.exit(main.main([sys.argv[1]]))
 def test_an_offline_command_says_once_that_it_compiles(name, times):
     done = subprocess.run([sys.executable, '-c', COMPILING, name], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stderr == 'The first use compiles the filter, which can take a minute.\n' * times
+    assert done.stderr == 'The first use compiles the filter, which can take half a minute.\n' * times
 
 
 def run_with(program, folder, **options):
