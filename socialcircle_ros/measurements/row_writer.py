@@ -101,12 +101,11 @@ class RowWriter:
         self._thread.join()
         if not self._rows:
             return ''
-        return f'{self._lost + len(self._rows)} rows of measurements are lost, because: {self._reason}'
+        count = self._lost + len(self._rows)
+        return f'{_rows(count)} of measurements {"is" if count == 1 else "are"} lost, because: {self._reason}'
 
     def _run(self) -> None:
-        fault = folder_fault(self._folder)
-        if fault:
-            self._failed(f'Rows of measurements will wait, because: {fault}')
+        self._look_at_folder()
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._coming or self._stopping, self._left_s())
@@ -120,10 +119,18 @@ class RowWriter:
             if stopping:
                 return
 
+    def _look_at_folder(self) -> None:
+        try:
+            fault = folder_fault(self._folder)
+        except Exception as error:  # noqa: BLE001 - the last resort: without this thread nothing is written
+            fault = repr(error)
+        if fault:
+            self._failed(f'Rows of measurements will wait, because: {fault}')
+
     def _take(self, cloud: LiveCloud) -> None:
         try:
             self._add(_row(cloud))
-        except Exception as error:  # noqa: BLE001 - the last resort: without this thread nothing is written
+        except Exception as error:  # noqa: BLE001 - the last resort, as above
             self._lost += 1
             self._failed(f'A row of measurements is lost, because: {error!r}')
 
@@ -145,10 +152,11 @@ class RowWriter:
             # The name stays until the batch is written, so that an attempt replaces what the last one has left.
             write_rows(self._folder, f'{self._name}-{self._number:06d}', self._rows)
         except (SocialCircleError, OSError) as error:
-            lost = f' {self._lost} rows are lost.' if self._lost else ''
+            lost = f' {_rows(self._lost)} {"is" if self._lost == 1 else "are"} lost.' if self._lost else ''
             self._waits, self._reason = True, str(error)
             if not self._stopping:
-                self._failed(f'{len(self._rows)} rows of measurements wait, because: {error}{lost}')
+                wait = 'waits' if len(self._rows) == 1 else 'wait'
+                self._failed(f'{_rows(len(self._rows))} of measurements {wait}, because: {error}{lost}')
             return
         except Exception:  # noqa: BLE001 - the last resort, as above
             self._write_singly()
@@ -163,6 +171,10 @@ class RowWriter:
             except Exception as error:  # noqa: BLE001, PERF203 - as above
                 self._lost += 1
                 self._failed(f'A row of measurements is lost, because: {error!r}')
+
+
+def _rows(count: int) -> str:
+    return '1 row' if count == 1 else f'{count} rows'
 
 
 def _row(cloud: LiveCloud) -> MeasurementRow:

@@ -222,7 +222,7 @@ class CloudFilter:
             self._drop(self._too_late)
 
     def _drop(self, reason: str) -> None:
-        """Count a cloud as dropped, and log it: who deactivates or ends the node may not see its diagnostics."""
+        """Count a dropped cloud, and log it: whoever deactivates or ends the node may not see its diagnostics."""
         self._health.dropped(reason)
         if self._node.context.ok():
             self._node.get_logger().warning(reason)

@@ -97,6 +97,28 @@ def test_a_folder_that_cannot_be_used_is_told_before_the_first_row_and_what_is_l
     assert told == [sentence]
 
 
+def test_rows_that_wait_or_are_lost_are_said_in_the_number_that_they_have(tmp_path, monkeypatch):
+    monkeypatch.setattr(row_writer, 'MOST_WAITING', 1)
+    told = []
+    (tmp_path / 'measurements').write_text('in the way')
+    writer = RowWriter(tmp_path, 'live', 0.02, told.append)
+    for number in range(2):
+        writer.put(refused(number))
+    wait_for(lambda: told and told[-1].endswith(' 1 row is lost.'))
+    assert told[-1].startswith('1 row of measurements waits, because: ')
+    assert writer.close().startswith('2 rows of measurements are lost, because: ')
+
+
+def test_a_folder_with_a_name_that_no_system_has_is_told_with_each_row(tmp_path):
+    told = []
+    writer = RowWriter(tmp_path / 'a\0b', 'live', 3600, told.append)
+    writer.put(refused(0))
+    writer.close()
+    assert [sentence.split(', because: ')[0] for sentence in told] == [
+        'Rows of measurements will wait', 'A row of measurements is lost'
+    ]  # fmt: skip
+
+
 def test_a_full_disk_keeps_rows_waiting_until_there_is_room(tmp_path):
     told = []
     with small_disk(tmp_path / 'disk', 1 << 20) as disk:

@@ -101,7 +101,7 @@ def test_rows_that_are_lost_at_the_end_are_told(tmp_path, capfd):
     with cloud_filter(lambda: configuration, health) as clouds:
         clouds.filter(b'no cloud')
         clouds._worker.drain()
-    assert health.last_reason.startswith('1 rows of measurements are lost, because: ')
+    assert health.last_reason.startswith('1 row of measurements is lost, because: ')
     assert health.last_reason in capfd.readouterr().err
 
 
