@@ -176,9 +176,9 @@ class SocialCircleNode(LifecycleNode):
 
     def transition_failed(self, name: str, state: LifecycleState, error: Exception) -> None:
         """Undo what a failed transition has begun, and tell why it failed."""
-        # rclpy names neither the parameter nor what is allowed, and sometimes a line of its source.
-        reason = self._live_parameters.wrong_overrides() or f'{type(error).__name__}: {error}'
-        self._failure = printable(f'{name} failed: {reason}')
+        # Of a wrong QoS rclpy names neither parameter nor what is allowed. But another fault may be the reason.
+        wrong, reason = self._live_parameters.wrong_overrides(), f'{type(error).__name__}: {error}'
+        self._failure = printable(f'{name} failed: {wrong} ({reason})' if wrong else f'{name} failed: {reason}')
         self.get_logger().error(self._failure)
         if name == 'on_activate':
             self._ignore()

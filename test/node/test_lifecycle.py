@@ -153,6 +153,7 @@ def test_what_a_failed_activation_began_is_undone(start_cell):
     sentence = 'on_activate failed: qos_overrides./odd.subscription.depth cannot be -3; it must be at least 0.'
     found = cell.diagnosis(lambda found: found.status.message.startswith(sentence))
     assert found.status.level == b'\2'
+    assert found.status.message.endswith(')')  # what rclpy says
     assert cell.clouds.get_subscription_count() == 0
 
 
