@@ -10,6 +10,8 @@ from rclpy.node import Node
 
 from socialcircle_ros.errors import SettingError
 
+from .rclpy_internals import services_that_set_parameters
+
 Prepared = Callable[[Sequence[ParameterMessage]], list[ParameterMessage]]
 """Takes changes that are asked for together, and gives them as rclpy is to see them; SettingError refuses them."""
 
@@ -20,11 +22,9 @@ def prepare_changes(node: Node, prepared: Prepared) -> None:
     rclpy does not answer where it does not know the type of a value, refuses in words of its own, and lets a
     refused value change the parameter's description.
     """
-    for service in node.services:
-        if service.srv_type is SetParameters:
-            service.callback = _one_by_one(service.callback, prepared)
-        elif service.srv_type is SetParametersAtomically:
-            service.callback = _together(service.callback, prepared)
+    for kind, service in services_that_set_parameters(node).items():
+        wrapped = _one_by_one if kind is SetParameters else _together
+        service.callback = wrapped(service.callback, prepared)
 
 
 def _one_by_one(

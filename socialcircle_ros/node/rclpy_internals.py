@@ -19,11 +19,13 @@ from typing import Protocol, TypedDict
 
 import numpy as np
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities, Waitable
 
@@ -45,6 +47,8 @@ _EXPECTED = {
     '_parameter_overrides': 'misspelled parameters are not told, and qos_overrides are not saved',
 }
 """Attributes of rclpy's nodes that are used here, and what is lost without each."""
+
+_SETTING = (SetParameters, SetParametersAtomically)
 
 
 class _Allocator(ctypes.Structure):
@@ -134,6 +138,8 @@ def differences(node: Node) -> list[str]:
     sentences = []
     if _rcl() is None:
         sentences.append('rcl is not as expected, so messages go through rclpy: large clouds are slower.')
+    if len(services_that_set_parameters(node)) != len(_SETTING):
+        sentences.append('rclpy has no services that set parameters as expected: it words refusals itself.')
     missing = [name for name in _EXPECTED if not hasattr(node, name)]
     return [*sentences, *(f'rclpy has no {name} as expected: {_EXPECTED[name]}.' for name in missing)]
 
@@ -398,3 +404,9 @@ def release_context(node: LifecycleNode) -> None:
 def given_parameters(node: Node) -> dict[str, Parameter]:
     """The parameters that the node was started with, declared or not."""
     return dict(getattr(node, '_parameter_overrides', {}))
+
+
+def services_that_set_parameters(node: Node) -> dict[type, Service]:
+    """The services of rclpy that set parameters, by their types; their `callback` can be replaced."""
+    services = [each for each in getattr(node, 'services', ()) if hasattr(each, 'callback')]
+    return {each.srv_type: each for each in services if each.srv_type in _SETTING}

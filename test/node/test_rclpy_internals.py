@@ -177,7 +177,12 @@ def test_the_installed_rclpy_is_as_expected(pair):
 
 def test_each_missing_attribute_is_told_with_what_is_lost():
     sentences = rclpy_internals.differences(SimpleNamespace())
-    for name in ('_state_machine', '_service_change_state', '_parameter_overrides'):
+    for name in (
+        '_state_machine',
+        '_service_change_state',
+        '_parameter_overrides',
+        'services that set parameters',
+    ):
         assert any(name in sentence for sentence in sentences)
 
 
@@ -186,6 +191,7 @@ def test_a_missing_attribute_is_no_error():
     bare = SimpleNamespace(context=SimpleNamespace(destroy=lambda: destroyed.append(True)))
     assert rclpy_internals.lifecycle_state(bare) == rclpy_internals.UNKNOWN_STATE
     assert rclpy_internals.given_parameters(bare) == {}
+    assert rclpy_internals.services_that_set_parameters(bare) == {}
     rclpy_internals.refuse_invalid_transitions(bare, pytest.fail)
     rclpy_internals.release_context(bare)
     assert destroyed
