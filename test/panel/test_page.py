@@ -285,11 +285,14 @@ def test_presets_are_saved_and_loaded_and_a_load_is_undone(tuning):
 
 
 def test_the_reason_is_shown_when_the_node_refuses_a_preset(tuning):
-    tuning.presets.save('bad', {'circle.window': 4})
+    bad = tuning.presets.save('bad', {'circle.vote_region': [0, 0, 1, 0]})
     tuning.page._node._preset_tab.refresh()
     tuning.visitor.open_tab('Presets')
     tuning.visitor.press('Load preset into the node')
-    assert tuning.visitor.sees('The node refused the preset bad: circle.window must be odd')
+    assert tuning.visitor.sees('The node refused the preset bad: circle.vote_region [0, 0, 1, 0] is empty')
+    tuning.presets.save('bad', {'circle.window': 4})
+    tuning.visitor.press('Load preset into the node')
+    assert tuning.visitor.sees(f'{bad}: circle.window must be odd')
 
 
 def test_two_settings_are_compared_side_by_side_on_the_same_cloud(tuning):
