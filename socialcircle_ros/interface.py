@@ -348,7 +348,7 @@ class HealthValues(StatusValues):
     frames_received: int = field(metadata=_key('Frames received on stack/image.', 'frames'))
     frames_dropped: int = field(
         metadata=_key(
-            'Frames that came faster than they are measured, or whose stack ran at a deactivation or at the end.',
+            'Frames that came faster than they are measured, or of a stack that ran at a deactivation or at the end.',
             'frames',
         )
     )

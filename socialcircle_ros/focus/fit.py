@@ -75,7 +75,7 @@ _HALF = float(np.log(0.5))
 Value = TypeVar('Value', bound=np.generic)
 
 _SAMPLES = 4
-"""Pixels of a tile whose widths are kept, besides that of the best one."""
+"""So many pixels of a tile keep their widths, besides the best one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,7 +133,7 @@ def test_estimated_scores_are_right_within_the_margin_and_bound_the_others():
 
 @pytest.mark.parametrize('mu', [0.0, 1e-160, 1e160])
 def test_the_highest_score_is_found_where_votes_cannot_be_estimated(mu):
-    """Six points at one place, whose votes are not estimated, and four near each other and far from it."""
+    """Six points at one place, with votes that are not estimated, and four near each other and far from it."""
     points = np.zeros((3, 10))
     points[0, 6:] = 10, 10.1, 10.2, 10.3
     every_mu = np.where(np.arange(10) < 6, mu, 10.0)
