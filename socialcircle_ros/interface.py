@@ -333,7 +333,7 @@ class HealthValues(StatusValues):
         metadata=_key('Clouds filtered and published, including clouds of stacks.', 'clouds')
     )
     clouds_dropped: int = field(
-        metadata=_key('Clouds that were replaced, or not done at a deactivation or at the end.', 'clouds')
+        metadata=_key('Clouds that were replaced, or not done at a deactivation or the end.', 'clouds')
     )
     clouds_lost: int = field(
         metadata=_key(
@@ -348,7 +348,7 @@ class HealthValues(StatusValues):
     frames_received: int = field(metadata=_key('Frames received on stack/image.', 'frames'))
     frames_dropped: int = field(
         metadata=_key(
-            'Frames that came faster than they are measured, or of a stack that ran at a deactivation or at the end.',
+            'Frames that came faster than they are measured, or of a stack that ran at a deactivation or the end.',
             'frames',
         )
     )
