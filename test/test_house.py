@@ -208,7 +208,7 @@ def test_cores_are_those_that_the_process_may_use():
 
 
 def test_commands_draw_on_the_console_that_knows_the_foreground():
-    """Rich's own Console, and click's bar, draw over the prompt of a shell in whose background they run."""
+    """Rich's own Console, and click's bar, draw over the prompt of a shell when they run in its background."""
     drawing = re.compile(r'\b(Console|Progress|progressbar)\(')
     own = [path for path in trees() if path != Path('commands/console.py')]
     assert not [str(path) for path in own if drawing.search((PACKAGE / path).read_text(encoding='utf-8'))]

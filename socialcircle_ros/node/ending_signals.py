@@ -45,6 +45,7 @@ class EndingSignals:
         self.came = True
 
     def _watch(self) -> None:
+        # The process may have other signals, which are noted in the same pipe.
         while os.read(self._reading, 1)[0] not in _NUMBERS:
-            pass  # another signal of the process
+            pass
         self._wake()
